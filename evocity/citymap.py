@@ -1,0 +1,168 @@
+"""`CityMap`: a city district as a raster of building heights, and the views measures share."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+
+from evocity.errors import MapError
+
+#: A pixel is built where it stands higher than this, metres: half a lowest storey. Decoded
+#: maps leave traces of a few decimetres on the ground that are no buildings.
+BUILT_ABOVE = 1.5
+
+
+class CityMap:
+    """A 2D½ city: heights in metres on a square grid, row 0 in the north.
+
+    Parameters
+    ----------
+    heights : array ``(H, W)``, metres above ground, finite, not negative, 0 = ground. Copied
+        to float32 and made read-only.
+    metres_per_pixel : side of a pixel, metres, greater than 0.
+    name : what the map is called in pictures and tables.
+    attribution : the line its source's licence asks for; it travels into every file and
+        picture made from the map.
+    origin : (x, y) of the north-west corner in ``crs``, or None.
+    crs : coordinate reference system in metres, as an authority code or WKT, or None.
+    height_rules : how many buildings got their height by which rule, as the reader counted.
+
+    Raises
+    ------
+    MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights;
+        or the pixel size is not positive.
+
+    Views (`built`, `labels`, `areas`, `gradients`) are computed when first asked for, once a
+    map, and are read-only.
+    """
+
+    def __init__(
+        self,
+        heights: np.ndarray,
+        metres_per_pixel: float,
+        *,
+        name: str = "map",
+        attribution: str = "",
+        origin: tuple[float, float] | None = None,
+        crs: str | None = None,
+        height_rules: Mapping[str, int] | None = None,
+    ):
+        self.heights = _checked_heights(heights, name)
+        if not (np.isfinite(metres_per_pixel) and metres_per_pixel > 0):
+            raise MapError(
+                f"{name}: metres_per_pixel = {metres_per_pixel}",
+                "a positive number of metres",
+                "give the side of a pixel in metres, for example 2.0",
+            )
+        self.metres_per_pixel = float(metres_per_pixel)
+        self.name = str(name)
+        self.attribution = str(attribution)
+        self.origin = None if origin is None else (float(origin[0]), float(origin[1]))
+        self.crs = crs
+        self.height_rules = dict(height_rules or {})
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        return (
+            f"CityMap({self.name!r}, {height} × {width} px at {self.metres_per_pixel:g} m, "
+            f"built {self.built.mean():.2f}, highest {self.heights.max(initial=0):.1f} m)"
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) in pixels."""
+        return self.heights.shape
+
+    @property
+    def area(self) -> float:
+        """Ground covered by the whole map, m²."""
+        return self.heights.size * self.metres_per_pixel**2
+
+    def replace(self, heights: np.ndarray, **changes) -> "CityMap":
+        """A new map with other ``heights``; what describes this one is kept unless changed."""
+        described = {
+            "metres_per_pixel": self.metres_per_pixel,
+            "name": self.name,
+            "attribution": self.attribution,
+            "origin": self.origin,
+            "crs": self.crs,
+            "height_rules": self.height_rules,
+        }
+        return CityMap(heights, **(described | changes))
+
+    @cached_property
+    def built(self) -> np.ndarray:
+        """Bool ``(H, W)``: pixels higher than `BUILT_ABOVE`. About 10 µs at 256²."""
+        return _read_only(self.heights > BUILT_ABOVE)
+
+    @cached_property
+    def labels(self) -> np.ndarray:
+        """Int32 ``(H, W)``: 0 on open ground, 1…n on the n built components, which touch by
+        pixel sides (4 neighbours). About 0.4 ms at 256²."""
+        labels, _ = ndimage.label(self.built)
+        return _read_only(labels.astype(np.int32, copy=False))
+
+    @cached_property
+    def areas(self) -> np.ndarray:
+        """Float64 ``(n,)``: footprint of each built component, m², in the order of `labels`."""
+        counts = np.bincount(self.labels.ravel())[1:]
+        return _read_only(counts * self.metres_per_pixel**2)
+
+    @cached_property
+    def gradients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Float32 pair ``(d/dy, d/dx)`` of the heights, metres a metre, y to the south, by the
+        Scharr operator, edges repeated. About 1 ms at 256²."""
+        padded = np.pad(self.heights, 1, mode="edge")
+        scale = np.float32(1 / (32 * self.metres_per_pixel))
+        across = padded[:, 2:] - padded[:, :-2]
+        down = padded[2:] - padded[:-2]
+        along_x = (3 * (across[:-2] + across[2:]) + 10 * across[1:-1]) * scale
+        along_y = (3 * (down[:, :-2] + down[:, 2:]) + 10 * down[:, 1:-1]) * scale
+        return _read_only(along_y), _read_only(along_x)
+
+
+def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
+    array = np.array(heights, dtype=np.float32, order="C")
+    if array.ndim != 2 or array.size == 0:
+        raise MapError(
+            f"{name}: heights of shape {np.shape(heights)}",
+            "a non-empty array of two axes, rows from north to south",
+            "pass one height in metres a pixel",
+        )
+    lowest = array.min()  # NaN if any is NaN
+    if not (np.isfinite(lowest) and np.isfinite(array.max())):
+        raise MapError(
+            f"{name}: {np.count_nonzero(~np.isfinite(array))} heights are NaN or infinite",
+            "finite heights in metres",
+            "set unknown pixels to 0 (ground) or to a default height first",
+        )
+    if lowest < 0:
+        raise MapError(
+            f"{name}: {np.count_nonzero(array < 0)} heights below ground, lowest {lowest:g} m",
+            "heights above ground, 0 or more",
+            "subtract the terrain first, or set them to 0",
+        )
+    return _read_only(array)
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array
+
+
+def same_grid(maps: "list[CityMap]") -> None:
+    """Raise `MapError` unless all ``maps`` have one size and one pixel size."""
+    first = maps[0]
+    for other in maps[1:]:
+        if other.shape != first.shape or other.metres_per_pixel != first.metres_per_pixel:
+            raise MapError(
+                f"{other.name} has {other.shape[0]} × {other.shape[1]} px of "
+                f"{other.metres_per_pixel:g} m, {first.name} has "
+                f"{first.shape[0]} × {first.shape[1]} px of {first.metres_per_pixel:g} m",
+                "maps of one size to be bred together",
+                "read both with the same pixels= and metres_per_pixel=",
+            )
+
+
+__all__ = ["BUILT_ABOVE", "CityMap", "same_grid"]

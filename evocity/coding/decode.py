@@ -1,0 +1,180 @@
+"""Genome -> CityMap: the attractor of its collage map W."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evocity import isometries
+from evocity.citymap import CityMap
+from evocity.coding._kernels import box_means, gather, gather_table
+from evocity.errors import GenomeError
+from evocity.genome import Genome, Pavement
+
+#: Heights beyond this are taken as proof of divergence, metres.
+_SKY = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class Decoding:
+    """An attractor, and how it was reached.
+
+    city : the decoded map; traces below ground are cut at 0.
+    attractor : float32 ``(H, W)``, the fixed point of W itself, metres.
+    iterations : how often W was applied.
+    converged : whether the last step changed no pixel by more than the tolerance.
+    change : largest change of a pixel in the last step, metres.
+    blamed : lifs (indices) whose blocks still changed, those with \\|σ\\| ≥ 1 first, the
+        largest change first among them; empty once converged.
+    """
+
+    city: CityMap
+    attractor: np.ndarray
+    iterations: int
+    converged: bool
+    change: float
+    blamed: np.ndarray
+
+
+class CollageMap:
+    """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3).
+
+    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large.
+    Domain corners are rounded to whole pixels.
+    """
+
+    def __init__(self, genome: Genome, zoom: float = 1):
+        block = _zoomed_block(genome.pavement, zoom)
+        pavement = genome.pavement
+        self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
+        tall, wide = genome.dy // pavement.block, genome.dx // pavement.block
+        shrinkings = tall.astype(np.int32) * 32768 + wide
+        shrinkings[genome.uniform] = -1
+        self._kinds, layer = np.unique(shrinkings, return_inverse=True)
+        if self._kinds[0] == -1:
+            self._kinds, layer = self._kinds[1:], layer - 1
+        self._layers = np.zeros((max(len(self._kinds), 1), *self.shape), np.float32)
+        self._table = np.empty(self.shape, np.int32)
+        top, left = self.pavement.corners
+        gather_table(
+            top,
+            left,
+            _zoomed(genome.y, zoom, self.shape[0] - tall * block),
+            _zoomed(genome.x, zoom, self.shape[1] - wide * block),
+            tall,
+            wide,
+            layer,
+            genome.iso,
+            isometries.sources(block),
+            block,
+            self._table,
+        )
+        self._sigma = self.pavement.raster(genome.sigma)
+        self._beta = self.pavement.raster(genome.beta)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.pavement.height, self.pavement.width
+
+    @cached_property
+    def flat_start(self) -> np.ndarray:
+        """The β of every block: what W makes of bare ground."""
+        return self._beta.copy()
+
+    def __call__(self, heights: np.ndarray) -> np.ndarray:
+        """W applied once to float32 ``(H, W)`` heights."""
+        for kind, layer in zip(self._kinds, self._layers, strict=False):
+            box_means(heights, kind // 32768, kind % 32768, layer)
+        target = np.empty(self.shape, np.float32)
+        gather(
+            self._layers.ravel(),
+            self._table.ravel(),
+            self._sigma.ravel(),
+            self._beta.ravel(),
+            target.ravel(),
+        )
+        return target
+
+
+def decode(
+    genome: Genome,
+    *,
+    zoom: float = 1,
+    tolerance: float = 0.01,
+    start: np.ndarray | None = None,
+    max_iterations: int = 500,
+) -> Decoding:
+    """Iterate W from any start until no pixel changes by more than ``tolerance`` metres.
+
+    Parameters
+    ----------
+    zoom : fractal zoom z (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies;
+        zB must be a whole number of pixels, 1 or more.
+    tolerance : metres.
+    start : float ``(zH, zW)`` heights to start from; the attractor does not depend on it.
+    max_iterations : after these the decoding is returned as not converged.
+
+    Raises
+    ------
+    GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message says
+        which lifs), or the zoom does not suit the block.
+    """
+    collage = CollageMap(genome, zoom)
+    heights = collage.flat_start if start is None else np.array(start, np.float32)
+    if heights.shape != collage.shape:
+        raise GenomeError(
+            f"a start of shape {heights.shape}",
+            f"{collage.shape}, the size of the decoded map",
+            "leave start out, or give it that shape",
+        )
+    change, iterations = np.inf, 0
+    while change > tolerance and iterations < max_iterations:
+        before, heights = heights, collage(heights)
+        iterations += 1
+        steps = np.abs(heights - before)
+        change = float(steps.max())
+        if not change < _SKY:
+            _diverged(genome, collage, steps, iterations)
+    converged = change <= tolerance
+    blamed = np.empty(0, np.intp) if converged else _blame(genome, collage, steps, tolerance)
+    city = CityMap(
+        np.maximum(heights, 0),
+        genome.metres_per_pixel * genome.pavement.block / collage.pavement.block,
+        name=" × ".join(genome.cities),
+        attribution=genome.attribution,
+        origin=genome.origin,
+        crs=genome.crs,
+    )
+    return Decoding(city, heights, iterations, converged, change, blamed)
+
+
+def _zoomed_block(pavement: Pavement, zoom: float) -> int:
+    block = round(pavement.block * zoom) if 0 < zoom < np.inf else 0
+    if block < 2 or abs(block - pavement.block * zoom) > 1e-9:
+        raise GenomeError(
+            f"zoom = {zoom} for range blocks of {pavement.block} px",
+            f"a zoom that makes a whole number of pixels, 2 or more, of {pavement.block}",
+            f"use a multiple of 1/{pavement.block}, from 2/{pavement.block} up",
+        )
+    return block
+
+
+def _zoomed(corner: np.ndarray, zoom: float, limit: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(corner * zoom), 0, limit).astype(np.int32)
+
+
+def _blame(genome: Genome, collage: CollageMap, steps: np.ndarray, tolerance: float) -> np.ndarray:
+    worst = np.nan_to_num(collage.pavement.blocks(steps), nan=np.inf).max(axis=(1, 2))
+    order = np.lexsort((-worst, np.abs(genome.sigma) < 1))
+    return order[worst[order] > tolerance]
+
+
+def _diverged(genome: Genome, collage: CollageMap, steps: np.ndarray, iterations: int) -> None:
+    blamed = _blame(genome, collage, steps, 0.0)
+    listed = ", ".join(f"{i} (σ = {genome.sigma[i]:.2f})" for i in blamed[:5])
+    raise GenomeError(
+        f"decoding diverges: after {iterations} steps a pixel moved by {np.nanmax(steps):.3g} m; "
+        f"to blame: lifs {listed}{', …' if len(blamed) > 5 else ''}",
+        "a contractive code, |σ| < 1 but for few lifs",
+        "encode with sigma_max below 1, or lower σ of these lifs",
+    )

@@ -1,0 +1,103 @@
+"""The pool of domain blocks of one size, folded into the coordinates the search works in.
+
+Under the 8 isometries of the square (the dihedral group D4) a block falls into parts that are
+even or odd under the two axis flips: pp, pm, mp, mm (rows first). With s1, s2 the symmetric
+and antisymmetric part of pp under transposition, s3, s4 those of mm, u = pm and w = mpᵀ, the
+inner products of a range block with all 8 images of a domain block are sums of
+s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u′.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from evocity.coding._kernels import box_means
+
+#: Blocks with less energy than this share of the highest roof's, a pixel, are flat to float32.
+_NOISE = (4e-6) ** 2
+#: Domain positions are compared in groups of so many; pools are padded by one group.
+LANES = 32
+
+
+@cache
+def d4_matrix(block: int) -> np.ndarray:
+    """Orthogonal projection, float32 ``(B², B²)``: a flat block's D4 coordinates, mean removed.
+
+    Rows come in the order s1, s2, s3, s4, u, w; inner products are kept, but for the mean.
+    """
+    half = np.sqrt(0.5)
+    even, odd = [], []
+    for i in range((block + 1) // 2):
+        vector = np.zeros(block)
+        vector[i] = vector[block - 1 - i] = 1 if 2 * i == block - 1 else half
+        even.append(vector)
+    for i in range(block // 2):
+        vector = np.zeros(block)
+        vector[i], vector[block - 1 - i] = half, -half
+        odd.append(vector)
+
+    def parts(basis, sign):
+        """Symmetric (sign +1) or antisymmetric (−1) products of ``basis`` with itself."""
+        for a in range(len(basis)):
+            if sign > 0:
+                yield np.outer(basis[a], basis[a])
+            for b in range(a + 1, len(basis)):
+                mixed = np.outer(basis[a], basis[b])
+                yield (mixed + sign * mixed.T) * half
+
+    rows = [*parts(even, 1), *parts(even, -1), *parts(odd, 1), *parts(odd, -1)]
+    rows += [np.outer(a, b) for a in even for b in odd]
+    rows += [np.outer(b, a) for a in even for b in odd]
+    matrix = np.array(rows).reshape(block * block, block * block)
+    matrix = matrix - matrix.mean(axis=1, keepdims=True)
+    matrix = matrix.astype(np.float32)
+    matrix.setflags(write=False)
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class DomainPool:
+    """All domain blocks of side ``multiple``·B of one map, one at every pixel position.
+
+    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple).
+    planes : float32 ``(rows, B², columns + LANES)``, D4 coordinates of each shrunk domain block.
+    energy, inverse : float32 ``(rows, columns + LANES)``, ‖d̃‖² and 1/‖d̃‖²; both are 0 for
+        flat domains and in the padding, which so explain nothing and are left out.
+    """
+
+    multiple: int
+    shrunk: np.ndarray
+    planes: np.ndarray
+    energy: np.ndarray
+    inverse: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of domain positions along y and x."""
+        rows, columns = self.energy.shape
+        return rows, columns - LANES
+
+
+def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
+    """Fold every domain block of side ``multiple · block`` of a ``(H, W)`` map.
+
+    Domains surely flatter than ``flat`` metres from lowest to highest count as flat. The map
+    must be large enough for one domain block.
+    """
+    height, width = heights.shape
+    rows, columns = height - multiple * block + 1, width - multiple * block + 1
+    shrunk = np.empty((height - multiple + 1, width - multiple + 1))
+    box_means(heights.astype(np.float64), multiple, multiple, shrunk)
+    single = shrunk.astype(np.float32)
+    stacked = np.zeros((rows, block * block, columns + LANES), np.float32)
+    for t in range(block * block):
+        i, j = multiple * (t // block), multiple * (t % block)
+        stacked[:, t, :columns] = single[i : i + rows, j : j + columns]
+    planes = np.matmul(d4_matrix(block), stacked)
+    energy = np.einsum("ykx,ykx->yx", planes, planes)
+    highest = float(heights.max(initial=0))
+    # a block whose heights span `flat` has at least flat²/2 of energy
+    energy[energy <= max(flat**2 / 2, block**2 * highest**2 * _NOISE)] = 0
+    inverse = np.divide(1, energy, out=np.zeros_like(energy), where=energy > 0)
+    return DomainPool(multiple, shrunk, planes, energy, inverse)

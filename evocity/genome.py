@@ -1,0 +1,353 @@
+"""`Genome`: a city as an iterated function system, one gene (a lifs) a range block.
+
+`NUCLEOTIDES` is the one table of what a gene holds; arrays, files and logs follow it.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evocity.errors import GenomeError
+from evocity.files import whole_file
+
+#: Version of the genome file's schema. Raised by one with every change a reader must know of.
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Nucleotide:
+    """One field of a lifs: its type, its unit, its bounds in words."""
+
+    dtype: np.dtype
+    unit: str
+    bounds: str
+
+
+def _nucleotide(dtype, unit, bounds) -> Nucleotide:
+    return Nucleotide(np.dtype(dtype), unit, bounds)
+
+
+NUCLEOTIDES: Mapping[str, Nucleotide] = {
+    "sigma": _nucleotide(np.float32, "1", "|σ| ≤ sigma_max"),
+    "beta": _nucleotide(np.float32, "m", "finite"),
+    "x": _nucleotide(np.int16, "px", "domain block inside the map"),
+    "y": _nucleotide(np.int16, "px", "domain block inside the map"),
+    "dx": _nucleotide(np.int16, "px", "a multiple of B, > B; 0 = no domain"),
+    "dy": _nucleotide(np.int16, "px", "a multiple of B, > B; 0 = no domain"),
+    "iso": _nucleotide(np.uint8, "", "0…7, see evocity.isometries"),
+}
+#: Carried along with each lifs: which source city it came from, and which lifs of it.
+PROVENANCE: Mapping[str, Nucleotide] = {
+    "parent": _nucleotide(np.uint8, "", "index into cities"),
+    "source": _nucleotide(np.int32, "", "index of a lifs in that city's genome"),
+}
+FIELDS: Mapping[str, Nucleotide] = {**NUCLEOTIDES, **PROVENANCE}
+
+
+@dataclass(frozen=True)
+class Pavement:
+    """Jacquin's uniform square partition: range blocks of ``block`` px, row by row.
+
+    Raises `GenomeError` where the map's sides are not multiples of the block.
+    """
+
+    height: int
+    width: int
+    block: int
+
+    def __post_init__(self):
+        if self.block < 2:
+            raise GenomeError(
+                f"block = {self.block}", "a range block of at least 2 px", "use for example block=4"
+            )
+        if self.height % self.block or self.width % self.block or min(self.height, self.width) < 1:
+            fits = [
+                f"{low} or {low + self.block}" if side % self.block else f"{side}"
+                for side in (self.height, self.width)
+                for low in [max(side // self.block, 1) * self.block]
+            ]
+            raise GenomeError(
+                f"a map of {self.height} × {self.width} px for range blocks of {self.block} px",
+                f"sides that are multiples of {self.block}: height {fits[0]}, width {fits[1]}",
+                "crop or read the map at such a size, or choose another block",
+            )
+
+    @property
+    def rows(self) -> int:
+        return self.height // self.block
+
+    @property
+    def columns(self) -> int:
+        return self.width // self.block
+
+    def __len__(self) -> int:
+        """Number of range blocks."""
+        return self.rows * self.columns
+
+    @cached_property
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """(y, x) of each range block's north-west pixel, int32 ``(n,)`` each."""
+        y, x = np.divmod(np.arange(len(self), dtype=np.int32), self.columns)
+        return y * self.block, x * self.block
+
+    def blocks(self, raster: np.ndarray) -> np.ndarray:
+        """``(n, B, B)`` copy of a ``(H, W)`` raster cut along the pavement."""
+        b = self.block
+        cut = raster.reshape(self.rows, b, self.columns, b).swapaxes(1, 2)
+        return np.ascontiguousarray(cut).reshape(len(self), b, b)
+
+    def raster(self, blocks: np.ndarray) -> np.ndarray:
+        """``(H, W)`` raster from ``(n, B, B)`` blocks, or from ``(n,)`` one value a block."""
+        b = self.block
+        if blocks.ndim == 1:
+            return blocks.reshape(self.rows, self.columns).repeat(b, 0).repeat(b, 1)
+        tiles = blocks.reshape(self.rows, self.columns, b, b).swapaxes(1, 2)
+        return np.ascontiguousarray(tiles).reshape(self.height, self.width)
+
+
+@dataclass(frozen=True, eq=False)
+class Genome:
+    """A chromosome: one lifs (σ, β, x, y, Dx, Dy, iso) a range block of its pavement.
+
+    ω_i shrinks its domain block to B × B by averaging, multiplies by σ, adds β, applies the
+    isometry and writes range block i (Marsault 2002 §2.2). A lifs without a domain
+    (``dx == dy == 0``; then σ = 0 and x = y = iso = 0) codes a flat block of height β.
+
+    Parameters
+    ----------
+    pavement : where the range blocks lie.
+    sigma … iso : one array ``(n,)`` each, types and bounds as in `NUCLEOTIDES`.
+    parent, source : one array ``(n,)`` each, see `PROVENANCE`.
+    metres_per_pixel : side of a pixel of the coded map, metres.
+    cities : names of the source cities that ``parent`` points into.
+    sigma_max : the bound on \\|σ\\|; ``inf`` for codes without one.
+    attribution : what the sources' licences ask for.
+    origin, crs : where the decoded map lies, as in `CityMap`; None if nowhere.
+    made : how the genome came about (operator, its parameters, what it reached).
+
+    Raises
+    ------
+    GenomeError : a nucleotide is out of its bounds; the message counts and names them.
+
+    Arrays are copied to their types and made read-only: operators return new genomes.
+    """
+
+    pavement: Pavement
+    sigma: np.ndarray
+    beta: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+    iso: np.ndarray
+    parent: np.ndarray
+    source: np.ndarray
+    metres_per_pixel: float
+    cities: tuple[str, ...]
+    sigma_max: float = 0.9
+    attribution: str = ""
+    origin: tuple[float, float] | None = None
+    crs: str | None = None
+    made: Mapping = field(default_factory=dict)
+
+    def __post_init__(self):
+        for name, nucleotide in FIELDS.items():
+            array = _typed(name, getattr(self, name), nucleotide, len(self.pavement))
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "cities", tuple(self.cities))
+        _check_bounds(self)
+
+    def __len__(self) -> int:
+        """Number of lifs."""
+        return len(self.pavement)
+
+    def __repr__(self) -> str:
+        p = self.pavement
+        return (
+            f"Genome({' × '.join(self.cities)}: {len(self)} lifs, B = {p.block}, "
+            f"{p.height} × {p.width} px at {self.metres_per_pixel:g} m, "
+            f"{np.count_nonzero(self.uniform)} uniform)"
+        )
+
+    def __eq__(self, other) -> bool:
+        """Same pavement, pixel size and nucleotides, bit for bit; provenance is not compared."""
+        return isinstance(other, Genome) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    @property
+    def uniform(self) -> np.ndarray:
+        """Bool ``(n,)``: lifs that code a flat block and have no domain."""
+        return self.dx == 0
+
+    @cached_property
+    def digest(self) -> str:
+        """Hexadecimal hash of pavement, pixel size and nucleotides: equal genomes, equal digests."""
+        p = self.pavement
+        state = hashlib.blake2b(digest_size=16)
+        state.update(repr((p.height, p.width, p.block, self.metres_per_pixel)).encode())
+        for name in NUCLEOTIDES:
+            state.update(np.ascontiguousarray(getattr(self, name)).tobytes())
+        return state.hexdigest()
+
+    def replace(self, **changes) -> "Genome":
+        """A new genome with some fields changed, checked as at construction."""
+        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return Genome(**(fields | changes))
+
+    # -- files ---------------------------------------------------------------------------
+
+    def write(self, path: str | os.PathLike) -> None:
+        """Write a Parquet file: one row a lifs, everything else in the schema's metadata.
+
+        The file appears whole or not at all. DuckDB, polars and pandas read it as it is.
+        """
+        table = pa.table({name: getattr(self, name) for name in FIELDS})
+        about = {"evocity.genome": json.dumps(self._described(), allow_nan=False)}
+        with whole_file(path) as temporary:
+            pq.write_table(table.replace_schema_metadata(about), temporary, compression="zstd")
+
+    def _described(self) -> dict:
+        p = self.pavement
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "height": p.height,
+            "width": p.width,
+            "block": p.block,
+            "metres_per_pixel": self.metres_per_pixel,
+            "cities": list(self.cities),
+            "sigma_max": None if np.isinf(self.sigma_max) else self.sigma_max,
+            "attribution": self.attribution,
+            "origin": self.origin,
+            "crs": self.crs,
+            "made": dict(self.made),
+        }
+
+
+def read_genome(path: str | os.PathLike) -> Genome:
+    """Read a genome file written by `Genome.write`.
+
+    Raises `GenomeError` if the file is missing, is no genome, has another schema version, or
+    holds nucleotides out of bounds. Nothing in the file is executed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise GenomeError(
+            f"no genome file at {path}",
+            "a Parquet file written by `evocity encode`",
+            "check the name, or make one: evocity encode MAP -o GENOME.parquet",
+        )
+    try:
+        table = pq.read_table(path)
+        about = json.loads((table.schema.metadata or {})[b"evocity.genome"])
+        version = about.pop("schema_version")
+    except (pa.ArrowInvalid, pa.ArrowException, OSError, KeyError, ValueError, AttributeError):
+        raise GenomeError(
+            f"{path} is not a genome file, or is damaged",
+            "a Parquet file written by `evocity encode`",
+            "write it again: evocity encode MAP -o GENOME.parquet",
+        ) from None
+    if version != SCHEMA_VERSION:
+        raise GenomeError(
+            f"{path} has genome schema version {version}",
+            f"version {SCHEMA_VERSION}",
+            "read it with the release of evocity that wrote it, or encode the map again",
+        )
+    try:
+        pavement = Pavement(about.pop("height"), about.pop("width"), about.pop("block"))
+        if about["sigma_max"] is None:
+            about["sigma_max"] = float("inf")
+        if about["origin"] is not None:
+            about["origin"] = tuple(about["origin"])
+        arrays = {name: table.column(name).to_numpy() for name in FIELDS}
+        return Genome(pavement, **arrays, **about)
+    except GenomeError as error:
+        raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise GenomeError(
+            f"{path} lacks a part of a genome, or holds one of the wrong type ({error})",
+            f"columns {', '.join(FIELDS)} and their description",
+            "write it again: evocity encode MAP -o GENOME.parquet",
+        ) from None
+
+
+def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
+    """Common table of source cities for a child of ``genomes``.
+
+    Returns the names (each once, in order of appearance), for each genome its ``parent``
+    array re-pointed into them, and the attributions joined.
+    """
+    names: list[str] = []
+    attributions: list[str] = []
+    parents = []
+    for genome in genomes:
+        names.extend(city for city in genome.cities if city not in names)
+        lookup = np.array([names.index(city) for city in genome.cities], dtype=np.uint8)
+        parents.append(lookup[genome.parent])
+        for line in genome.attribution.split("; "):
+            if line and line not in attributions:
+                attributions.append(line)
+    return tuple(names), parents, "; ".join(attributions)
+
+
+def _typed(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
+    array = np.asarray(values)
+    if array.shape != (count,):
+        raise GenomeError(
+            f"{name} of shape {array.shape}",
+            f"({count},), one value a range block",
+            "build the arrays from the genome's own pavement",
+        )
+    if nucleotide.dtype.kind in "iu" and array.dtype != nucleotide.dtype:
+        limits = np.iinfo(nucleotide.dtype)
+        if array.dtype.kind not in "iub" or (
+            array.size and (array.min() < limits.min or array.max() > limits.max)
+        ):
+            raise GenomeError(
+                f"{name} of type {array.dtype} with values beyond {nucleotide.dtype}",
+                f"whole numbers {limits.min}…{limits.max}",
+                "round to legal values first",
+            )
+    if array.dtype != nucleotide.dtype or array.flags.writeable or not array.flags.c_contiguous:
+        array = np.array(array, dtype=nucleotide.dtype, order="C")
+        array.setflags(write=False)
+    return array
+
+
+def _check_bounds(genome: Genome) -> None:
+    p, b = genome.pavement, genome.pavement.block
+    none = genome.dx == 0
+    extent_x, extent_y = genome.dx.astype(np.int32), genome.dy.astype(np.int32)
+    right, bottom = genome.x + extent_x, genome.y + extent_y
+    with np.errstate(invalid="ignore"):
+        faults = {
+            f"σ beyond ±{genome.sigma_max:g}": ~(np.abs(genome.sigma) <= np.float32(genome.sigma_max)),
+            "β not finite": ~np.isfinite(genome.beta),
+            "domain outside the map": (genome.x < 0)
+            | (genome.y < 0)
+            | (right > p.width)
+            | (bottom > p.height),
+            f"extent not a multiple of {b} above {b}": ~none
+            & ((extent_x <= b) | (extent_y <= b) | (extent_x % b != 0) | (extent_y % b != 0)),
+            "no domain, yet σ, x, y, dy or iso not 0": none
+            & ((genome.sigma != 0) | (extent_y != 0) | (genome.iso != 0) | (right != 0) | (bottom != 0)),
+            "iso above 7": genome.iso > 7,
+            "parent not among the cities": genome.parent >= len(genome.cities),
+            "source below 0": genome.source < 0,
+        }
+    found = [f"{np.count_nonzero(bad)} lifs: {what}" for what, bad in faults.items() if bad.any()]
+    if found:
+        raise GenomeError(
+            "; ".join(found),
+            "nucleotides within the bounds of evocity.genome.NUCLEOTIDES",
+            "round and clip before building a genome",
+        )

@@ -1,0 +1,55 @@
+"""The eight isometries of the square: one table, with inverse and composition.
+
+Isometry *k* maps a block to a block: ``apply(k, block)[i, j] = block[source(k)[i, j]]``.
+0 identity; 1, 2, 3 quarter turns (anticlockwise, as `numpy.rot90`); 4 the transpose
+(mirror in the main diagonal); 5, 6, 7 the transpose followed by 1, 2, 3 quarter turns.
+"""
+
+from functools import cache
+
+import numpy as np
+
+COUNT = 8
+NAMES = (
+    "identity",
+    "turn 90",
+    "turn 180",
+    "turn 270",
+    "transpose",
+    "transpose, turn 90",
+    "transpose, turn 180",
+    "transpose, turn 270",
+)
+
+
+def apply(iso: int, block: np.ndarray) -> np.ndarray:
+    """Image of a square ``block`` (its last two axes) under isometry ``iso`` (0…7)."""
+    turned = np.swapaxes(block, -1, -2) if iso >= 4 else block
+    return np.rot90(turned, iso % 4, axes=(-2, -1))
+
+
+@cache
+def sources(size: int) -> np.ndarray:
+    """Gather table, int32 ``(8, size²)``: row k holds, for each flat target pixel of a
+    ``size`` × ``size`` block, the flat source pixel that isometry k brings there."""
+    index = np.arange(size * size, dtype=np.int32).reshape(size, size)
+    table = np.stack([apply(k, index).ravel() for k in range(COUNT)])
+    table.setflags(write=False)
+    return table
+
+
+def _group() -> tuple[np.ndarray, np.ndarray]:
+    table = [row.tolist() for row in sources(2)]
+    index = np.arange(4).reshape(2, 2)
+    composition = np.array(
+        [[table.index(apply(a, apply(b, index)).ravel().tolist()) for b in range(8)] for a in range(8)],
+        dtype=np.uint8,
+    )
+    inverse = np.argmin(composition, axis=1).astype(np.uint8)  # the identity is 0
+    composition.setflags(write=False)
+    inverse.setflags(write=False)
+    return composition, inverse
+
+
+#: ``COMPOSITION[a, b]`` is the isometry "b, then a"; ``INVERSE[a]`` undoes a.
+COMPOSITION, INVERSE = _group()

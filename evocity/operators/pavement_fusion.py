@@ -1,0 +1,175 @@
+"""Pavement fusion: cross spatial groups of lifs, as a painter with ever smaller brushes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.coding.decode import decode
+from evocity.genome import Genome
+from evocity.operators._kernels import inject
+from evocity.operators.crossing import (
+    assembled,
+    check_parameters,
+    check_parents,
+    finished,
+    repair_faults,
+)
+
+#: The name under which ground laid by the void parent appears among a child's cities.
+VOID = "void"
+
+
+@dataclass(frozen=True)
+class PavementFusion:
+    """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
+
+    The map is filled with the parent of the largest share. Then each parent in turn injects
+    macro-blocks until its share is reached; at each change of parent the size falls by one
+    block and the margin shrinks by a fifth, down to ``size_min``. A macro-block is admissible
+    where, along its outline, what it brings and what stands there now (earlier injections
+    included) differ by at most ``tolerance`` metres on average.
+
+    Parameters
+    ----------
+    size_min, size_max : sides of the macro-blocks, in range blocks, 1 or more.
+    fill : share of the second of two parents, 0…1; or one share a parent (and one for the
+        void, if it takes part), summing to 1; None for equal shares. What is reached can
+        fall short where few macro-blocks are admissible: see ``made["fill_reached"]``.
+    margin : how far a share may be off, 0…1.
+    tolerance : S, metres.
+    void : whether bare ground takes part as a last parent.
+    positions : candidate corners ((row, column), in blocks) tried in this order at every
+        size; None draws them.
+    repair : blocks that decode further than this (root mean square, metres) from the
+        stitched map are matched again; None as in the papers, with their crumbling.
+    reach, domains : where repair searches, as in `evocity.encode`.
+    """
+
+    size_min: int = 4
+    size_max: int = 16
+    fill: float | Sequence[float] | None = None
+    margin: float = 0.1
+    tolerance: float = 6.0
+    void: bool = False
+    positions: Sequence[tuple[int, int]] | None = None
+    repair: float | None = 0.5
+    reach: int | None = 24
+    domains: Sequence[int] = (2,)
+
+    name = "pavement_fusion"
+    parents = (2, None)
+
+    def __post_init__(self):
+        shares = [] if self.fill is None else np.atleast_1d(self.fill)
+        check_parameters(
+            self.name,
+            {
+                "size_min": (self.size_min >= 1, self.size_min, "1 block or more"),
+                "size_max": (self.size_max >= self.size_min, self.size_max, "at least size_min"),
+                "fill": (all(0 <= share <= 1 for share in shares), self.fill, "0…1"),
+                "margin": (0 <= self.margin <= 1, self.margin, "0…1"),
+                "tolerance": (self.tolerance >= 0, self.tolerance, "0 m or more"),
+                **repair_faults(self.repair, self.reach, self.domains),
+            },
+        )
+
+    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
+        """A child of ``parents``; ``made`` records the fill wanted and reached."""
+        check_parents(self.name, parents, *self.parents)
+        if self.void:
+            parents = [*parents, ground(parents[0])]
+        shares = self._shares(len(parents))
+        owner, stitched = self._pave(parents, shares, rng)
+        reached = np.bincount(owner.ravel(), minlength=len(parents)) / owner.size
+        made = {
+            "operator": self.name,
+            "size_min": self.size_min,
+            "size_max": self.size_max,
+            "tolerance": self.tolerance,
+            "fill": [round(float(share), 4) for share in shares],
+            "fill_reached": [round(float(share), 4) for share in reached],
+        }
+        return finished(
+            assembled(parents, owner.ravel()),
+            stitched,
+            made,
+            repair=self.repair,
+            reach=self.reach,
+            domains=self.domains,
+        )
+
+    def stitch(
+        self, parents: Sequence[Genome], rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the operator means to lay: the index of each block's parent, int ``(rows,
+        columns)``, and the parents' decoded maps cut and pasted so, float32 ``(H, W)``."""
+        check_parents(self.name, parents, *self.parents)
+        if self.void:
+            parents = [*parents, ground(parents[0])]
+        return self._pave(parents, self._shares(len(parents)), rng)
+
+    def _shares(self, count: int) -> np.ndarray:
+        if self.fill is None:
+            return np.full(count, 1 / count)
+        shares = np.atleast_1d(np.asarray(self.fill, float))
+        if shares.size == 1 and count == 2:
+            shares = np.array([1 - shares[0], shares[0]])
+        check_parameters(
+            self.name,
+            {
+                "fill": (
+                    shares.size == count and abs(shares.sum() - 1) < 1e-6,
+                    self.fill,
+                    f"one share for each of {count} parents, summing to 1",
+                )
+            },
+        )
+        return shares
+
+    def _pave(self, parents, shares, rng) -> tuple[np.ndarray, np.ndarray]:
+        pavement = parents[0].pavement
+        maps = [decode(parent).city.heights for parent in parents]
+        first = int(np.argmax(shares))
+        owner = np.full((pavement.rows, pavement.columns), first, np.int64)
+        current = maps[first].copy()
+        margin, donor = self.margin, first
+        largest = min(self.size_max, pavement.rows, pavement.columns)
+        for size in range(largest, min(self.size_min, largest) - 1, -1):
+            donor = (donor + 1) % len(parents)
+            rows, columns = self._candidates(pavement, size, rng)
+            inject(
+                current,
+                maps[donor],
+                owner,
+                donor,
+                size,
+                pavement.block,
+                rows,
+                columns,
+                self.tolerance,
+                (shares[donor] - margin) * owner.size if margin < shares[donor] else 0,
+                (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0,
+            )
+            margin *= 0.8
+        return owner, current
+
+    def _candidates(self, pavement, size, rng) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of macro-blocks that fit, as contiguous rows and columns, in blocks."""
+        high, wide = pavement.rows - size + 1, pavement.columns - size + 1
+        if self.positions is None:
+            return np.divmod(rng.permutation(high * wide), wide)
+        given = np.array(self.positions, np.int64).reshape(-1, 2)
+        fits = (given >= 0).all(axis=1) & (given[:, 0] < high) & (given[:, 1] < wide)
+        return given[fits, 0].copy(), given[fits, 1].copy()
+
+
+def ground(like: Genome) -> Genome:
+    """The void: a genome of bare ground on the pavement of ``like``."""
+    nothing = np.zeros(len(like), np.uint8)
+    return like.replace(
+        **dict.fromkeys(("sigma", "beta", "x", "y", "dx", "dy", "iso", "parent"), nothing),
+        source=np.arange(len(like)),
+        cities=(VOID,),
+        attribution="",
+    )

@@ -1,0 +1,133 @@
+"""The search finds what trying everything finds, on awkward maps too."""
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from evocity.coding import best_correlations, encode
+from evocity.coding.domains import d4_matrix, domain_pool
+from evocity.coding.encode import domain_pools
+from evocity.coding.search import best_matches
+from evocity.genome import Pavement
+
+SIDE = 16
+
+
+def checkerboard(period):
+    y, x = np.mgrid[:SIDE, :SIDE] // period
+    return 10.0 * ((y + x) % 2)
+
+
+def circles():
+    y, x = np.mgrid[:SIDE, :SIDE] - 7.3
+    return 10 + 10 * np.sin(np.hypot(y, x))
+
+
+MAPS = {
+    "checkerboard of period B": checkerboard(4),
+    "checkerboard of period 2": checkerboard(2),
+    "circles": circles(),
+    "millimetres": circles() * 1e-4,
+    "ten kilometres": circles() * 1e3,
+    "exact ties": np.tile(np.random.default_rng(3).integers(0, 3, (4, 4)) * 3.0, (4, 4)),
+    "noise": np.random.default_rng(4).random((SIDE, SIDE)) * 30,
+    "one pixel": np.pad(np.full((1, 1), 9.0), ((6, 9), (9, 6))),
+}
+
+
+def compare_with_naive(heights, block, domains, reach, sigma_max):
+    heights = np.asarray(heights, np.float32)
+    highest = float(heights.max())
+    sigma_max = float(np.float32(sigma_max))  # as the genome stores it
+    pavement = Pavement(*heights.shape, block)
+    blocks = pavement.blocks(heights)
+    busy = np.flatnonzero(np.ptp(blocks.reshape(len(pavement), -1), axis=1) > 0)
+    corners = tuple(corner[busy] for corner in pavement.corners)
+    found = best_matches(
+        domain_pools(heights, block, domains),
+        blocks[busy],
+        corners,
+        reach=reach,
+        sigma_max=sigma_max,
+    )
+    for k, i in enumerate(busy):
+        corner = (corners[0][k], corners[1][k])
+        truth = naive.best_match(heights, block, corner, domains, reach, blocks[i], sigma_max)
+        if truth is None:
+            assert found.multiple[k] == 0 == found.sigma[k]
+            assert found.beta[k] == pytest.approx(blocks[i].mean(dtype=float))
+            continue
+        gain, place, sigma, beta = truth
+        assert (found.multiple[k], found.y[k], found.x[k], found.iso[k]) == place
+        assert found.sigma[k] == pytest.approx(sigma, rel=1e-9)
+        assert found.beta[k] == pytest.approx(beta, rel=1e-6, abs=1e-6 * highest)
+        assert found.gain[k] == pytest.approx(gain, rel=1e-8)
+
+
+@pytest.mark.parametrize("sigma_max", [0.9, np.inf])
+@pytest.mark.parametrize("name", MAPS)
+def test_same_optimum_as_exhaustive_search(name, sigma_max):
+    compare_with_naive(MAPS[name], 4, (2,), None, sigma_max)
+
+
+@pytest.mark.parametrize("reach", [0, 3, None])
+def test_several_domain_sizes_and_reach(reach):
+    compare_with_naive(MAPS["circles"], 4, (2, 3), reach, 0.9)
+
+
+@pytest.mark.parametrize("block", [2, 3, 5, 8])
+def test_any_block_size(block):
+    side = {2: 12, 3: 15, 5: 20, 8: 24}[block]
+    heights = np.random.default_rng(block).integers(0, 4, (side, side)) * 3.0
+    compare_with_naive(heights, block, (2,), 4, 0.9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(arrays(np.float32, (12, 12), elements=st.sampled_from([0, 0, 3, 3, 6, 7.5])))
+def test_towns_of_few_heights(heights):
+    compare_with_naive(heights, 4, (2,), None, 0.9)
+
+
+def test_flat_maps_have_nothing_to_search(town):
+    for level in (0, 12.5):
+        found = encode(town.replace(np.full((16, 16), level)))
+        assert found.uniform == len(found.genome) == 16
+        assert found.genome.uniform.all()
+        assert found.collage_rmse == 0
+
+
+def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
+    one = encode(town, threads=1, reach=None).genome
+    assert encode(town, threads=3, reach=None).genome == one
+    monkeypatch.setattr("evocity.coding.search._CHUNK", 7)
+    assert encode(town, threads=2, reach=None).genome == one
+
+
+@pytest.mark.parametrize("block", [2, 3, 4, 5, 8])
+def test_d4_coordinates_keep_inner_products(block):
+    rng = np.random.default_rng(block)
+    a, b = rng.random((2, block * block))
+    matrix = d4_matrix(block).astype(float)
+    ours = (matrix @ a) @ (matrix @ b)
+    assert ours == pytest.approx((a - a.mean()) @ (b - b.mean()), rel=1e-5)
+
+
+def test_pool_energy_is_the_blocks_own(town):
+    pool = domain_pool(town.heights, 4, 2)
+    rows, columns = pool.shape
+    assert (rows, columns) == (57, 57)
+    for y, x in [(0, 0), (10, 31), (56, 56)]:
+        block = naive.shrunk(town.heights, y, x, 2, 2, 4)
+        assert pool.energy[y, x] == pytest.approx(16 * block.var(), rel=1e-4, abs=1e-3)
+
+
+@pytest.mark.parametrize("reach", [3, 12, None])
+def test_correlations_against_the_naive_twin(other_town, reach):
+    heights = other_town.heights[:24, :28]
+    rho2, uniform = best_correlations(heights, reach=reach)
+    true_rho2, true_uniform = naive.best_correlations(heights, reach=reach)
+    assert np.array_equal(uniform, true_uniform)
+    assert rho2 == pytest.approx(true_rho2, abs=1e-5)

@@ -1,0 +1,235 @@
+"""Laws every operator obeys, and the special cases of each."""
+
+import naive
+import numpy as np
+import pytest
+from conftest import draw_town
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evocity.coding import decode, encode
+from evocity.errors import OperatorError
+from evocity.genome import FIELDS, Genome
+from evocity.operators import OPERATORS, LambdaCrossover, Mutation, PavementFusion, make
+from evocity.operators._kernels import inject, outline_difference
+from evocity.operators.lambda_crossover import interpolated
+from evocity.operators.pavement_fusion import VOID
+
+
+@pytest.fixture(scope="module")
+def genomes() -> list[Genome]:
+    return [encode(draw_town(seed)).genome for seed in (1, 2, 3)]
+
+
+VARIANTS = [
+    PavementFusion(),
+    PavementFusion(repair=None, size_min=1, tolerance=100),
+    PavementFusion(void=True, fill=(0.3, 0.3, 0.4)),
+    LambdaCrossover(),
+    LambdaCrossover(blend=1.0, grain=1, repair=None),
+    LambdaCrossover(blend=0.3, share=0.7),
+    Mutation(),
+    Mutation(group=1, sigma=1, beta=1, x=1, y=1, dx=1, dy=1, iso=1, repair=None, move=80),
+]
+
+
+def parents_for(operator, genomes):
+    return genomes[: operator.parents[0]]
+
+
+@pytest.mark.parametrize("operator", VARIANTS, ids=str)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_laws(operator, genomes, seed):
+    parents = parents_for(operator, genomes)
+    before = [parent.digest for parent in parents]
+    child = operator(parents, np.random.default_rng(seed))  # bounds are checked by Genome
+    assert [parent.digest for parent in parents] == before
+    assert operator(parents, np.random.default_rng(seed)) == child
+    assert child.made["operator"] == operator.name
+    assert decode(child).converged
+    truth = {city: parent for parent in parents for city in parent.cities}
+    names = np.array(child.cities)[child.parent]
+    assert set(names) <= set(truth) | {VOID}
+    assert np.array_equal(child.source, np.arange(len(child)))
+    for parent in parents:
+        for line in parent.attribution.split("; "):
+            assert line in child.attribution
+
+
+@pytest.mark.parametrize("operator", VARIANTS, ids=str)
+def test_a_city_bred_with_itself_gives_itself(operator, genomes):
+    if operator.name == "mutation" or getattr(operator, "void", False):
+        pytest.skip("changes a lone parent by design")
+    child = operator([genomes[0]] * operator.parents[0], np.random.default_rng(0))
+    assert child == genomes[0]
+
+
+@pytest.mark.parametrize("fill", [0, 1])
+def test_fill_of_nothing_or_all_gives_a_parent(genomes, fill):
+    child = PavementFusion(fill=fill)(genomes[:2], np.random.default_rng(0))
+    assert child == genomes[fill]
+
+
+@pytest.mark.parametrize("blend", [0, 0.5, 1])
+@pytest.mark.parametrize("share", [0, 1])
+def test_lambda_zero_and_one_give_a_parent(genomes, share, blend):
+    child = LambdaCrossover(share=share, blend=blend)(genomes[:2], np.random.default_rng(0))
+    assert child == genomes[1 - share]
+
+
+def test_mutation_at_rate_zero_changes_nothing(genomes):
+    still = dict.fromkeys(("sigma", "beta", "x", "y", "dx", "dy", "iso"), 0)
+    assert Mutation(**still)(genomes[:1], np.random.default_rng(0)) == genomes[0]
+
+
+@pytest.mark.parametrize("name", ["sigma", "beta", "x", "y", "dx", "dy", "iso"])
+def test_each_nucleotide_mutates_by_its_own_rate(genomes, name):
+    rates = {
+        other: float(other == name) for other in ("sigma", "beta", "x", "y", "dx", "dy", "iso")
+    }
+    child = Mutation(**rates, repair=None)(genomes[:1], np.random.default_rng(0))
+    changed = {
+        field
+        for field in FIELDS
+        if not np.array_equal(getattr(child, field), getattr(genomes[0], field))
+    }
+    # a longer domain near the edge is pushed back inside the map
+    assert changed - {"dx": {"x"}, "dy": {"y"}}.get(name, set()) == {name}
+    assert np.array_equal(child.uniform, genomes[0].uniform)
+
+
+def test_provenance_names_the_lifs_a_block_came_from(genomes):
+    child = PavementFusion(repair=None, tolerance=100)(genomes, np.random.default_rng(1))
+    by_name = {genome.cities[0]: genome for genome in genomes}
+    for i in range(len(child)):
+        stone = by_name[child.cities[child.parent[i]]]
+        for name in ("sigma", "beta", "x", "y", "dx", "dy", "iso"):
+            assert getattr(child, name)[i] == getattr(stone, name)[child.source[i]]
+
+
+def test_fill_is_reached_within_the_margin_or_the_shortfall_told(genomes):
+    for seed in range(5):
+        fusion = PavementFusion(fill=0.4, margin=0.05, tolerance=100)
+        child = fusion(genomes[:2], np.random.default_rng(seed))
+        reached = np.bincount(child.parent, minlength=2) / len(child)
+        assert child.made["fill_reached"] == pytest.approx(reached, abs=1e-4)
+        assert reached[1] == pytest.approx(0.4, abs=0.05)
+    strict = PavementFusion(fill=0.4, tolerance=0)(genomes[:2], np.random.default_rng(0))
+    assert strict.made["fill_reached"][1] < 0.35
+
+
+def test_stitched_map_is_cut_from_the_parents(genomes):
+    fusion = PavementFusion(tolerance=50)
+    owner, stitched = fusion.stitch(genomes, np.random.default_rng(3))
+    maps = np.stack([decode(genome).city.heights for genome in genomes])
+    y, x = np.mgrid[:64, :64]
+    assert np.array_equal(stitched, maps[owner.repeat(4, 0).repeat(4, 1), y, x])
+
+
+def test_repair_brings_the_child_to_the_stitched_map(genomes):
+    generator = np.random.default_rng
+    for seed in range(3):
+        _, stitched = PavementFusion(tolerance=50).stitch(genomes[:2], generator(seed))
+        errors = [
+            np.abs(
+                decode(
+                    PavementFusion(tolerance=50, repair=repair)(genomes[:2], generator(seed))
+                ).city.heights
+                - stitched
+            ).mean()
+            for repair in (None, 0.5)
+        ]
+        assert errors[1] < 0.5 * errors[0]
+
+
+def test_void_lays_bare_ground(genomes):
+    child = PavementFusion(void=True, fill=(0.5, 0, 0.5), tolerance=100)(
+        genomes[:2], np.random.default_rng(0)
+    )
+    bare = np.array(child.cities)[child.parent] == VOID
+    assert 0.4 <= bare.mean() <= 0.6
+    assert child.uniform[bare].all()
+    assert (child.beta[bare] == 0).all()
+
+
+def test_given_positions_are_used(genomes):
+    fusion = PavementFusion(
+        size_min=4, size_max=4, fill=0.1, margin=0.05, tolerance=1000, positions=[(2, 3), (99, 0)]
+    )
+    owner, _ = fusion.stitch(genomes[:2], np.random.default_rng(0))
+    truth = np.zeros((16, 16), int)
+    truth[2:6, 3:7] = 1
+    assert np.array_equal(owner, truth)
+
+
+def test_interpolation_mixes_convexly(genomes):
+    first, second = genomes[:2]
+    n = len(first)
+    child = interpolated(first, second, np.full(n, 0.25), np.full(n, 0.9))
+    both = ~first.uniform & ~second.uniform
+    assert child.sigma[both] == pytest.approx(
+        0.25 * first.sigma[both] + 0.75 * second.sigma[both], abs=1e-6
+    )
+    assert child.beta == pytest.approx(0.25 * first.beta + 0.75 * second.beta, abs=1e-4)
+    assert np.array_equal(child.iso[both], second.iso[both])
+    low, high = np.minimum(first.x, second.x)[both], np.maximum(first.x, second.x)[both]
+    assert ((child.x[both] >= low) & (child.x[both] <= high)).all()
+
+
+def test_kernels_against_their_naive_twins():
+    rng = np.random.default_rng(7)
+    current, brought = (
+        (rng.random((24, 32)) * 10).astype("f4"),
+        (rng.random((24, 32)) * 10).astype("f4"),
+    )
+    for box in [(0, 0, 8, 8), (4, 8, 8, 12), (16, 24, 8, 8), (0, 0, 24, 32), (5, 0, 1, 1)]:
+        assert outline_difference(current, brought, *box) == pytest.approx(
+            naive.outline_difference(current, brought, *box)
+        )
+    owner = rng.integers(0, 2, (6, 8))
+    rows, columns = np.divmod(rng.permutation(5 * 7), 7)
+    for tolerance, least, most in [(3.4, 40, 48), (3.2, 30, 33), (0, 48, 48), (99, 10, 48)]:
+        truth = naive.inject(
+            current, brought, owner, 1, 2, 4, rows, columns, tolerance, least, most
+        )
+        stitched, taken = current.copy(), owner.copy()
+        owned = inject(stitched, brought, taken, 1, 2, 4, rows, columns, tolerance, least, most)
+        assert np.array_equal(stitched, truth[0])
+        assert np.array_equal(taken, truth[1])
+        assert owned == truth[2]
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_wrong_parents_are_refused(genomes, name):
+    operator = make(name)
+    with pytest.raises(OperatorError, match="parents"):
+        operator([], np.random.default_rng(0))
+    small = encode(draw_town(4, side=32)).genome
+    if operator.parents[0] > 1:
+        with pytest.raises(OperatorError, match="one pavement"):
+            operator([genomes[0], small], np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "word"),
+    [
+        ("pavment_fusion", {}, "pavement_fusion"),
+        ("mutation", {"rate": 1}, "rate"),
+        ("mutation", {"sigma": -0.1, "group": 0}, "sigma = -0.1, group = 0"),
+        ("mutation", {"sigma": "much"}, "right types"),
+        ("pavement_fusion", {"size_min": 9, "size_max": 3}, "size_max"),
+        ("pavement_fusion", {"fill": 1.5}, "fill"),
+        ("pavement_fusion", {"repair": 0}, "repair"),
+        ("lambda_crossover", {"share": 2}, "share"),
+    ],
+)
+def test_parameters_at_fault_are_named(name, parameters, word):
+    with pytest.raises(OperatorError, match=word):
+        make(name, **parameters)
+
+
+def test_shares_must_suit_the_parents(genomes):
+    for fill in ((0.5, 0.5, 0.5), (0.2, 0.8), 0.5):
+        with pytest.raises(OperatorError, match="one share for each of 3 parents"):
+            PavementFusion(fill=fill)(genomes, np.random.default_rng(0))

@@ -1,0 +1,153 @@
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from evocity.coding import encode
+from evocity.errors import GenomeError
+from evocity.genome import FIELDS, NUCLEOTIDES, Pavement, merged_cities, read_genome
+
+
+@pytest.fixture(scope="module")
+def genome(town):
+    return encode(town).genome
+
+
+@pytest.mark.parametrize("shape", [(62, 64), (64, 30), (3, 4)])
+def test_a_pavement_that_does_not_fit_names_sizes_that_do(shape):
+    with pytest.raises(GenomeError, match="multiples of 4") as caught:
+        Pavement(*shape, 4)
+    for side in shape:
+        assert side % 4 == 0 or str(max(side // 4, 1) * 4) in str(caught.value)
+
+
+def test_blocks_and_raster_undo_each_other():
+    pavement = Pavement(12, 20, 4)
+    raster = np.arange(240.0).reshape(12, 20)
+    blocks = pavement.blocks(raster)
+    assert blocks.shape == (len(pavement), 4, 4)
+    assert np.array_equal(pavement.raster(blocks), raster)
+    y, x = pavement.corners
+    assert np.array_equal(blocks[7], raster[y[7] : y[7] + 4, x[7] : x[7] + 4])
+
+
+def test_file_round_trip_is_exact(genome, tmp_path):
+    genome.write(tmp_path / "g.parquet")
+    again = read_genome(tmp_path / "g.parquet")
+    assert again == genome
+    assert again.digest == genome.digest
+    for name in FIELDS:
+        assert np.array_equal(getattr(again, name), getattr(genome, name))
+    for name in ("cities", "attribution", "made", "origin", "crs", "sigma_max"):
+        assert getattr(again, name) == getattr(genome, name)
+
+
+def test_arrays_are_read_only_copies(genome):
+    beta = genome.beta.copy()
+    child = genome.replace(beta=beta)
+    beta[:] = 99
+    assert child == genome
+    with pytest.raises(ValueError, match="read-only"):
+        genome.sigma[0] = 1
+
+
+@pytest.mark.parametrize("name", NUCLEOTIDES)
+def test_each_nucleotide_counts_in_the_digest(genome, name):
+    values = getattr(genome, name).copy()
+    at = np.flatnonzero(~genome.uniform & (genome.x > 0) & (genome.y > 0))[0]
+    values[at] = values[at] - 1 if name in ("x", "y") else (values[at] + 1) % 8
+    if name in ("dx", "dy"):
+        values[at] = 12
+    if name == "sigma":
+        values[at] = 0.123
+    assert genome.replace(**{name: values}) != genome
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"sigma": 0.95}, "σ beyond"),
+        ({"sigma": np.nan}, "σ beyond"),
+        ({"beta": np.inf}, "β not finite"),
+        ({"x": 60}, "outside the map"),
+        ({"y": -1}, "outside the map"),
+        ({"dx": 6}, "extent"),
+        ({"dy": 4}, "extent"),
+        ({"iso": 8}, "iso"),
+        ({"parent": 1}, "cities"),
+        ({"source": -1}, "source"),
+    ],
+)
+def test_out_of_bounds_is_refused_by_name(genome, change, word):
+    at = np.flatnonzero(~genome.uniform)[0]
+    (name, value), *_ = change.items()
+    values = getattr(genome, name).copy()
+    values[at] = value
+    with pytest.raises(GenomeError, match=word):
+        genome.replace(**{name: values})
+
+
+def test_fractions_for_whole_nucleotides_are_refused(genome):
+    with pytest.raises(GenomeError, match="whole numbers"):
+        genome.replace(x=genome.x + 0.5)
+    with pytest.raises(GenomeError, match="shape"):
+        genome.replace(x=genome.x[:-1])
+
+
+def rewritten(path, change):
+    table = pq.read_table(path)
+    about = json.loads(table.schema.metadata[b"evocity.genome"])
+    table, about = change(table, about)
+    pq.write_table(table.replace_schema_metadata({"evocity.genome": json.dumps(about)}), path)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda t, a: (t, a | {"schema_version": 99}), "version 99"),
+        (lambda t, a: (t.drop(["sigma"]), a), "lacks"),
+        (lambda t, a: (t, {k: v for k, v in a.items() if k != "cities"}), "lacks"),
+        (lambda t, a: (t, a | {"block": "four"}), "lacks"),
+        (lambda t, a: (t, a | {"height": 62}), "62"),
+        (lambda t, a: (t, a | {"surprise": 1}), "surprise"),
+        (lambda t, a: (t.slice(3), a), "shape"),
+        (
+            lambda t, a: (t.set_column(0, "sigma", pa.array([2.0] * len(t), pa.float32())), a),
+            "σ beyond",
+        ),
+    ],
+)
+def test_a_file_at_fault_gives_one_clear_error(genome, tmp_path, change, word):
+    path = tmp_path / "g.parquet"
+    genome.write(path)
+    rewritten(path, change)
+    with pytest.raises(GenomeError, match=word):
+        read_genome(path)
+
+
+def test_files_that_are_no_genome(genome, tmp_path):
+    with pytest.raises(GenomeError, match="no genome file"):
+        read_genome(tmp_path / "missing.parquet")
+    (tmp_path / "text.parquet").write_text("not parquet")
+    with pytest.raises(GenomeError, match="not a genome file"):
+        read_genome(tmp_path / "text.parquet")
+    pq.write_table(pa.table({"a": [1]}), tmp_path / "other.parquet")
+    with pytest.raises(GenomeError, match="not a genome file"):
+        read_genome(tmp_path / "other.parquet")
+    genome.write(tmp_path / "cut.parquet")
+    data = (tmp_path / "cut.parquet").read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(data[: len(data) // 2])
+    with pytest.raises(GenomeError, match="not a genome file"):
+        read_genome(tmp_path / "cut.parquet")
+
+
+def test_cities_are_merged_without_doubles(genome):
+    one = genome.replace(cities=("a", "b"), parent=np.arange(len(genome)) % 2, attribution="A; B")
+    two = genome.replace(cities=("b", "c"), parent=np.arange(len(genome)) % 2, attribution="B; C")
+    names, (first, second), attribution = merged_cities([one, two])
+    assert names == ("a", "b", "c")
+    assert attribution == "A; B; C"
+    assert set(np.take(names, first)) == {"a", "b"}
+    assert np.array_equal(np.take(names, second), np.take(two.cities, two.parent))
