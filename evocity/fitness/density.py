@@ -1,0 +1,67 @@
+"""How much is built: Spacematrix densities and the mean height."""
+
+import math
+
+import numpy as np
+
+from evocity.citymap import CityMap
+from evocity.fitness.registry import Undefined, fitness
+
+#: Height of one floor, metres.
+FLOOR = 3.0
+
+
+@fitness(range=(0, 1))
+def gsi(city: CityMap) -> float:
+    """Ground space index: the share of the ground that is built on.
+
+    Formula: B / A, B the footprint of all buildings, A the area of the map.
+    Unit: none. Range: 0 to 1. Empty map: 0.
+    Source: Berghauser Pont & Haupt, Spacematrix (2010).
+
+    >>> heights = np.zeros((8, 8))
+    >>> heights[:4, :4] = 9
+    >>> gsi(CityMap(heights, 2.0))
+    0.25
+    """
+    return np.count_nonzero(city.built) / city.built.size
+
+
+@fitness(range=(0, math.inf))
+def fsi(city: CityMap) -> float:
+    """Floor space index: floor area a unit of ground.
+
+    Formula: F / A, F = Σ floors over the built pixels times the area of a pixel,
+    floors = h / 3 m, rounded; A the area of the map.
+    Unit: none. Range: 0 upwards. Empty map: 0.
+    Source: Berghauser Pont & Haupt, Spacematrix (2010).
+
+    >>> heights = np.zeros((8, 8))
+    >>> heights[:4, :4] = 9
+    >>> fsi(CityMap(heights, 2.0))
+    0.75
+    """
+    # Not np.rint: it would round 7.5 m, two floors and a half, down but 4.5 m up. A built pixel
+    # is above half a floor, so open ground has none.
+    floors = np.floor(city.heights / np.float32(FLOOR) + np.float32(0.5))
+    return float(floors.sum(where=city.built, dtype=np.float64)) / floors.size
+
+
+@fitness(unit="m", range=(0, math.inf))
+def mean_height(city: CityMap) -> float:
+    """Mean height of what is built.
+
+    Formula: Σ h / n over the n built pixels.
+    Unit: metres. Range: above 0. Empty map: NaN, nothing is built.
+    Source: none needed, a plain mean weighted by footprint.
+
+    >>> heights = np.zeros((8, 8))
+    >>> heights[:4, :4] = 9
+    >>> heights[4:, 4:] = 15
+    >>> mean_height(CityMap(heights, 2.0))
+    12.0
+    """
+    count = np.count_nonzero(city.built)
+    if not count:
+        return Undefined("nothing is built")
+    return float(city.heights.sum(where=city.built, dtype=np.float64)) / count

@@ -1,0 +1,77 @@
+"""How façades lie to each other: alignment from the gradient of heights."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from evocity.citymap import CityMap
+from evocity.fitness.registry import Undefined, fitness
+
+#: Reach of the neighbourhood in which façades are compared: its Gaussian's σ, metres.
+NEIGHBOURHOOD = 24.0
+#: The Gaussian window ends at so many σ.
+_CUT = 2.0
+#: A map nowhere steeper than this (metres a metre) has no façades.
+_FLAT = 1e-3
+
+
+@fitness(goal="max", range=(0, 1))
+def alignment(city: CityMap) -> float:
+    """Share of façades that lie parallel or square to those around them.
+
+    Formula: R4 local, Σ \\|G ∗ (w e^{4iθ})\\| / Σ G ∗ w over the map, θ the angle of the
+    gradient of heights and w = \\|∇h\\|² its weight; G a Gaussian window of σ = 24 m, cut
+    at 2σ. The factor 4 makes directions a quarter turn apart one. A raster's façades are
+    staircases: their angles are found by smoothing the gradient (binomial, σ = √2 px), then
+    its square w e^{2iθ} (binomial, σ = 1 px), whose length and half angle are w and θ.
+    Unit: none. Range: 0 (façades in all directions everywhere) to 1 (one frame of directions
+    in every neighbourhood, though it may turn from one to the next). Corners and the raster
+    keep a regular grid near .8; it falls a little with coarser pixels.
+    Empty map: NaN, and on any other map without height steps: there are no façades.
+    Source: Marsault 2002 asks for such a parameter without a formula; this one is ours, a
+    circular mean of fourfold symmetry over the structure tensor of Bigün & Granlund (1987).
+
+    >>> y, x = np.mgrid[:64, :64]
+    >>> walls, tower = 9 * (x // 8 % 2), 9 * (np.hypot(x - 32, y - 32) < 15)
+    >>> round(alignment(CityMap(walls, 2.0)), 2), alignment(CityMap(tower, 2.0)) < 0.1
+    (1.0, True)
+    """
+    dy, dx = _smoothed(np.stack(city.gradients), 8)
+    # z² of z = dx + i dy, whose direction is twice the gradient's and bears averaging.
+    real, imaginary = _smoothed(np.stack([dx * dx - dy * dy, 2 * dx * dy]), 4)
+    w = np.hypot(real, imaginary)
+    if not w.max() > _FLAT**2:
+        return Undefined("no height steps, so no façades")
+    # w e^{4iθ} = (w e^{2iθ})² / w
+    turned = 2 * real / np.maximum(w, np.finfo(np.float32).tiny)
+    fields = np.stack([real * turned - w, imaginary * turned, w])
+    height, width = city.shape
+    sigma = NEIGHBOURHOOD / city.metres_per_pixel
+    cosine, sine, weight = _window(height, sigma) @ fields @ _window(width, sigma).T
+    return float(min(1.0, np.hypot(cosine, sine).sum() / weight.sum()))
+
+
+def _smoothed(fields: np.ndarray, passes: int) -> np.ndarray:
+    """``fields`` ``(n, H, W)`` under the binomial filter of ``passes`` (even) steps, which has
+    σ = √passes / 2 px; edges repeated."""
+    edge = passes // 2
+    fields = np.pad(fields, ((0, 0), (edge, edge), (edge, edge)), mode="edge")
+    for _ in range(passes):
+        fields = fields[:, 1:] + fields[:, :-1]
+    for _ in range(passes):
+        fields = fields[:, :, 1:] + fields[:, :, :-1]
+    return fields * np.float32(0.25**passes)
+
+
+@lru_cache(maxsize=32)
+def _window(size: int, sigma: float) -> np.ndarray:
+    """Gaussian windows along an axis of ``size`` px: float32 ``(samples, size)``, a row a centre.
+
+    What is pooled varies slowly, so centres a third of σ apart do; they lie symmetrically.
+    """
+    samples = int(np.ceil(size / max(1.0, sigma / 3)))
+    centres = (np.arange(samples) + 0.5) * (size / samples) - 0.5
+    distance = np.abs(np.arange(size) - centres[:, None]) / sigma
+    window = np.where(distance <= _CUT, np.exp(-0.5 * distance**2), 0).astype(np.float32)
+    window.setflags(write=False)
+    return window

@@ -1,0 +1,273 @@
+"""The measures against truth: closed forms, simulations, a real district measured elsewhere."""
+
+import math
+from functools import cache
+
+import momepy
+import naive
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from affine import Affine
+from conftest import draw_town
+from rasterio import features
+from scipy import stats
+from scipy.optimize import minimize_scalar
+from shapely import affinity
+
+from evocity.citymap import CityMap
+from evocity.errors import FitnessError
+from evocity.fitness import (
+    alignment,
+    autosimilarity,
+    crumbs,
+    fit_sizes,
+    fsi,
+    gsi,
+    mean_height,
+    salingaros,
+)
+
+HEIGHTS = np.linspace(10, 30, 144)
+
+
+@cache
+def bubenec():
+    """Polygons of momepy's sample district, in the stretched metres of its EPSG:3857."""
+    path = momepy.datasets.get_path("bubenec")
+    return shapely.from_wkb(pyogrio.raw.read(path, layer="buildings", columns=[])[2])
+
+
+def burnt(polygons, heights, pixel, bounds):
+    west, south, east, north = bounds
+    shape = (math.ceil((north - south) / pixel), math.ceil((east - west) / pixel))
+    raster = features.rasterize(
+        sorted(zip(polygons, heights, strict=True), key=lambda pair: pair[1]),
+        out_shape=shape,
+        transform=Affine(pixel, 0, west, 0, -pixel, north),
+        dtype="float32",
+    )
+    return CityMap(raster, pixel)
+
+
+def jittered(degrees, seed, pixel=1.0):
+    """Bubeneč with each building turned about its middle by up to ± ``degrees``."""
+    turns = np.random.default_rng(seed).uniform(-degrees, degrees, 144)
+    turned = np.array(
+        [affinity.rotate(p, t, origin="centroid") for p, t in zip(bubenec(), turns, strict=True)]
+    )
+    return burnt(turned, HEIGHTS, pixel, shapely.total_bounds(turned))
+
+
+def grid(degrees):
+    """A regular grid of square buildings, turned as a whole; 512 m at 1 m."""
+    return lattice(lambda building: affinity.rotate(building, degrees, origin=(0, 0)))
+
+
+def lattice(turn):
+    steps = range(-480, 481, 30)
+    buildings = [turn(shapely.box(x, y, x + 20, y + 20)) for x in steps for y in steps]
+    return burnt(buildings, [15.0] * len(buildings), 1.0, (-256, -256, 256, 256))
+
+
+# -- density -----------------------------------------------------------------------------
+
+
+def test_densities_of_bubenec_are_those_of_its_polygons():
+    city = jittered(0, seed=0)
+    areas = shapely.area(bubenec())
+    ground = 407_353.6
+    assert gsi(city) == pytest.approx(0.25738, rel=2e-3)
+    assert fsi(city) == pytest.approx((areas * np.round(HEIGHTS / 3)).sum() / ground, rel=2e-3)
+    assert mean_height(city) == pytest.approx((areas @ HEIGHTS) / areas.sum(), rel=2e-3)
+
+
+@pytest.mark.parametrize(("height", "floors"), [(0, 0), (1.4, 0), (1.6, 1), (4.5, 2), (7.5, 3)])
+def test_half_a_floor_counts_as_one(height, floors):
+    assert fsi(CityMap(np.full((4, 4), height), 2.0)) == floors
+
+
+# -- alignment ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("degrees", "published"), [(0, 0.688), (5, 0.650), (10, 0.601), (20, 0.505), (45, 0.358)]
+)
+def test_alignment_falls_as_buildings_are_turned_at_random(degrees, published):
+    seeds = range(3) if degrees else [0]
+    values = [alignment(jittered(degrees, seed)) for seed in seeds]
+    assert np.mean(values) == pytest.approx(published, abs=0.02)
+
+
+def test_alignment_falls_strictly_on_coarse_pixels_too():
+    values = [alignment(jittered(degrees, 0, pixel=2.0)) for degrees in (0, 5, 10, 20, 45)]
+    assert np.all(np.diff(values) < 0)
+
+
+def test_alignment_does_not_see_which_way_a_grid_is_turned():
+    values = [alignment(grid(degrees)) for degrees in (0, 5, 10, 22.5, 30, 45)]
+    assert np.ptp(values) < 0.05
+    assert values[0] == pytest.approx(values[3], abs=0.02)
+    rng = np.random.default_rng(0)
+    random = lattice(lambda b: affinity.rotate(b, rng.uniform(0, 90), origin="centroid"))
+    assert alignment(random) < 0.35 < min(values) - 0.3
+
+
+@pytest.mark.parametrize("pixel", [0.5, 1.0, 2.0, 8.0])
+def test_alignment_of_straight_walls_is_one_and_of_a_round_tower_near_none(pixel):
+    y, x = np.mgrid[:128, :128] - 63.5
+    assert alignment(CityMap(9 * (x // 16 % 2), pixel)) == pytest.approx(1, abs=1e-3)
+    assert alignment(CityMap(9 * (x > y), pixel)) > 0.98
+    if 50 * pixel < 48:  # the tower's whole wall is in one neighbourhood
+        assert alignment(CityMap(9 * (np.hypot(x, y) < 25), pixel)) < 0.1
+
+
+def test_alignment_is_not_moved_by_heights_or_by_open_ground_around():
+    city = draw_town(7, side=128, buildings=60)
+    assert alignment(city.replace(2 * city.heights)) == pytest.approx(alignment(city), abs=1e-5)
+    # enough open ground that no neighbourhood ends at the map's edge on either map
+    framed = city.replace(np.pad(city.heights, 32))
+    wider = city.replace(np.pad(city.heights, 96))
+    assert alignment(wider) == pytest.approx(alignment(framed), abs=0.01)
+
+
+@pytest.mark.parametrize("height", [0.0, 9.0])
+def test_alignment_without_facades_is_undefined(height):
+    value = alignment(CityMap(np.full((32, 32), height), 2.0))
+    assert math.isnan(value)
+    assert "façades" in value.reason
+
+
+# -- sizes -------------------------------------------------------------------------------
+
+
+def simulated(m, count, rng, span=4.0):
+    """Sizes with density ∝ x^{−(m+1)} on [1, e^span], by inversion."""
+    u = rng.uniform(size=count)
+    return np.exp(-np.log1p(u * np.expm1(-m * span)) / m)
+
+
+@pytest.mark.parametrize(("m", "spread"), [(0.5, 0.09), (1.0, 0.12), (2.0, 0.20)])
+def test_simulated_exponents_are_found_with_the_error_the_fit_states(m, spread):
+    rng = np.random.default_rng(5)
+    fits = [fit_sizes(simulated(m, 100, rng), 1, np.e**4) for _ in range(400)]
+    found = np.array([fit.m for fit in fits])
+    assert found.mean() == pytest.approx(m, abs=4 * spread / math.sqrt(400))
+    assert found.std() == pytest.approx(spread, rel=0.12)
+    assert np.mean([fit.error for fit in fits]) == pytest.approx(found.std(), rel=0.12)
+    assert np.median([fit.ks for fit in fits]) < 0.85  # a fitted law comes closer than a given
+
+
+@pytest.mark.parametrize("m", [-2.0, -0.3, 1e-7, 0.4, 1.5, 6.0])
+def test_the_fit_is_the_numeric_optimum_of_the_likelihood(m):
+    a, b = 3.0, 200.0
+    span = math.log(b / a)
+    sizes = a * simulated(m, 300, np.random.default_rng(8), span)
+
+    def surprise(slope):
+        norm = span if abs(slope) < 1e-9 else -math.expm1(-slope * span) / slope
+        return slope * np.log(sizes / a).mean() + math.log(norm)
+
+    best = minimize_scalar(surprise, bounds=(-30, 30), method="bounded", options={"xatol": 1e-9})
+    fit = fit_sizes(sizes, a, b)
+    assert fit.m == pytest.approx(best.x, abs=1e-4)
+    law = stats.truncpareto(fit.m, b / a, scale=a) if fit.m > 0 else None
+    if law:
+        oracle = stats.kstest(sizes, law.cdf)
+        assert fit.ks == pytest.approx(oracle.statistic * math.sqrt(fit.n), abs=1e-9)
+
+
+def test_bubenec_does_not_follow_the_law():
+    sizes = np.sqrt(shapely.area(bubenec()))
+    fit = fit_sizes(sizes, sizes.min(), sizes.max())
+    assert fit.m == pytest.approx(0.31, abs=0.005)
+    assert fit.error == pytest.approx(0.11, abs=0.005)
+    assert fit.ks == pytest.approx(3.3, abs=0.05)
+
+
+def test_sizes_beyond_the_bounds_do_not_count():
+    sizes = simulated(1.2, 60, np.random.default_rng(1))
+    with_strays = np.concatenate([sizes, [0.2, 0.9, 90.0, 4000.0]])
+    assert fit_sizes(with_strays, 1, np.e**4) == fit_sizes(sizes, 1, np.e**4)
+
+
+@pytest.mark.parametrize("size", [1.0, np.e**4])
+def test_sizes_all_alike_at_a_bound_give_a_finite_exponent(size):
+    fit = fit_sizes(np.full(40, size), 1, np.e**4)
+    assert math.isfinite(fit.m)
+    assert (fit.span, fit.occupancy) == (0, 0.25)
+
+
+@pytest.mark.parametrize(("sizes", "a", "b"), [([5.0], 4, 4), ([5.0], 0, 9), ([1.0], 4, 9)])
+def test_bounds_that_hold_nothing_are_refused(sizes, a, b):
+    with pytest.raises(FitnessError):
+        fit_sizes(np.array(sizes), a, b)
+
+
+def city_of(areas, pixel):
+    """Buildings of the given areas, in pixels, all but square, laid in rows a pixel apart."""
+    rows, x = [[]], 0
+    for area in areas:
+        wide = int(math.sqrt(area))
+        tall = round(area / wide)
+        if x + wide > 1024:
+            rows.append([])
+            x = 0
+        rows[-1].append((x, tall, wide))
+        x += wide + 1
+    deep = [max(tall for _, tall, _ in row) for row in rows]
+    heights = np.zeros((sum(deep) + len(rows), 1024), np.float32)
+    y = 0
+    for row, depth in zip(rows, deep, strict=True):
+        for x, tall, wide in row:
+            heights[y : y + tall, x : x + wide] = 9
+        y += depth + 1
+    return CityMap(heights, pixel)
+
+
+def test_salingaros_prefers_the_law_to_buildings_of_one_size():
+    sizes = np.sort(5 * simulated(1.3, 200, np.random.default_rng(2)))[::-1]
+    lawful = city_of((sizes / 0.5) ** 2, 0.5)
+    assert len(lawful.areas) == 200
+    assert salingaros(lawful) > 0.4
+    assert salingaros(city_of([400 + i for i in range(200)], 1.0)) < 0.01
+
+
+def test_salingaros_of_few_buildings_is_undefined_with_a_reason():
+    assert math.isnan(salingaros(city_of([64] * 29, 1.0)))
+    assert salingaros(city_of([64] * 29, 1.0)).reason.startswith("29 buildings")
+    assert not math.isnan(salingaros(city_of([64] * 30, 1.0)))
+
+
+def test_crumbs_are_counted_by_their_area_not_their_pixels():
+    areas = [900, 900, 25, 16, 9, 4, 1]
+    built = sum(areas)
+    assert crumbs(city_of(areas, 1.0)) == pytest.approx(4 / (built / 1e4))
+    assert crumbs(city_of(areas, 2.0)) == pytest.approx(2 / (4 * built / 1e4))
+    assert crumbs(city_of(areas, 5.0)) == 0
+
+
+# -- autosimilarity ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_autosimilarity_is_that_of_trying_every_pair(seed):
+    heights = draw_town(seed, side=32, buildings=12).heights
+    rho2, uniform = naive.best_correlations(heights, 4, (2,), 12)
+    expected = 1 - (1 - rho2[~uniform]).mean()
+    assert autosimilarity(CityMap(heights, 2.0)) == pytest.approx(expected, abs=1e-5)
+
+
+def test_autosimilarity_ranks_a_town_above_its_shuffled_pixels_and_flat_ground_last():
+    town = draw_town(7, side=128, buildings=150)
+    pixels = np.random.default_rng(0).permutation(town.heights.ravel()).reshape(town.shape)
+    shuffled, flat = town.replace(pixels), town.replace(np.full(town.shape, 9.0))
+    assert autosimilarity(town) > autosimilarity(shuffled) + 0.15
+    assert autosimilarity(shuffled) > autosimilarity(flat) == 0
+
+
+def test_low_contrast_earns_nothing():
+    town = draw_town(7, side=128, buildings=150)
+    lower = town.replace(town.heights / 4)
+    assert autosimilarity(lower) == pytest.approx(autosimilarity(town), abs=1e-4)

@@ -1,0 +1,418 @@
+"""Declaring a measure, finding it, loading a file of one's own, and every way that goes wrong."""
+
+import math
+import pickle
+import sys
+import textwrap
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import evocity.fitness
+from evocity.citymap import CityMap
+from evocity.errors import FitnessError
+from evocity.fitness import Measure, Objective, Undefined, get, gsi, load_file, measures, registry
+
+CITY = CityMap(np.full((8, 8), 9.0), 2.0, name="eight")
+
+
+@pytest.fixture(autouse=True)
+def table_as_it_was(monkeypatch):
+    monkeypatch.setattr(registry, "_table", dict(registry._table))
+    monkeypatch.setattr(registry, "_from_files", dict(registry._from_files))
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="mine.py"):
+        path = tmp_path / name
+        path.write_text(textwrap.dedent(text), encoding="utf-8")
+        return path
+
+    return write
+
+
+GOOD = """\
+import evocity.fitness
+
+
+@evocity.fitness(goal="min", unit="m", range=(0, 500))
+def mine(city):
+    "Highest roof."
+    return city.heights.max()
+"""
+
+
+# -- declaring ---------------------------------------------------------------------------
+
+
+def test_the_room_is_the_decorator_and_holds_the_measures():
+    @evocity.fitness(goal="max", unit="m", range=(0, 10))
+    def lowest_roof(city):
+        "Lowest roof."
+        return city.heights.min()
+
+    assert isinstance(lowest_roof, Measure)
+    assert lowest_roof(CITY) == 9.0
+    assert type(lowest_roof(CITY)) is float
+    assert get("lowest_roof") is lowest_roof
+    assert (lowest_roof.goal, lowest_roof.unit, lowest_roof.range) == ("max", "m", (0, 10))
+    assert lowest_roof.__doc__ == lowest_roof.doc == "Lowest roof."
+    assert lowest_roof.file == __file__
+    assert evocity.fitness.gsi is get("gsi") is gsi
+    assert [m.name for m in measures()] == sorted(m.name for m in measures())
+
+
+def named(name):
+    """A plain function of a city called ``name``, not yet a measure."""
+
+    def function(city):
+        return 1.0
+
+    function.__name__ = name
+    return function
+
+
+def test_running_a_cell_again_redefines_but_another_function_may_not_take_the_name():
+    for _ in range(2):
+
+        @evocity.fitness(goal="max")
+        def again(city):
+            return 1.0
+
+        assert get("again") is again
+
+    for name, file in (("again", "test_fitness_registry"), ("gsi", "density")):
+        with pytest.raises(FitnessError, match=rf"a second measure called {name}.*{file}\.py"):
+            evocity.fitness()(named(name))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"goal": "more"},
+        {"goal": "target"},
+        {"unit": None},
+        {"range": (1, 0)},
+        {"range": 3},
+        {"range": (0, math.nan)},
+        {"goal": len},
+    ],
+)
+def test_a_wrong_declaration_is_refused(options):
+    with pytest.raises(FitnessError):
+        evocity.fitness(**options)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda city: 1.0,
+        len,
+        3,
+    ],
+)
+def test_only_a_function_with_a_name_is_a_measure(function):
+    with pytest.raises(FitnessError, match="a function with a name"):
+        evocity.fitness(goal="max")(function)
+
+
+def test_the_argument_is_the_city_alone():
+    def two(city, other):
+        return 1.0
+
+    def none():
+        return 1.0
+
+    def optional(city, threshold=3):
+        return 1.0
+
+    for function in (two, none):
+        with pytest.raises(FitnessError, match=r"def \w+\(city\)"):
+            evocity.fitness(goal="max")(function)
+    assert evocity.fitness(goal="max")(optional)(CITY) == 1.0
+
+
+# -- calling -----------------------------------------------------------------------------
+
+
+def returning(value):
+    @evocity.fitness(goal="max")
+    def returned(city):
+        return value
+
+    return returned
+
+
+@pytest.mark.parametrize("value", [1, 1.5, np.float32(1.5), np.int64(3), math.nan, np.float64(-2)])
+def test_any_real_number_becomes_a_float(value):
+    found = returning(value)(CITY)
+    assert type(found) is float
+    assert found == value or math.isnan(found)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1.0", None, True, np.bool_(True), 1j, np.ones(3), np.array(1.0), [1.0], 10**400, math.inf],
+    ids=lambda value: type(value).__name__,
+)
+def test_anything_else_is_refused_by_file_and_line(value):
+    measure = returning(value)
+    with pytest.raises(FitnessError, match=r"returned .* for eight") as caught:
+        measure(CITY)
+    assert f"({__file__}, line {measure.line})" in str(caught.value)
+
+
+def test_undefined_is_nan_with_a_reason_and_survives_the_call():
+    value = returning(Undefined("no streets"))(CITY)
+    assert math.isnan(value)
+    assert value.reason == "no streets"
+
+
+def test_an_error_names_the_line_that_raised(write):
+    (measure,) = load_file(
+        write(
+            """\
+            import evocity.fitness
+
+            def helper(city):
+                return 1 / 0
+
+            @evocity.fitness(goal="max")
+            def broken(city):
+                return helper(city)
+            """
+        )
+    )
+    with pytest.raises(FitnessError, match=r"mine.py, line 4\) raised ZeroDivisionError") as caught:
+        measure(CITY)
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+
+
+def test_a_measure_cannot_change_its_map(write):
+    (measure,) = load_file(
+        write(GOOD.replace("return city.heights.max()", "city.built[0] = True; return 1.0"))
+    )
+    with pytest.raises(FitnessError, match="read-only"):
+        measure(CITY)
+
+
+def test_only_a_city_map_is_measured():
+    with pytest.raises(FitnessError, match="gsi of a ndarray"):
+        gsi(CITY.heights)
+
+
+# -- finding -----------------------------------------------------------------------------
+
+
+def test_an_unknown_name_lists_those_that_exist():
+    with pytest.raises(FitnessError, match=r"(?s)aligment.*alignment, autosim.*did you mean align"):
+        get("aligment")
+
+
+# -- files -------------------------------------------------------------------------------
+
+
+def test_a_file_is_loaded_and_found(write, capsys):
+    path = write(GOOD + "print('loading')\n")
+    (measure,) = load_file(path)
+    assert measure(CITY) == 9.0
+    assert (measure.file, measure.line) == (str(path), 4)
+    assert get("mine") is measure
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "loading\n")  # --json owns standard output
+
+
+def test_a_file_changed_and_loaded_again_is_another_source(write):
+    (first,) = load_file(write(GOOD))
+    (same,) = load_file(write(GOOD))
+    path = write(GOOD.replace("max()", "min()"))
+    assert first.source_hash == same.source_hash  # of what was loaded, not of the file now
+    (second,) = load_file(path)
+    assert second.source_hash != first.source_hash
+    assert get("mine") is second
+
+
+def test_measures_and_objectives_travel_to_worker_processes(write):
+    (mine,) = load_file(write(GOOD))
+    sent = pickle.dumps([Objective(gsi, target=0.35), Objective(mine)])
+    registry._from_files.clear()  # a fresh process has not loaded the file
+    packaged, own = pickle.loads(sent)
+    assert packaged == Objective(gsi, target=0.35)
+    assert (own.goal, own.measure(CITY)) == ("min", 9.0)
+    assert own.measure.source_hash == mine.source_hash
+    value = pickle.loads(pickle.dumps(Undefined("no streets")))
+    assert (str(value), value.reason) == ("nan", "no streets")
+
+
+def test_hashes_tell_packaged_measures_of_different_files_apart():
+    assert gsi.source_hash != get("alignment").source_hash
+    assert len(gsi.source_hash) == 32
+
+
+def test_a_file_may_hold_several_measures_and_dataclasses(write):
+    text = """\
+    from __future__ import annotations
+    from dataclasses import dataclass
+    import evocity.fitness
+    from evocity.fitness import gsi
+
+    @dataclass
+    class Point:
+        x: float = 2.0
+
+    @evocity.fitness(goal="max")
+    def one(city):
+        return Point().x
+
+    @evocity.fitness(goal="max")
+    def two(city):
+        return gsi(city)
+    """
+    assert [m.name for m in load_file(write(text))] == ["one", "two"]
+    assert get("two")(CITY) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import evocity.fitness\ndef mine(city:\n", r"mine.py, line 2: .*py_compile"),
+        ("import numpy\n\nimport nowhere_to_be_found\n", "mine.py, line 3 raised ModuleNotFound"),
+        ("x = 1\n1 / 0\n", "mine.py, line 2 raised ZeroDivisionError"),
+        ("raise SystemExit(0)\n", "mine.py, line 1 raised SystemExit"),
+        ("def mine(city):\n    return 1.0\n", r"no measure in it.*@evocity.fitness\("),
+        ("", "no measure in it"),
+        (GOOD.replace("mine(city)", "mine(city, other)"), r"line 4: mine\(city, other\)"),
+        (GOOD.replace('goal="min"', 'goal="least"'), "line 4: goal = 'least'"),
+        (GOOD.replace('(goal="min", unit="m", range=(0, 500))', ""), "without brackets"),
+        (GOOD.replace("mine", "gsi"), r"a second measure called gsi \(line 4\).*density.py"),
+        (GOOD + GOOD, "a second measure called mine"),
+        ("import evocity.fitness\nevocity.fitness.get('nothing')\n", "line 2: no measure is call"),
+        ("x = '\0'", r"mine.py"),
+        ("\nexec(compile('def', 'other.py', 'exec'))\n", "mine.py, line 2 raised SyntaxError"),
+    ],
+)
+def test_a_faulty_file_is_refused_and_leaves_nothing(write, text, message):
+    names, modules = [m.name for m in measures()], set(sys.modules)
+    with pytest.raises(FitnessError, match=f"(?s){message}"):
+        load_file(write(text))
+    assert [m.name for m in measures()] == names
+    assert not [name for name in set(sys.modules) - modules if name.startswith("evocity_user")]
+
+
+def test_a_file_that_is_not_utf8_or_not_there_or_not_python(tmp_path, write):
+    (tmp_path / "latin.py").write_bytes("x = 'é'\n".encode("latin-1"))
+    with pytest.raises(FitnessError, match=r"latin\.py"):
+        load_file(tmp_path / "latin.py")
+    with pytest.raises(FitnessError, match="no Python file at"):
+        load_file(tmp_path / "nowhere.py")
+    with pytest.raises(FitnessError, match="is no Python file"):
+        load_file(write(GOOD, "mine.txt"))
+    (tmp_path / "folder.py").mkdir()
+    with pytest.raises(FitnessError, match="no Python file at"):
+        load_file(tmp_path / "folder.py")
+
+
+# -- plugins -----------------------------------------------------------------------------
+
+
+class Entry:
+    def __init__(self, name, load):
+        self.name, self.value, self.load = name, f"somewhere:{name}", load
+
+
+@pytest.fixture
+def plugins(monkeypatch):
+    def install(*entries):
+        monkeypatch.setattr(registry, "entry_points", lambda group: entries)
+        registry.plugin_warnings.cache_clear()
+
+    yield install
+    registry.plugin_warnings.cache_clear()
+
+
+def test_plugins_are_found_and_broken_ones_only_told(plugins):
+    def plugin():
+        @evocity.fitness(goal="max")
+        def from_afar(city):
+            return 1.0
+
+        return from_afar
+
+    def raising():
+        raise ImportError("its library is missing")
+
+    def clashing():
+        evocity.fitness()(named("fsi"))
+        return ModuleType("clashing")
+
+    plugins(
+        Entry("broken", raising),
+        Entry("odd", lambda: 3),
+        Entry("clash", clashing),
+        Entry("good", plugin),
+    )
+    assert get("from_afar")(CITY) == 1.0
+    assert get("fsi").file.endswith("density.py")
+    broken, odd, clash = registry.plugin_warnings()
+    assert "broken" in broken
+    assert "its library is missing" in broken
+    assert "not a measure" in odd
+    assert "a second measure called fsi" in clash
+    with pytest.raises(FitnessError, match="its library is missing"):
+        get("what_broken_would_have_had")
+
+
+def test_plugins_are_looked_for_under_the_documented_group(plugins, monkeypatch):
+    asked = []
+    monkeypatch.setattr(registry, "entry_points", lambda group: asked.append(group) or ())
+    registry.plugin_warnings.cache_clear()
+    measures()
+    assert asked == ["evocity.fitness"]
+
+
+# -- goals -------------------------------------------------------------------------------
+
+
+def test_a_lower_loss_is_closer_to_the_goal():
+    salingaros, crumbs = get("salingaros"), get("crumbs")
+    assert Objective(salingaros).goal == "max"
+    assert Objective(salingaros).loss(0.4) < Objective(salingaros).loss(0.3)
+    assert Objective(crumbs).goal == "min"
+    assert Objective(crumbs).loss(2.0) < Objective(crumbs).loss(3.0)
+    assert Objective(crumbs, "max").loss(2.0) == -2.0
+    wanted = Objective(gsi, "target", 0.35)
+    assert wanted == Objective(gsi, target=0.35)
+    assert wanted.loss(0.35) == 0
+    assert wanted.loss(0.3) == pytest.approx(wanted.loss(0.4)) == pytest.approx(0.05)
+    assert math.isnan(wanted.loss(math.nan))
+    assert math.isnan(Objective(salingaros).loss(math.nan))
+
+
+def test_to_be_like_a_city_is_to_have_its_value():
+    half = CityMap(np.r_[np.zeros((4, 8)), np.full((4, 8), 9.0)], 2.0)
+    like = Objective.like(gsi, half)
+    assert (like.goal, like.target) == ("like", 0.5)
+    assert like.loss(gsi(half)) == 0
+    with pytest.raises(FitnessError, match="salingaros is undefined on eight: 1 build"):
+        Objective.like(get("salingaros"), CITY)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "gsi without a goal"),
+        ({"goal": "best"}, "goal = 'best'"),
+        ({"goal": "target"}, "target = None"),
+        ({"goal": "like"}, "target = None"),
+        ({"target": math.nan}, "target = nan"),
+        ({"target": math.inf}, "target = inf"),
+        ({"target": "0.3"}, "target = '0.3'"),
+        ({"target": True}, "target = True"),
+        ({"goal": "max", "target": 0.3}, "a goal or a target"),
+    ],
+)
+def test_an_objective_that_cannot_be_meant_is_refused(options, message):
+    with pytest.raises(FitnessError, match=message):
+        Objective(gsi, **options)
