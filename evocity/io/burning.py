@@ -1,0 +1,182 @@
+"""Footprints -> `CityMap`: window, projection, heights, pixels."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+from rasterio.features import rasterize
+
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.io.heights import RULES, height_of, is_building
+from evocity.io.projection import (
+    WGS84,
+    code_of,
+    is_true_to_scale,
+    local_metres,
+    moved,
+    moved_polygons,
+)
+from evocity.io.sources import Footprints, Request, check_size, north_up
+
+#: What a map of footprints is made with unless said otherwise.
+PIXELS, METRES_PER_PIXEL = 256, 2.0
+
+
+def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
+    """The square window of ``request`` as a map of heights.
+
+    A pixel has the height of the footprint its centre lies in, the highest if there are
+    several, 0 if there is none. ``height_rules`` counts the buildings that meet the window.
+    """
+    pixels = request.pixels or PIXELS
+    side = request.metres_per_pixel or METRES_PER_PIXEL
+    check_size(name, pixels, pixels)
+    polygons, tags = _buildings(footprints, name)
+    places = _places(polygons, footprints, name)
+    center = request.center or footprints.center or places.middle
+    crs = footprints.projection
+    if crs is None or not is_true_to_scale(crs, *center):
+        crs = local_metres(*center)
+    x, y = moved(*center, WGS84, crs)
+    half = pixels * side / 2
+    window = shapely.box(x - half, y - half, x + half, y + half)
+    polygons, tags = _inside(moved_polygons(polygons, footprints.crs, crs), tags, window)
+    if not tags:
+        raise _nothing_there(name, center, 2 * half, places)
+    heights, rules = zip(*(height_of(t, request.default_height) for t in tags), strict=True)
+    return CityMap(
+        _painted(polygons, np.array(heights), pixels, side, (x - half, y + half)),
+        side,
+        name=name,
+        attribution=footprints.attribution,
+        origin=(x - half, y + half),
+        crs=code_of(crs),
+        height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
+    )
+
+
+def _buildings(footprints: Footprints, name: str) -> tuple[np.ndarray, Sequence[Mapping]]:
+    """Of a source that says which polygons are buildings, those; else all."""
+    polygons, tags = footprints.polygons, footprints.tags
+    said = np.array([is_building(found) for found in tags], dtype=bool)
+    if said.any():
+        polygons = polygons[said]
+        tags = [found for found, keep in zip(tags, said, strict=True) if keep]
+    if not len(polygons) or shapely.is_empty(polygons).all():
+        raise MapError(
+            f"{name}: no building among its features",
+            "polygons of building footprints",
+            "check that the right file or layer was exported",
+        )
+    return polygons, tags
+
+
+class _Places:
+    """Where the buildings are: ``boxes`` is float64 ``(n, 4)`` in degrees."""
+
+    def __init__(self, boxes: np.ndarray):
+        self.boxes = boxes
+        west, south = np.nanmin(boxes[:, :2], axis=0)
+        east, north = np.nanmax(boxes[:, 2:], axis=0)
+        self.bounds = tuple(float(edge) for edge in (west, south, east, north))
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The middle of the buildings' bounds.
+
+        Strays are left out, lest one push the window off the town: boxes that reach further
+        than 1.5 interquartile ranges beyond the quartiles of all (Tukey's fence).
+        """
+        low, high = np.nanquantile(self.boxes, (0.25, 0.75), axis=0)
+        fence = 1.5 * (high - low)
+        near = ((self.boxes >= low - fence) & (self.boxes <= high + fence)).all(axis=1)
+        kept = self.boxes[near] if near.any() else self.boxes
+        lon, lat = (np.nanmin(kept[:, :2], axis=0) + np.nanmax(kept[:, 2:], axis=0)) / 2
+        return round(float(lon), 7), round(float(lat), 7)
+
+    @property
+    def dense(self) -> tuple[float, float]:
+        """The building next to the median of all."""
+        centers = (self.boxes[:, :2] + self.boxes[:, 2:]) / 2
+        centers = centers[~np.isnan(centers).any(axis=1)]
+        distances = np.abs(centers - np.median(centers, axis=0)).sum(axis=1)
+        lon, lat = centers[distances.argmin()]
+        return round(float(lon), 6), round(float(lat), 6)
+
+
+def _places(polygons: np.ndarray, footprints: Footprints, name: str) -> _Places:
+    boxes, crs = shapely.bounds(polygons), footprints.crs
+    degrees, beyond = boxes, np.zeros(len(boxes), dtype=bool)
+    if crs != WGS84:
+        corners = boxes[:, :2], boxes[:, 2:]
+        degrees = np.hstack([np.column_stack(moved(*corner.T, crs, WGS84)) for corner in corners])
+        for corner, there in zip(corners, (degrees[:, :2], degrees[:, 2:]), strict=True):
+            # a projection may answer far outside its range, but not find back
+            back = np.column_stack(moved(*there.T, WGS84, crs))
+            with np.errstate(invalid="ignore"):
+                beyond |= (np.abs(back - corner) > 1.0).any(axis=1)
+    beyond |= (np.abs(degrees) > [180, 90, 180, 90]).any(axis=1)
+    if beyond.any():
+        example = ", ".join(f"{edge:g}" for edge in boxes[beyond.argmax()][:2])
+        limits = " (longitude ±180, latitude ±90)" if crs == WGS84 else ""
+        raise MapError(
+            f"{name}: {beyond.sum()} of {len(boxes)} footprints out of range, such as ({example})",
+            f"coordinates in {crs.name}{limits}",
+            "name the file's own reference system (the 'crs' member of an older GeoJSON), "
+            "or repair the coordinates",
+        )
+    return _Places(degrees)
+
+
+def _inside(
+    polygons: np.ndarray, tags: Sequence[Mapping], window: shapely.Polygon
+) -> tuple[np.ndarray, list[Mapping]]:
+    """The footprints that meet the window, repaired where their outlines cross themselves."""
+    west, south, east, north = window.bounds
+    boxes = shapely.bounds(polygons)
+    near = np.flatnonzero(
+        (boxes[:, 0] < east) & (boxes[:, 2] > west) & (boxes[:, 1] < north) & (boxes[:, 3] > south)
+    )
+    polygons = polygons[near]
+    broken = ~shapely.is_valid(polygons)
+    polygons[broken] = shapely.make_valid(
+        polygons[broken], method="structure", keep_collapsed=False
+    )
+    meets = shapely.intersects(polygons, window) & (shapely.area(polygons) > 0)
+    return polygons[meets], [tags[i] for i in near[meets]]
+
+
+def _painted(
+    polygons: np.ndarray,
+    heights: np.ndarray,
+    pixels: int,
+    side: float,
+    corner: tuple[float, float],
+) -> np.ndarray:
+    """Float32 ``(pixels, pixels)``: painted from the lowest to the highest."""
+    order = np.argsort(heights, kind="stable")
+    return rasterize(
+        zip(polygons[order], heights[order].tolist(), strict=True),
+        out_shape=(pixels, pixels),
+        transform=north_up(*corner, side),
+        all_touched=False,  # the pixel-centre rule
+        dtype="float32",
+    )
+
+
+def _nothing_there(
+    name: str, center: tuple[float, float], side: float, places: _Places
+) -> MapError:
+    west, south, east, north = places.bounds
+    lon, lat = places.dense
+    return MapError(
+        f"{name}: no building in the {side:g} m about {center[0]:g}, {center[1]:g}",
+        f"a window among its {len(places.boxes)} buildings, which lie from longitude {west:.5f} "
+        f"to {east:.5f} and latitude {south:.5f} to {north:.5f}",
+        f"pass another center=, for example center=({lon}, {lat})",
+    )
+
+
+__all__ = ["METRES_PER_PIXEL", "PIXELS", "burnt"]

@@ -1,0 +1,128 @@
+"""CityJSON (1.0 to 2.0): footprints from ground surfaces, or from the shadow of a solid.
+
+A building's footprint is, in this order: its surfaces that say ``GroundSurface``; its LoD 0
+geometry; all faces of its lowest level of detail, seen from above. A building's parts count
+as buildings of their own and inherit its attributes.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from evocity.errors import MapError
+from evocity.io.projection import crs_named
+from evocity.io.sources import Footprints
+
+_KINDS = ("Building", "BuildingPart", "BuildingUnit")
+
+# how many lists lie around one surface (a list of rings) in `boundaries`
+_DEPTH = {
+    "MultiSurface": 0,
+    "CompositeSurface": 0,
+    "Solid": 1,
+    "MultiSolid": 2,
+    "CompositeSolid": 2,
+}
+
+
+def read_cityjson(path: Path, document: dict) -> Footprints:
+    """The buildings of a CityJSON document, each with ``solid_height`` among its tags."""
+    try:
+        crs = _crs(path, document)
+        vertices = _vertices(document)
+        objects = document["CityObjects"]
+        polygons, tags = [], []
+        for found in objects.values():
+            if found["type"] not in _KINDS:
+                continue
+            geometries = [g for g in found.get("geometry", []) if g["type"] in _DEPTH]
+            footprint = _footprint(geometries, vertices)
+            if footprint is None:
+                continue
+            polygons.append(footprint)
+            height = _extent(geometries, vertices)
+            tags.append({"solid_height": height} | _attributes(found, objects))
+    except (
+        *(TypeError, KeyError, IndexError, ValueError, AttributeError, OverflowError),
+        shapely.errors.GEOSException,
+    ) as error:
+        raise MapError(
+            f"{path.name}: its CityJSON cannot be read ({type(error).__name__}: {error})",
+            "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
+            "check it with a CityJSON validator, or export it again",
+        ) from error
+    return Footprints(np.array(polygons, dtype=object), tags, crs)
+
+
+def _crs(path: Path, document: dict):
+    named = document.get("metadata", {}).get("referenceSystem")
+    if named is None:
+        raise MapError(
+            f"{path.name} names no reference system",
+            "metadata.referenceSystem, such as https://www.opengis.net/def/crs/EPSG/0/7415",
+            "add it: the coordinates have no place on Earth without it",
+        )
+    return crs_named(named, f"{path.name}, metadata.referenceSystem")
+
+
+def _vertices(document: dict) -> np.ndarray:
+    """Float64 ``(n, 3)``: the vertices, unpacked by ``transform``."""
+    vertices = np.array(document["vertices"], dtype=float).reshape(-1, 3)
+    if packing := document.get("transform"):
+        vertices = vertices * packing["scale"] + packing["translate"]
+    if not np.isfinite(vertices).all():
+        raise ValueError("a vertex is NaN or infinite")
+    return vertices
+
+
+def _attributes(found: dict, objects: dict) -> dict:
+    inherited = {}
+    for parent in found.get("parents", [])[:1]:
+        inherited = objects.get(parent, {}).get("attributes", {})
+    return inherited | found.get("attributes", {})
+
+
+def _surfaces(geometry: dict) -> Iterator[tuple[list, str | None]]:
+    """Each surface (a list of rings of vertex indices) with the type its semantics give."""
+    semantics = geometry.get("semantics") or {}
+    types = [surface["type"] for surface in semantics.get("surfaces", [])]
+    pairs = [(geometry["boundaries"], semantics.get("values"))]
+    for _ in range(_DEPTH[geometry["type"]]):
+        pairs = [
+            (inner, None if values is None else values[i])
+            for boundaries, values in pairs
+            for i, inner in enumerate(boundaries)
+        ]
+    for boundaries, values in pairs:
+        for i, surface in enumerate(boundaries):
+            index = None if values is None else values[i]
+            yield surface, None if index is None else types[index]
+
+
+def _footprint(geometries: list[dict], vertices: np.ndarray) -> shapely.Geometry | None:
+    by_lod = sorted(geometries, key=lambda geometry: str(geometry.get("lod", "")))
+    ground = [s for g in by_lod[-1:] for s, kind in _surfaces(g) if kind == "GroundSurface"]
+    surfaces = ground or [s for g in by_lod[:1] for s, _ in _surfaces(g)]
+    areas = [area for surface in surfaces if (area := _seen_from_above(surface, vertices))]
+    return shapely.union_all(areas) if areas else None
+
+
+def _seen_from_above(surface: list, vertices: np.ndarray) -> shapely.Geometry | None:
+    rings = [vertices[np.asarray(ring, dtype=np.intp), :2] for ring in surface]
+    if not rings or any(len(ring) < 3 for ring in rings):
+        return None
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    if polygon.area <= 1e-6:  # a wall
+        return None
+    return polygon if polygon.is_valid else polygon.buffer(0)
+
+
+def _extent(geometries: list[dict], vertices: np.ndarray) -> float:
+    """Metres from the lowest to the highest point, 0 for a flat footprint."""
+    used = [i for g in geometries for s, _ in _surfaces(g) for ring in s for i in ring]
+    return float(np.ptp(vertices[used, 2])) if used else 0.0
+
+
+__all__ = ["read_cityjson"]

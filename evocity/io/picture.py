@@ -1,0 +1,245 @@
+"""A map as a picture: heights on an even scale of colours, light from the north-west."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from scipy import ndimage
+
+from evocity.citymap import BUILT_ABOVE, CityMap
+
+PAPER = (250, 248, 244)
+GROUND = (241, 238, 231)
+INK = (52, 48, 46)
+FAINT = (128, 121, 114)
+
+# From the lowest roof to the highest, each step as much darker as the one before (OKLab).
+_RAMP = ("#edd5ae", "#e8b682", "#de9262", "#cb6b54", "#a94a56", "#7c355c", "#4e2655", "#241741")
+
+# The light comes from the north-west and falls 2 m in 1 m; its shadows, metres, end here.
+_LIGHT_FALL, _LONGEST_SHADOW = 2.0, 40.0
+
+# Pillow's own font has no ©, é or Cyrillic; names and attributions do.
+_FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
+
+
+def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
+    """Colours of ``heights`` (metres, any shape ``(H, W)``): uint8 ``(H, W, 3)``.
+
+    Ground is pale; from `BUILT_ABOVE` on, colours darken evenly up to ``highest`` metres and
+    stay there above. Traces lower than a building are drawn fainter. About 0.5 ms at 256².
+    """
+    table = _table(max(float(highest), 2 * BUILT_ABOVE))
+    steps = np.minimum(heights * ((len(table) - 1) / max(float(highest), 2 * BUILT_ABOVE)), 1023)
+    return table[steps.astype(np.int16)]
+
+
+def scale_end(city: CityMap) -> float:
+    """A round number of metres to end a map's colour scale: above nearly all of its roofs.
+
+    A single tower does not turn the rest pale: the scale ends below it if it is more than
+    twice as high as 99.5 % of what is built.
+    """
+    roofs = city.heights[city.built]
+    if not roofs.size:
+        return 10.0
+    usual, top = float(np.quantile(roofs, 0.995)), float(roofs.max())
+    end = usual if top > 2 * usual else top
+    step = 5 if end <= 50 else 10 if end <= 150 else 50
+    return float(max(10, step * math.ceil(end / step)))
+
+
+def render(
+    city: CityMap, *, highest: float | None = None, legend: bool = True, zoom: int = 1
+) -> Image.Image:
+    """Draw a map.
+
+    Parameters
+    ----------
+    highest : height at which the colours end, metres; give one number to all pictures to be
+        compared. None: `scale_end`.
+    legend : add name, colour scale, scale bar and attribution. Without it the picture is
+        the bare map, ``(H·zoom, W·zoom)``, and who shows it owes the attribution.
+    zoom : picture pixels a map pixel.
+
+    Returns
+    -------
+    PIL.Image : RGB.
+    """
+    end = scale_end(city) if highest is None else float(highest)
+    fabric = Image.fromarray(_shaded(city, end, zoom))
+    return _sheet(city, fabric, end, zoom) if legend else fabric
+
+
+def _table(highest: float) -> np.ndarray:
+    """Uint8 ``(1024, 3)``: colours from 0 to ``highest`` metres, mixed in OKLab."""
+    stops = _oklab(np.array([_rgb(text) for text in _RAMP]) / 255)
+    ground = _oklab(np.array([GROUND]) / 255)
+    at = np.linspace(BUILT_ABOVE, highest, len(stops))
+    # a trace just under the threshold is half-way from the ground to the lowest roof
+    where = np.concatenate([[0.0, BUILT_ABOVE * 0.999], at])
+    colours = np.concatenate([ground, (ground + stops[:1]) / 2, stops])
+    metres = np.linspace(0, highest, 1024)
+    mixed = np.column_stack([np.interp(metres, where, channel) for channel in colours.T])
+    return np.round(_srgb(mixed) * 255).astype(np.uint8)
+
+
+def _shaded(city: CityMap, end: float, zoom: int) -> np.ndarray:
+    """Colours with cast shadows and roof edges, uint8 ``(H·zoom, W·zoom, 3)``."""
+    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    colours = ramp(heights, end).astype(np.float32)
+    depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
+    dark = np.clip(ndimage.gaussian_filter(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
+    open_ground = (heights <= BUILT_ABOVE)[..., None]
+    tint = np.where(open_ground, np.float32(0.24), np.float32(0.14)) * dark
+    colours += (np.array([70, 66, 92], np.float32) - colours) * tint
+    if zoom > 1:
+        colours[_edges(heights)] *= 0.78
+    return np.round(colours).astype(np.uint8)
+
+
+def _shadow_depth(heights: np.ndarray, side: float) -> np.ndarray:
+    """Metres by which each point lies below the light that passes its north-west neighbours."""
+    fall = side * math.sqrt(2) * _LIGHT_FALL  # metres the light falls in one diagonal step
+    highest = min(float(heights.max(initial=0)), _LONGEST_SHADOW * _LIGHT_FALL)
+    roof = np.zeros_like(heights)
+    for step in range(1, min(int(highest / fall) + 1, min(heights.shape) - 1) + 1):
+        cast = heights[:-step, :-step] - np.float32(step * fall)
+        np.maximum(roof[step:, step:], cast, out=roof[step:, step:])
+    return np.maximum(roof - heights, 0)
+
+
+def _edges(heights: np.ndarray) -> np.ndarray:
+    """Bool: the last pixels of a roof before a drop of a storey or more."""
+    edges = np.zeros(heights.shape, dtype=bool)
+    for axis in (0, 1):
+        drop = np.diff(heights, axis=axis)
+        first = [slice(None)] * 2
+        last = [slice(None)] * 2
+        first[axis], last[axis] = slice(None, -1), slice(1, None)
+        edges[tuple(first)] |= drop < -2
+        edges[tuple(last)] |= drop > 2
+    return edges
+
+
+def _sheet(city: CityMap, fabric: Image.Image, end: float, zoom: int) -> Image.Image:
+    """The map on paper, with all that tells what it shows."""
+    size = int(np.clip(min(fabric.size) / 40, 11, 40))  # of the text; all else follows it
+    font, small = _font(size), _font(size * 0.85)
+    title = _font(size * 1.5)
+    margin, beside = 2 * size, 6 * size
+    # a tiny map still gets a sheet on which its legend has room
+    width, height = max(fabric.width, 14 * size), max(fabric.height, 9 * size)
+    lines = _wrapped(city.attribution, small, width + beside)
+    top = margin + int(2.4 * size)
+    bottom = int(3.2 * size) + int(1.25 * size) * len(lines) + margin
+    sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    draw.text((margin, margin), _shortened(city.name, title, width + beside), INK, title, "lt")
+    sheet.paste(fabric, (margin, top))
+    draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
+    right, low = margin + width, top + height
+    _draw_colours(sheet, draw, (right + size, top, low), city, end, font, small, size)
+    _draw_scale_bar(draw, (margin, low + size), city.metres_per_pixel / zoom, width, small)
+    extent = f"{city.shape[1]} × {city.shape[0]} px of {city.metres_per_pixel:.4g} m"
+    draw.text((right, low + size), extent, FAINT, small, "rt")
+    for number, line in enumerate(lines):
+        draw.text((margin, low + 3.2 * size + 1.25 * size * number), line, FAINT, small, "lt")
+    return sheet
+
+
+def _draw_colours(sheet, draw, place, city, end, font, small, size) -> None:
+    """The colour scale, ground at its foot, ticks in metres."""
+    left, top, low = place
+    top, width = top + int(1.8 * size), size
+    tall = min(low - top, 18 * size)
+    bar = ramp(np.linspace(end, 0, tall)[:, None].repeat(width, axis=1), end)
+    sheet.paste(Image.fromarray(bar), (left, top))
+    draw.rectangle((left - 1, top - 1, left + width, top + tall), outline=FAINT)
+    draw.text((left, top - int(0.6 * size)), "height, m", FAINT, small, "lb")
+    for metres in _ticks(end, tall / (2 * size)):
+        y = top + round((tall - 1) * (1 - metres / end))
+        draw.line((left + width, y, left + width + size // 3, y), FAINT)
+        draw.text((left + 1.6 * width, y), f"{metres:g}", INK, font, "lm")
+    roof = float(city.heights.max(initial=0))
+    if roof > end and low - top - tall > 2 * size:
+        note = f"up to {roof:.0f}"
+        draw.text((left, top + tall + size // 2), note, FAINT, small, "lt")
+
+
+def _draw_scale_bar(draw, place, side, width, font) -> None:
+    """A round length of at most a quarter of the map's width; ``side`` in metres a pixel."""
+    left, top = place
+    metres = _ticks(width * side / 4, 1)[-1] or 1
+    length, thick = metres / side, max(2, round(font.size / 4))
+    draw.rectangle((left, top, left + length, top + thick), outline=INK)
+    draw.rectangle((left, top, left + length / 2, top + thick), fill=INK)
+    draw.text((left + length + font.size / 2, top), f"{metres:g} m", INK, font, "lt")
+
+
+def _ticks(end: float, most: float) -> list[float]:
+    """Round numbers from 0 to ``end``, at most about ``most`` steps."""
+    wanted = end / max(most, 1)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    step = next(m * power for m in (1, 2, 5, 10) if m * power >= wanted * 0.999)
+    if most <= 1 and step > end:
+        step = max(m * power for m in (0.5, 1, 2, 5) if m * power <= end)
+    return [step * i for i in range(int(end / step + 1e-9) + 1)]
+
+
+@cache
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(_FONT, size)
+
+
+def _wrapped(text: str, font, width: float) -> list[str]:
+    lines: list[str] = []
+    for word in text.split():
+        if lines and font.getlength(f"{lines[-1]} {word}") <= width:
+            lines[-1] = f"{lines[-1]} {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
+def _shortened(text: str, font, width: float) -> str:
+    while len(text) > 1 and font.getlength(text) > width:
+        text = text[:-2] + "…"
+    return text
+
+
+def _rgb(text: str) -> tuple[int, ...]:
+    return tuple(bytes.fromhex(text[1:]))
+
+
+# Ottosson, "A perceptual color space for image processing" (2020)
+_TO_LMS = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def _oklab(srgb: np.ndarray) -> np.ndarray:
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    return np.cbrt(linear @ _TO_LMS.T) @ _TO_LAB.T
+
+
+def _srgb(lab: np.ndarray) -> np.ndarray:
+    linear = (lab @ np.linalg.inv(_TO_LAB).T) ** 3 @ np.linalg.inv(_TO_LMS).T
+    linear = np.clip(linear, 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+__all__ = ["ramp", "render", "scale_end"]

@@ -1,0 +1,153 @@
+"""Rasters of heights: GeoTIFF, grey PNG, NPY."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from PIL import Image, UnidentifiedImageError
+from pyproj import CRS
+from rasterio._err import CPLE_BaseError  # what some properties of a dataset raise
+from rasterio.enums import ColorInterp
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from evocity.errors import MapError
+from evocity.io.projection import flat
+from evocity.io.sources import Grid, Request, check_size
+
+#: Tag under which a GeoTIFF without a reference system keeps its pixel size.
+PIXEL_TAG = "METRES_PER_PIXEL"
+
+# No sidecar files: they may point anywhere.
+_ENVIRONMENT = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
+
+_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937}
+
+
+def read_geotiff(path: Path, request: Request) -> Grid:
+    """Read the one band of heights of a GeoTIFF; nodata, NaN and what is below 0 are ground.
+
+    The band's own scale, offset and feet are applied; ``height_scale`` multiplies.
+    """
+    try:
+        with (
+            warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
+            rasterio.Env(**_ENVIRONMENT),
+            rasterio.open(path, driver="GTiff") as source,
+        ):
+            check_size(path.name, *source.shape)
+            band = _height_band(path, source)
+            heights = source.read(band, masked=True)
+            scale, offset = source.scales[band - 1], source.offsets[band - 1]
+            unit = _FEET.get((source.units[band - 1] or "").lower(), 1.0)
+            crs, transform, tags = source.crs, source.transform, source.tags()
+    except (RasterioError, CPLE_BaseError, OSError, ValueError) as error:
+        raise MapError(
+            f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
+            "a whole GeoTIFF",
+            "download or export it again; it may have been cut off",
+        ) from error
+    if np.iscomplexobj(heights):
+        raise _no_heights(path, "complex numbers")
+    factor = scale * unit * (request.height_scale or 1.0)
+    if factor != 1.0 or offset != 0.0:
+        heights = heights.astype(np.float64) * factor + offset * factor / scale
+    with np.errstate(over="ignore"):
+        ground = np.ma.filled(heights.astype(np.float32), np.float32(0))
+    ground[~(ground > 0)] = 0
+    return Grid(
+        heights=ground,
+        crs=_crs(crs),
+        transform=transform,
+        metres_per_pixel=_number(tags.get(PIXEL_TAG)),
+        attribution=tags.get("ATTRIBUTION") or tags.get("TIFFTAG_COPYRIGHT") or "",
+        name=tags.get("NAME"),
+    )
+
+
+def read_png(path: Path, request: Request) -> Grid:
+    """Read a grey PNG of 1, 8 or 16 bits, whose levels times ``height_scale`` are metres."""
+    try:
+        with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["PNG"]) as image:
+            check_size(path.name, image.height, image.width)
+            if image.mode not in ("1", "L", "I", "I;16"):
+                raise MapError(
+                    f"{path.name} is a picture in colour ({image.mode})",
+                    "a grey PNG of 8 or 16 bits whose levels are heights",
+                    "convert it to grey levels; a picture made by evocity holds no heights, "
+                    "its .tif or .npy does",
+                )
+            levels = np.asarray(image)
+    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
+        raise MapError(
+            f"{path.name} cannot be read as PNG: {error}",
+            "a whole PNG of at most 170 million pixels",
+            "export it again; it may have been cut off",
+        ) from error
+    if request.height_scale is None:
+        raise MapError(
+            f"{path.name}: grey levels 0 to {levels.max()} without a height scale",
+            "height_scale=, the metres of one grey level",
+            f"pass it, for example height_scale={50 / max(1, int(levels.max())):.4g} if the "
+            "highest level means 50 m",
+        )
+    return Grid(levels.astype(np.float32) * np.float32(request.height_scale))
+
+
+def read_npy(path: Path, request: Request) -> Grid:
+    """Read a two-dimensional array of numbers, metres; pickled objects are refused."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            stored = np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # a damaged header raises whatever Python's parser does
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise MapError(
+            f"{path.name} cannot be read as NPY: {reason}",
+            "a whole file of numpy.save with numbers in it",
+            "save the heights again with numpy.save(path, heights)",
+        ) from error
+    if stored.ndim != 2 or stored.dtype.kind not in "biuf":
+        raise _no_heights(path, f"{stored.dtype} of shape {stored.shape}")
+    check_size(path.name, *stored.shape)
+    with np.errstate(over="ignore"):
+        return Grid(stored.astype(np.float32) * np.float32(request.height_scale or 1.0))
+
+
+def _height_band(path: Path, source: rasterio.DatasetReader) -> int:
+    bands = [
+        band
+        for band, kind in zip(source.indexes, source.colorinterp, strict=True)
+        if kind is not ColorInterp.alpha
+    ]
+    if len(bands) != 1 or source.colorinterp[bands[0] - 1] is ColorInterp.palette:
+        raise _no_heights(path, f"{len(bands)} bands ({_kinds(source)})")
+    return bands[0]
+
+
+def _kinds(source: rasterio.DatasetReader) -> str:
+    return ", ".join(kind.name for kind in source.colorinterp[:4])
+
+
+def _no_heights(path: Path, found: str) -> MapError:
+    return MapError(
+        f"{path.name} holds {found}",
+        "one band, or one array of two axes, of heights above ground in metres",
+        "extract the heights into a file of their own",
+    )
+
+
+def _crs(crs: rasterio.crs.CRS | None) -> CRS | None:
+    if crs is None:
+        return None
+    known = flat(CRS.from_wkt(crs.to_wkt()))
+    return known if known.is_projected or known.is_geographic else None
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
+__all__ = ["PIXEL_TAG", "read_geotiff", "read_npy", "read_png"]

@@ -1,0 +1,243 @@
+"""`read_map`: which reader, which window; and the table of readers."""
+
+import dataclasses
+import math
+import numbers
+import os
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.io import bundled
+from evocity.io.burning import burnt
+from evocity.io.geojson import read_json
+from evocity.io.osm import read_osm_xml
+from evocity.io.osmpbf import read_osm_pbf
+from evocity.io.raster import read_geotiff, read_npy, read_png
+from evocity.io.resampling import gridded
+from evocity.io.sources import MAX_SIDE, Footprints, Reader, Request, content_of
+from evocity.io.vector import read_layers
+
+_PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
+
+_JSON = Reader(read_json, "JSON", _PLAIN)
+_PBF = Reader(read_osm_pbf, "OSM PBF", _PLAIN)
+_TIFF = Reader(read_geotiff, "TIFF", _SCALED)
+
+#: The one table of readers. Packages add rows by entry points of the group
+#: ``evocity.readers``: the name is the suffix, the object a `Reader` or a function
+#: ``(path, request) -> Footprints | Grid``.
+READERS: dict[str, Reader] = {
+    ".geojson": _JSON,
+    ".json": _JSON,
+    ".city.json": _JSON,
+    ".cityjson": _JSON,
+    ".gpkg": Reader(read_layers, "SQLite (GeoPackage)", _LAYERED),
+    ".shp": Reader(read_layers, "Shapefile", _LAYERED),
+    ".osm": Reader(read_osm_xml, "OSM XML", _PLAIN),
+    ".osm.pbf": _PBF,
+    ".pbf": _PBF,
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".png": Reader(read_png, "PNG", _SCALED),
+    ".npy": Reader(read_npy, "NPY", _SCALED),
+}
+
+
+def read_map(
+    source: str | os.PathLike,
+    *,
+    pixels: int | None = None,
+    metres_per_pixel: float | None = None,
+    center: tuple[float, float] | None = None,
+    layer: str | None = None,
+    default_height: float = 6.0,
+    height_scale: float | None = None,
+    name: str | None = None,
+) -> CityMap:
+    """Read a map from a file, or one of the districts that `cities` lists.
+
+    Parameters
+    ----------
+    source : a path, or the name of a bundled district. The suffix chooses the reader
+        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG,
+        NPY.
+    pixels : side of the square window. Footprints: 256. A raster: its own extent.
+    metres_per_pixel : side of a pixel, metres. Footprints: 2.0. GeoTIFF: its own. PNG and
+        NPY do not say it themselves: it is required.
+    center : (longitude, latitude) of the window. Else the ``window`` member of a GeoJSON, else
+        the middle of the buildings' bounds, or of the raster.
+    layer : which layer of a GeoPackage, if the one of the buildings cannot be told.
+    default_height : metres of a building whose height no rule tells (see `evocity.io.heights`).
+    height_scale : metres of one grey level (PNG: required), or of one unit (GeoTIFF, NPY).
+    name : what to call the map; else its district, or the file's name.
+
+    Returns
+    -------
+    CityMap : in true metres. Footprints are projected to the file's own projection in metres,
+        else to a transverse Mercator about the center; rasters keep their pixels where these
+        are square, in true metres, and no others are asked for.
+
+    Raises
+    ------
+    MapError : whatever is wrong with the file or the window.
+    """
+    request = Request(
+        pixels=_count(pixels),
+        metres_per_pixel=_positive("metres_per_pixel", metres_per_pixel),
+        center=_place(center),
+        layer=layer,
+        default_height=_positive("default_height", default_height),
+        height_scale=_positive("height_scale", height_scale),
+        name=name,
+    )
+    path, attribution = _found(source)
+    suffix, reader = _reader_of(path)
+    _check_options(path, suffix, reader, request)
+    _check_content(path, reader)
+    data = reader.read(path, request)
+    if attribution:
+        data = dataclasses.replace(data, attribution=attribution)
+    stem = path.name[: -len(suffix)]
+    if isinstance(data, Footprints):
+        return burnt(data, request, name or stem)
+    return gridded(data, request, name or data.name or stem)
+
+
+def suffixes() -> list[str]:
+    """Suffixes that can be read, those of installed packages included."""
+    return sorted({*READERS, *(entry.name.lower() for entry in _entries())})
+
+
+def _entries():
+    return entry_points(group="evocity.readers")
+
+
+def _found(source: str | os.PathLike) -> tuple[Path, str]:
+    """The file, and the attribution of a bundled one."""
+    text = os.fspath(source)
+    if text in bundled.cities():
+        return bundled.path_of(text), bundled.attribution_of(text)
+    path = Path(text)
+    try:
+        if path.is_dir():
+            raise MapError(
+                f"{text!r} is a folder", "a file", f"name a file in it: {_listed(suffixes())}"
+            )
+        if not path.is_file():
+            if not path.suffix and path.parent == Path():
+                bundled.path_of(text)  # raises, and lists the districts
+            raise MapError(
+                f"no file {text!r}"
+                + ("" if path.parent.is_dir() else f": there is no folder {str(path.parent)!r}"),
+                "an existing file, or the name of a bundled city",
+                "check the path; `evocity cities` lists the bundled ones",
+            )
+    except (OSError, ValueError) as error:
+        raise _unreadable(text, error) from error
+    return path, ""
+
+
+def _reader_of(path: Path) -> tuple[str, Reader]:
+    """The row of the longest suffix the file's name ends with."""
+    lower = path.name.lower()
+    fitting = [suffix for suffix in suffixes() if lower.endswith(suffix) and lower != suffix]
+    if not fitting:
+        raise MapError(
+            f"{path.name}: nothing reads {path.suffix or 'a file without a suffix'}",
+            f"a file that ends in {_listed(suffixes())}",
+            "convert it to one of these; GeoJSON and GeoTIFF are the easiest to check",
+        )
+    suffix = max(fitting, key=len)
+    if suffix in READERS:
+        return suffix, READERS[suffix]
+    (entry, *_) = (entry for entry in _entries() if entry.name.lower() == suffix)
+    reader = entry.load()
+    return suffix, reader if isinstance(reader, Reader) else Reader(reader)
+
+
+def _check_options(path: Path, suffix: str, reader: Reader, request: Request) -> None:
+    for option in ("layer", "height_scale"):
+        if getattr(request, option) is not None and option not in reader.takes:
+            takers = [s for s in READERS if option in READERS[s].takes]
+            raise MapError(
+                f"{path.name}: {option}= means nothing for {suffix}",
+                f"{option}= only with {_listed(takers)}",
+                f"leave {option}= out",
+            )
+
+
+def _check_content(path: Path, reader: Reader) -> None:
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise _unreadable(str(path), error) from error
+    if not head:
+        raise MapError(f"{path.name} is empty", "a map", "download or export it again")
+    content = content_of(head)
+    if reader.content is not None and content != reader.content:
+        raise MapError(
+            f"{path.name} holds {content if content != 'unknown' else 'something else'}",
+            f"{reader.content}, as its name says",
+            "give the file the suffix of what it holds, or export it again",
+        )
+
+
+def _unreadable(text: str, error: Exception) -> MapError:
+    reason = getattr(error, "strerror", None) or error
+    return MapError(
+        f"{text!r} cannot be opened: {reason}",
+        "a file this user may read",
+        "check the path and the permissions",
+    )
+
+
+def _listed(items: list[str]) -> str:
+    return ", ".join(sorted(items))
+
+
+def _count(pixels: object) -> int | None:
+    if pixels is None:
+        return None
+    whole = isinstance(pixels, numbers.Integral) and not isinstance(pixels, bool)
+    if not whole or not 1 <= pixels <= MAX_SIDE:
+        raise MapError(
+            f"pixels = {pixels!r}",
+            f"a whole number from 1 to {MAX_SIDE}",
+            "give the side of the square window in pixels, for example pixels=256",
+        )
+    return int(pixels)
+
+
+def _positive(option: str, value: object) -> float | None:
+    if value is None and option != "default_height":
+        return None
+    number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    if not number or not (math.isfinite(value) and value > 0):
+        raise MapError(
+            f"{option} = {value!r}",
+            "a positive number of metres",
+            f"correct {option}=, or leave it out",
+        )
+    return float(value)
+
+
+def _place(center: object) -> tuple[float, float] | None:
+    if center is None:
+        return None
+    try:
+        lon, lat = (float(value) for value in center)
+        if abs(lon) <= 180 and abs(lat) < 90:
+            return lon, lat
+    except (TypeError, ValueError):
+        pass
+    raise MapError(
+        f"center = {center!r}",
+        "(longitude, latitude) in degrees, longitude first, within ±180 and ±90",
+        "give the place as two numbers, for example center=(4.8344, 45.7685)",
+    )
+
+
+__all__ = ["READERS", "read_map", "suffixes"]
