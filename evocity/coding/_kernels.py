@@ -55,6 +55,82 @@ def gather(layers, table, sigma, beta, target):
         target[p] = sigma[p] * layers[max(table[p], 0)] + beta[p]
 
 
+@kernel
+def mirrored(lines, near, far, even, combined):
+    """combined[x] = √½ (near ± far) of two shifted lines, + for even; the line itself if both
+    are one (the middle line of an odd block)."""
+    half = np.float32(np.sqrt(0.5))
+    (i, p), (j, q) = near, far
+    p, q = np.uintp(p), np.uintp(q)
+    if i == j and p == q:
+        for x in range(np.uintp(combined.size)):
+            combined[x] = lines[i, x + p]
+    elif even:
+        for x in range(np.uintp(combined.size)):
+            combined[x] = half * (lines[i, x + p] + lines[j, x + q])
+    else:
+        for x in range(np.uintp(combined.size)):
+            combined[x] = half * (lines[i, x + p] - lines[j, x + q])
+
+
+@kernel
+def fold(shrunk, step, block, weights, planes, energy):
+    """planes[y, :, x], energy[y, x] = D4 coordinates and energy, the mean removed, of the block
+    of pixels shrunk[y + step·i, x + step·j]; see evocity.coding.domains for their order.
+
+    ``weights`` (B²,) holds the coordinates of the block of ones. Columns beyond those where a
+    block fits are left as they are.
+    """
+    rows, count = planes.shape[0], planes.shape[1]
+    width = shrunk.shape[1]
+    columns = width - step * (block - 1)
+    evens = (block + 1) // 2
+    down = np.empty((block, width), np.float32)
+    full = np.empty((block, block, columns), np.float32)
+    mean = np.empty(columns, np.float32)
+    half = np.float32(np.sqrt(0.5))
+    for y in range(rows):
+        for a in range(block):
+            i = a if a < evens else a - evens
+            near, far = y + step * i, y + step * (block - 1 - i)
+            mirrored(shrunk, (near, 0), (far, 0), a < evens, down[a])
+        for a in range(block):
+            for b in range(block):
+                j = b if b < evens else b - evens
+                near, far = step * j, step * (block - 1 - j)
+                mirrored(down, (a, near), (a, far), b < evens, full[a, b])
+        k = 0
+        for first, last in ((0, evens), (evens, block)):
+            for sign in (1, -1):
+                for a in range(first, last):
+                    if sign > 0:
+                        planes[y, k, :columns] = full[a, a]
+                        k += 1
+                    for b in range(a + 1, last):
+                        one, two = full[a, b], full[b, a]
+                        for x in range(columns):
+                            planes[y, k, x] = half * (one[x] + sign * two[x])
+                        k += 1
+        for swap in (False, True):
+            for a in range(evens):
+                for b in range(evens, block):
+                    planes[y, k, :columns] = full[b, a] if swap else full[a, b]
+                    k += 1
+        mean[:] = 0
+        for k in range(count):
+            if weights[k] != 0:
+                for x in range(columns):
+                    mean[x] += weights[k] * planes[y, k, x]
+        scale = np.float32(1.0 / count)
+        energy[y, :columns] = 0
+        for k in range(count):
+            line = planes[y, k]
+            shift = weights[k] * scale
+            for x in range(columns):
+                line[x] -= shift * mean[x]
+                energy[y, x] += line[x] * line[x]
+
+
 @cache
 def correlators(block):
     """The two search kernels for range blocks of side ``block``.

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from evocity.coding._kernels import box_means
+from evocity.coding._kernels import box_means, fold
 
 #: Blocks with less energy than this share of the highest roof's, a pixel, are flat to float32.
 _NOISE = (4e-6) ** 2
@@ -21,11 +21,9 @@ LANES = 32
 
 
 @cache
-def d4_matrix(block: int) -> np.ndarray:
-    """Orthogonal projection, float32 ``(B², B²)``: a flat block's D4 coordinates, mean removed.
-
-    Rows come in the order s1, s2, s3, s4, u, w; inner products are kept, but for the mean.
-    """
+def d4_basis(block: int) -> np.ndarray:
+    """Orthonormal basis ``(B², B²)`` of blocks of ``block`` px: a row a D4 coordinate, in the
+    order s1, s2, s3, s4, u, w."""
     half = np.sqrt(0.5)
     even, odd = [], []
     for i in range((block + 1) // 2):
@@ -49,9 +47,17 @@ def d4_matrix(block: int) -> np.ndarray:
     rows = [*parts(even, 1), *parts(even, -1), *parts(odd, 1), *parts(odd, -1)]
     rows += [np.outer(a, b) for a in even for b in odd]
     rows += [np.outer(b, a) for a in even for b in odd]
-    matrix = np.array(rows).reshape(block * block, block * block)
-    matrix = matrix - matrix.mean(axis=1, keepdims=True)
-    matrix = matrix.astype(np.float32)
+    basis = np.array(rows).reshape(block * block, block * block)
+    basis.setflags(write=False)
+    return basis
+
+
+@cache
+def d4_matrix(block: int) -> np.ndarray:
+    """`d4_basis` with the mean removed, float32: what turns a flat block into the coordinates
+    that the search compares. Inner products are kept, but for the mean."""
+    basis = d4_basis(block)
+    matrix = (basis - basis.mean(axis=1, keepdims=True)).astype(np.float32)
     matrix.setflags(write=False)
     return matrix
 
@@ -89,13 +95,10 @@ def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.
     rows, columns = height - multiple * block + 1, width - multiple * block + 1
     shrunk = np.empty((height - multiple + 1, width - multiple + 1))
     box_means(heights.astype(np.float64), multiple, multiple, shrunk)
-    single = shrunk.astype(np.float32)
-    stacked = np.zeros((rows, block * block, columns + LANES), np.float32)
-    for t in range(block * block):
-        i, j = multiple * (t // block), multiple * (t % block)
-        stacked[:, t, :columns] = single[i : i + rows, j : j + columns]
-    planes = np.matmul(d4_matrix(block), stacked)
-    energy = np.einsum("ykx,ykx->yx", planes, planes)
+    planes = np.zeros((rows, block * block, columns + LANES), np.float32)
+    energy = np.zeros((rows, columns + LANES), np.float32)
+    ones = d4_basis(block).sum(axis=1).astype(np.float32)
+    fold(shrunk.astype(np.float32), multiple, block, ones, planes, energy)
     highest = float(heights.max(initial=0))
     # a block whose heights span `flat` has at least flat²/2 of energy
     energy[energy <= max(flat**2 / 2, block**2 * highest**2 * _NOISE)] = 0

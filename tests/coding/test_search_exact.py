@@ -34,6 +34,7 @@ MAPS = {
     "ten kilometres": circles() * 1e3,
     "exact ties": np.tile(np.random.default_rng(3).integers(0, 3, (4, 4)) * 3.0, (4, 4)),
     "noise": np.random.default_rng(4).random((SIDE, SIDE)) * 30,
+    "slight relief on a plateau": 300 + 0.02 * np.random.default_rng(5).random((SIDE, SIDE)),
     "one pixel": np.pad(np.full((1, 1), 9.0), ((6, 9), (9, 6))),
 }
 
@@ -113,6 +114,20 @@ def test_d4_coordinates_keep_inner_products(block):
     matrix = d4_matrix(block).astype(float)
     ours = (matrix @ a) @ (matrix @ b)
     assert ours == pytest.approx((a - a.mean()) @ (b - b.mean()), rel=1e-5)
+
+
+@pytest.mark.parametrize(("block", "multiple"), [(2, 2), (3, 2), (4, 2), (4, 3), (8, 2)])
+def test_folded_domains_against_the_naive_twin(town, block, multiple):
+    heights = town.heights[:40, :37]
+    pool = domain_pool(heights, block, multiple)
+    rows, columns = pool.shape
+    assert (rows, columns) == (41 - block * multiple, 38 - block * multiple)
+    for y, x in np.ndindex(rows, columns):
+        domain = naive.shrunk(heights, y, x, multiple, multiple, block)
+        truth = d4_matrix(block).astype(float) @ domain.ravel()
+        assert pool.planes[y, :, x] == pytest.approx(truth, abs=1e-4)
+    assert (pool.planes[:, :, columns:] == 0).all()
+    assert (pool.energy[:, columns:] == 0).all()
 
 
 def test_pool_energy_is_the_blocks_own(town):
