@@ -191,7 +191,7 @@ class Genome:
 
     @cached_property
     def digest(self) -> str:
-        """Hexadecimal hash of pavement, pixel size and nucleotides: equal genomes, equal digests."""
+        """Hex digest of pavement, pixel size and nucleotides: equal for equal genomes."""
         p = self.pavement
         state = hashlib.blake2b(digest_size=16)
         state.update(repr((p.height, p.width, p.block, self.metres_per_pixel)).encode())
@@ -330,7 +330,9 @@ def _check_bounds(genome: Genome) -> None:
     right, bottom = genome.x + extent_x, genome.y + extent_y
     with np.errstate(invalid="ignore"):
         faults = {
-            f"σ beyond ±{genome.sigma_max:g}": ~(np.abs(genome.sigma) <= np.float32(genome.sigma_max)),
+            f"σ beyond ±{genome.sigma_max:g}": ~(
+                np.abs(genome.sigma) <= np.float32(genome.sigma_max)
+            ),
             "β not finite": ~np.isfinite(genome.beta),
             "domain outside the map": (genome.x < 0)
             | (genome.y < 0)
@@ -339,7 +341,13 @@ def _check_bounds(genome: Genome) -> None:
             f"extent not a multiple of {b} above {b}": ~none
             & ((extent_x <= b) | (extent_y <= b) | (extent_x % b != 0) | (extent_y % b != 0)),
             "no domain, yet σ, x, y, dy or iso not 0": none
-            & ((genome.sigma != 0) | (extent_y != 0) | (genome.iso != 0) | (right != 0) | (bottom != 0)),
+            & (
+                (genome.sigma != 0)
+                | (extent_y != 0)
+                | (genome.iso != 0)
+                | (right != 0)
+                | (bottom != 0)
+            ),
             "iso above 7": genome.iso > 7,
             "parent not among the cities": genome.parent >= len(genome.cities),
             "source below 0": genome.source < 0,

@@ -42,7 +42,10 @@ def _group() -> tuple[np.ndarray, np.ndarray]:
     table = [row.tolist() for row in sources(2)]
     index = np.arange(4).reshape(2, 2)
     composition = np.array(
-        [[table.index(apply(a, apply(b, index)).ravel().tolist()) for b in range(8)] for a in range(8)],
+        [
+            [table.index(apply(a, apply(b, index)).ravel().tolist()) for b in range(8)]
+            for a in range(8)
+        ],
         dtype=np.uint8,
     )
     inverse = np.argmin(composition, axis=1).astype(np.uint8)  # the identity is 0
