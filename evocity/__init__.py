@@ -1,3 +1,38 @@
-"""Breed city fabrics: real districts coded as fractal genomes."""
+"""Breed city fabrics: real districts coded as fractal genomes, crossed, decoded and measured.
+
+A `CityMap` is a district as a raster of building heights. Coded, it is a `Genome`: one gene, a
+lifs, for each range block of its `Pavement`. Operators breed genomes; decoding finds the
+attractor, the map a genome stands for; a measure gives a map one number. A `Recipe` says what
+to breed and what to reward; a `Search` carries it out, generation by generation, and writes
+every birth into a run folder, which `open_run` reads.
+"""
+
+from importlib import import_module
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "CityMap": "citymap",
+    "EvocityError": "errors",
+    "Genome": "genome",
+    "Pavement": "genome",
+    "Recipe": "search",
+    "Search": "search",
+    "cities": "io",
+    "decode": "coding",
+    "encode": "coding",
+    "open_run": "store",
+    "read_genome": "genome",
+    "read_map": "io",
+    "read_recipe": "search",
+    "write_map": "io",
+}
+__all__ = [*_HOME, "fitness"]  # evocity.fitness is a module and, called, the decorator
+
+
+def __getattr__(name: str):  # each name loads its room when first used: `--help` stays quick
+    if name == "fitness":
+        return import_module("evocity.fitness")
+    if name in _HOME:
+        return getattr(import_module(f"evocity.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'evocity' has no attribute {name!r}")

@@ -2,7 +2,7 @@
 
 - `reading`: `read_map`, and the table of readers `READERS`
 - `sources`: what a reader takes and returns
-- `geojson`, `cityjson`, `osm`, `osmpbf`, `vector`, `raster`: the readers
+- `geojson`, `cityjson`, `osm`, `vector`, `raster`: the readers
 - `heights`: the rules by which a building gets its height
 - `projection`: reference systems, true metres
 - `burning`, `resampling`: footprints and rasters on square pixels

@@ -12,8 +12,7 @@ from evocity.errors import MapError
 from evocity.io import bundled
 from evocity.io.burning import burnt
 from evocity.io.geojson import read_json
-from evocity.io.osm import read_osm_xml
-from evocity.io.osmpbf import read_osm_pbf
+from evocity.io.osm import read_osm
 from evocity.io.raster import read_geotiff, read_npy, read_png
 from evocity.io.resampling import gridded
 from evocity.io.sources import MAX_SIDE, Footprints, Reader, Request, content_of
@@ -22,7 +21,7 @@ from evocity.io.vector import read_layers
 _PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
 
 _JSON = Reader(read_json, "JSON", _PLAIN)
-_PBF = Reader(read_osm_pbf, "OSM PBF", _PLAIN)
+_PBF = Reader(read_osm, "OSM PBF", _PLAIN)
 _TIFF = Reader(read_geotiff, "TIFF", _SCALED)
 
 #: The one table of readers. Packages add rows by entry points of the group
@@ -35,7 +34,9 @@ READERS: dict[str, Reader] = {
     ".cityjson": _JSON,
     ".gpkg": Reader(read_layers, "SQLite (GeoPackage)", _LAYERED),
     ".shp": Reader(read_layers, "Shapefile", _LAYERED),
-    ".osm": Reader(read_osm_xml, "OSM XML", _PLAIN),
+    ".osm": Reader(read_osm, "OSM XML", _PLAIN),
+    ".osm.gz": Reader(read_osm, "gzip", _PLAIN),
+    ".osm.bz2": Reader(read_osm, "bzip2", _PLAIN),
     ".osm.pbf": _PBF,
     ".pbf": _PBF,
     ".tif": _TIFF,

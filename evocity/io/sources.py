@@ -102,6 +102,7 @@ _MAGIC = (
     (b"\x00\x00\x27\x0a", "Shapefile"),
     (b"PK\x03\x04", "ZIP"),
     (b"\x1f\x8b", "gzip"),
+    (b"BZh", "bzip2"),
     (b"\xff\xd8\xff", "JPEG"),
     (b"%PDF", "PDF"),
 )

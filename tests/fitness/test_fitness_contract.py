@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from conftest import draw_town
+from towns import draw_town
 
 import evocity.fitness
 from evocity import isometries

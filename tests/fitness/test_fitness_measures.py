@@ -10,11 +10,11 @@ import pyogrio
 import pytest
 import shapely
 from affine import Affine
-from conftest import draw_town
 from rasterio import features
 from scipy import stats
 from scipy.optimize import minimize_scalar
 from shapely import affinity
+from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError

@@ -6,6 +6,7 @@ import os
 import shutil
 
 import numpy as np
+import osmium
 import pytest
 import rasterio
 from hypothesis import HealthCheck, given, settings
@@ -14,6 +15,8 @@ from PIL import Image
 
 from evocity.errors import MapError
 from evocity.io import READERS, Footprints, Grid, Reader, bundled, cities, read_map, reading
+
+BREAKABLE = [".geojson", ".gpkg", ".osm", ".osm.pbf", ".osm.gz", ".tif", ".png", ".npy"]
 
 SQUARE = [[0.0, 0.0], [0.001, 0.0], [0.001, 0.001], [0.0, 0.001], [0.0, 0.0]]
 
@@ -166,7 +169,7 @@ def test_an_empty_window_says_where_the_buildings_are(refused):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.4, 0.95])
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".osm", ".tif", ".png", ".npy", ".shp"])
+@pytest.mark.parametrize("suffix", [*BREAKABLE, ".shp"])
 def test_truncated_files(refused, whole_files, suffix, share, tmp_path):
     path = whole_files / f"a{suffix}"
     content = path.read_bytes()
@@ -201,6 +204,10 @@ def whole_files(tmp_path_factory):
     nodes = "".join(f'<node id="{i}" lat="{y}" lon="{x}"/>' for i, (x, y) in enumerate(SQUARE, 1))
     way = "".join(f'<nd ref="{i}"/>' for i in (1, 2, 3, 4, 1)) + '<tag k="building" v="yes"/>'
     (folder / "a.osm").write_text(f'<osm version="0.6">{nodes}<way id="1">{way}</way></osm>')
+    for suffix in (".osm.pbf", ".osm.gz"):
+        with osmium.SimpleWriter(folder / f"a{suffix}") as writer:
+            for element in osmium.FileProcessor(folder / "a.osm"):
+                writer.add(element)
     noise = np.random.default_rng(0).integers(0, 255, (64, 64), dtype=np.uint8)
     Image.fromarray(noise).save(folder / "a.png")
     np.save(folder / "a.npy", noise)
@@ -228,7 +235,7 @@ def whole_files(tmp_path_factory):
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_a_damaged_file_gives_a_map_or_one_error(whole_files, tmp_path_factory, data):
-    suffix = data.draw(st.sampled_from([".geojson", ".gpkg", ".osm", ".tif", ".png", ".npy"]))
+    suffix = data.draw(st.sampled_from(BREAKABLE))
     content = bytearray((whole_files / f"a{suffix}").read_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, min(len(content), 3000) - 1))
@@ -258,10 +265,19 @@ NASTY = [
     ("content", "found"),
     [
         (b'<osm version="0.6"></osm>', "no nodes"),
-        (b'<osm><node id="1" lat="1" lon="2"/></osm>', "no building"),
-        (b'<osm><node id="x" lat="1" lon="2"/></osm>', "cannot be read"),
-        (b'<osm><node id="1" lat="nan" lon="2"/></osm>', "finite"),
-        (b'<osm><node id="1"/><way id="1"><tag k="building" v="yes"/></way></osm>', "no nodes"),
+        (b'<osm version="0.6"><node id="1" lat="1" lon="2"/></osm>', "no building"),
+        (b'<osm version="0.6"><node id="x" lat="1" lon="2"/></osm>', "cannot be read"),
+        (b'<osm version="0.6"><node id="1" lat="nan" lon="2"/></osm>', "coordinate"),
+        (
+            b'<osm version="0.6"><node id="1"/><way id="1"><tag k="building" v="yes"/></way></osm>',
+            "no nodes",
+        ),
+        (
+            b'<osm version="0.6"><node id="1" lat="95" lon="2"/>'
+            b'<way id="1"><nd ref="1"/><tag k="building" v="yes"/></way></osm>',
+            "invalid location",
+        ),
+        (b'<osm><node id="1" lat="1" lon="2"/></osm>', "without version"),
         (b'<?xml version="1.0" encoding="UTF-648"?><osm></osm>', "cannot be read"),
     ],
 )

@@ -1,8 +1,10 @@
 """Footprints -> maps: the pixel-centre rule, heights, holes, windows, projections."""
 
 import json
+import re
 
 import numpy as np
+import osmium
 import pyogrio
 import pytest
 import shapely
@@ -14,7 +16,6 @@ from evocity.errors import MapError
 from evocity.io import read_map
 from evocity.io.burning import burnt
 from evocity.io.heights import RULES, height_of, is_building, metres
-from evocity.io.osmpbf import _packed, _zigzags
 from evocity.io.projection import (
     WGS84,
     crs_named,
@@ -408,17 +409,63 @@ def test_osm_courts_in_any_order(tmp_path, order, custom):
     assert city.built.sum() == pytest.approx((81 - 9) * one, rel=0.02)
 
 
-def test_packed_numbers_of_pbf():
-    numbers = [0, -1, 1, 63, -64, 64, 2**31, -(2**31), 2**62, -(2**62)]
-    raw = b""
-    for number in numbers:
-        rest = (number << 1) ^ (number >> 63)
-        while rest > 127:
-            raw += bytes([rest & 127 | 128])
-            rest >>= 7
-        raw += bytes([rest])
-    assert _zigzags(_packed(raw)).tolist() == numbers
-    assert _packed(b"").size == 0
+@pytest.mark.parametrize("suffix", [".osm.pbf", ".PBF", ".osm.gz", ".osm.bz2"])
+def test_osm_packings_tell_the_same(tmp_path, suffix):
+    court = osm(
+        [
+            (1, square(0, 0, 9), {}),
+            (2, square(3, 3, 3), {}),
+            (4, square(20, 20, 2), {"building:part": "yes", "height": "9"}),
+        ],
+        [([(1, "outer"), (2, "inner")], {"building": "yes", "name": "Cour à l’Été"})],
+    )
+    (tmp_path / "a.osm").write_text(court)
+    with osmium.SimpleWriter(tmp_path / f"written{suffix.lower()}") as writer:
+        for element in osmium.FileProcessor(tmp_path / "a.osm"):
+            writer.add(element)
+    packed = (tmp_path / f"written{suffix.lower()}").rename(tmp_path / f"b{suffix}")
+    one, other = (
+        read_map(path, center=(LON, LAT), pixels=256) for path in (tmp_path / "a.osm", packed)
+    )
+    assert one.height_rules == other.height_rules == {"height": 1, "default": 1}
+    np.testing.assert_array_equal(one.heights, other.heights)
+
+
+@pytest.mark.parametrize("corner", [-101, -102, -104])
+def test_osm_ways_that_leave_the_extract(tmp_path, corner):
+    """What is left of a way stands for it; no other building is lost."""
+    whole = osm(
+        [
+            (1, square(0, 0, 9), {"building": "yes", "height": "9"}),
+            (2, square(-20, 0, 9), {"building": "yes", "height": "5"}),
+            (3, square(-20, -20, 9), {"building": "yes"}),
+            (4, square(0, -20, 9), {"building": "yes"}),
+        ],
+        [([(77, "outer"), (78, "inner")], {"building": "yes"})],
+    )
+    gone = [corner, *range(-204, -200), -301, -302]
+    missing = "|".join(f'<node id="{node}" [^>]*/>' for node in gone)
+    (tmp_path / "a.osm").write_text(re.sub(missing, "", whole))
+    city = read_map(tmp_path / "a.osm", center=(LON, LAT), pixels=256)
+    assert city.height_rules == {"height": 2}
+    low, high = ((city.heights == height).sum() for height in (5, 9))
+    assert low == pytest.approx(high / 2, rel=0.1)
+
+
+def test_osm_what_is_no_area(tmp_path):
+    """Open ways, ways there and back, other relations, members that are no ways."""
+    tags = {"building": "yes", "height": "9"}
+    text = osm(
+        [(1, square(0, 0, 4), tags), (2, square(9, 9, 4), tags), (3, [(-9, 0), (-5, 0)], tags)]
+        + [(way, square(20 - 10 * way, -20, 4), {}) for way in (4, 5)],
+        [([(4, "outer")], tags), ([(5, "outer")], tags)],
+    )
+    text = text.replace('<nd ref="-101"/></way>', "</way>").replace('<nd ref="-101"/><tag', "<tag")
+    site, other = text.index("v='multipolygon'"), text.rindex("type='way'")
+    text = text[:other] + "type='node'" + text[other + 10 :]
+    text = text[:site] + "v='site'" + text[site + 16 :]
+    (tmp_path / "a.osm").write_text(text)
+    assert read_map(tmp_path / "a.osm", center=(LON, LAT)).height_rules == {"height": 1}
 
 
 def cityjson(objects, vertices, **members):

@@ -3,9 +3,9 @@
 import naive
 import numpy as np
 import pytest
-from conftest import draw_town
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from towns import draw_town
 
 from evocity.coding import decode, encode
 from evocity.errors import OperatorError

@@ -1,0 +1,54 @@
+# Needs Python 3.11 or newer and make; everything else goes into .venv.
+
+# The first of these that is new enough; `make PYTHON=/path/to/python demo` names one.
+PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11 python; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 \
+	&& { echo $$python; break; }; done)
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py)))
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-long bench format clean
+
+help:  ## list these targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
+
+demo: .venv/installed  ## breed Lyon x Montpellier for a minute or two; leaves a report in runs/
+	$(BIN)/evocity run
+
+test: .venv/installed-dev  ## formatter, linter and the tests, in under ten minutes
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pytest
+
+test-long: .venv/installed-dev  ## the tests that take more than ten seconds each
+	$(BIN)/pytest -m long
+
+bench: .venv/installed-dev  ## every side-by-side measurement of benchmarks/
+	@for script in $(BENCHMARKS); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+format: .venv/installed-dev  ## put the code into the one format
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:  ## remove .venv and the caches; runs stay
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis build dist
+	find evocity tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A stamp each, so that a second make starts at once. A half-made .venv is made anew.
+.venv/installed: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "evocity needs Python 3.11 or newer; none was found." \
+		"Install one, or name it: make PYTHON=/path/to/python3.12 demo" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
+		"older than Python 3.11. Name a newer one: make PYTHON=/path/to/python3.12 demo" >&2; \
+		exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
+	@echo "Installing evocity into .venv (once, about a minute) ..."
+	@$(PIP) install --editable .
+	@touch $@
+
+.venv/installed-dev: .venv/installed
+	@echo "Installing the tools for tests into .venv (once) ..."
+	@$(PIP) install --editable '.[dev]'
+	@touch $@

@@ -1,0 +1,62 @@
+"""The `evocity` command: one file a command; each parses, calls the library and prints.
+
+- `run`, `resume`, `status`: a search, shown while it goes on by `searching`
+- `encode`, `decode`, `score`, `show`: one map or genome
+- `cities`, `fitness`: what there is
+- `common`: options, checks and printing that several commands share
+
+Nothing heavy is imported before a command needs it: ``--help`` answers at once.
+"""
+
+import click
+
+from evocity import __version__
+from evocity.cli.cities import cities
+from evocity.cli.common import InputFault
+from evocity.cli.decode import decode
+from evocity.cli.encode import encode
+from evocity.cli.fitness import fitness
+from evocity.cli.resume import resume
+from evocity.cli.run import run
+from evocity.cli.score import score
+from evocity.cli.show import show
+from evocity.cli.status import status
+from evocity.errors import EvocityError
+
+
+class _Commands(click.Group):
+    """Commands in the order of use; input at fault ends any of them with exit code 2."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context):
+        try:
+            return super().invoke(ctx)
+        except EvocityError as error:
+            raise InputFault(str(error)) from error
+        except KeyboardInterrupt:
+            click.echo("\nStopped.", err=True)
+            ctx.exit(130)
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="""\b
+Examples:
+  evocity run                                    breed the bundled demonstration
+  evocity encode lyon-1er -o lyon.parquet        a city becomes a genome
+  evocity decode lyon.parquet -o lyon.png        and a city again
+
+Exit codes: 0 done; 1 the run failed; 2 the input is at fault; 130 stopped by Ctrl-C.""",
+)
+@click.version_option(__version__, prog_name="evocity")
+def main() -> None:
+    """Breed city fabrics: districts become fractal genomes, are crossed, decoded and measured."""
+
+
+for _command in (run, resume, status, encode, decode, score, show, cities, fitness):
+    main.add_command(_command)
+
+__all__ = ["main"]

@@ -1,0 +1,52 @@
+"""`evocity resume`: go on with a run."""
+
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.searching import carry_out
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity resume runs/lyon-x-montpellier
+  evocity resume runs/lyon-x-montpellier --generations 400"""
+)
+@click.argument("folder", metavar="RUN", type=click.Path(path_type=Path))
+@click.option(
+    "--generations",
+    type=int,
+    show_default="as it was started",
+    help="Generations of the whole run, those it has included.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    show_default="as it was started",
+    help="Processes that evaluate; the result does not depend on them.",
+)
+@click.option(
+    "--accept-changes",
+    is_flag=True,
+    help="Go on although a measure's source, or what else the run started from, has changed.",
+)
+def resume(folder: Path, generations, workers, accept_changes) -> None:
+    """Go on with the run in the folder RUN.
+
+    It goes on after its last whole generation, however it ended, as if it had not been
+    stopped: the same births, bit for bit. A run that is finished only gets its report written
+    again, unless --generations asks for more. Measures of your own that the recipe names are
+    executed.
+    """
+    carry_out(
+        lambda tell: evocity.Search.resume(
+            folder,
+            generations=generations,
+            workers=workers,
+            accept_changes=accept_changes,
+            progress=tell,
+        ),
+        folder,
+    )

@@ -1,0 +1,76 @@
+"""`evocity run`: breed what a recipe says."""
+
+import os
+from itertools import chain, count
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.common import check_folder
+from evocity.cli.searching import carry_out
+from evocity.errors import RunError
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity run
+  evocity run my-recipe.toml --generations 500 --out runs/tonight
+  evocity run my-recipe.toml --seed 8 --workers 4
+
+A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
+)
+@click.argument("recipe", metavar="[RECIPE]", default="demo")
+@click.option("--generations", type=int, show_default="the recipe's", help="Generations bred.")
+@click.option("--population", type=int, show_default="the recipe's", help="Individuals alive.")
+@click.option(
+    "--workers",
+    type=int,
+    show_default="the recipe's, else one a core",
+    help="Processes that evaluate; the result does not depend on them. 0 evaluates in this one, "
+    "without deadlines.",
+)
+@click.option("--seed", type=int, show_default="the recipe's", help="Same seed, same bits.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    show_default="runs/NAME of the recipe, else runs/NAME-2, …",
+    help="Run folder to make, in a folder that exists; it is refused if it exists itself.",
+)
+def run(recipe, generations, population, workers, seed, out) -> None:
+    """Breed what RECIPE says; write every birth into a run folder.
+
+    Without a RECIPE, breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a TOML
+    file; the measures of your own that it names are executed. The report is written at the
+    end: report.html in the run folder.
+    """
+    chosen = evocity.read_recipe(
+        recipe, generations=generations, population=population, workers=workers, seed=seed
+    )
+    folder = _free(chosen.default_out) if out is None else _new(out)
+    carry_out(lambda tell: evocity.Search(chosen, out=folder, progress=tell), folder)
+
+
+def _new(folder: Path) -> Path:
+    from evocity.store import refuse_existing
+
+    refuse_existing(folder)
+    check_folder(folder.parent)
+    return folder
+
+
+def _free(folder: Path) -> Path:
+    """``folder``, or the first of ``folder-2``, ``folder-3``, … that does not exist."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(
+            f"the folder {folder.parent} cannot be made here: {error.strerror}",
+            "a working folder this user may write to",
+            "go to another folder, or name one with --out",
+        ) from error
+    check_folder(folder.parent)
+    others = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
+    return next(free for free in chain([folder], others) if not os.path.lexists(free))

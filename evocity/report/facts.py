@@ -1,0 +1,200 @@
+"""What a report tells, gathered from a run folder. Nothing in the folder is executed."""
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evocity import fitness
+from evocity.citymap import CityMap
+from evocity.coding import decode
+from evocity.errors import EvocityError, RunError
+from evocity.store import Birth, Run, Source
+
+#: The gallery holds no more individuals than this: the page stays a few megabytes.
+MOST_SHOWN = 96
+
+#: Events that say when a run went on and when it did not.
+_TURNS = ("start", "resume", "stop", "finish")
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A measure of the run and what was wanted of it: max, min, like, a target, or unknown."""
+
+    name: str
+    unit: str
+    goal: str
+    target: float | None = None
+
+    @property
+    def wanted(self) -> str:
+        """The goal in words."""
+        if self.target is not None:
+            return f"{self.target:.4g} {self.unit}".rstrip() + " is wanted"
+        words = {"max": "more is better", "min": "less is better", "like": "as in one city"}
+        return words.get(self.goal, "as its file declares")
+
+    def loss(self, value: float) -> float:
+        """Lower is better, as in `evocity.fitness.Objective`; that one needs the measure itself,
+        which a stranger's run may not have."""
+        if self.target is not None:
+            return abs(value - self.target)
+        return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An individual of the last generation as the gallery shows it.
+
+    ``others``: the measures that exist besides the run's own, as (name, value, unit).
+    ``shares`` is the share of its lifs from each source city, in the run's order of cities.
+    """
+
+    birth: Birth
+    rank: int
+    city: CityMap
+    others: list[tuple[str, float, str]]
+    shares: np.ndarray
+
+
+@dataclass(frozen=True)
+class Facts:
+    """A run, as far as its report tells of it; made from an open `Run`."""
+
+    run: Run
+
+    @cached_property
+    def last(self) -> int:
+        """The last whole generation. Raises `RunError` if there is none."""
+        if not self.run.generations:
+            raise RunError(
+                f"{self.run.path} has no whole generation yet",
+                "at least one",
+                "wait for the first generation to end, or go on: evocity resume RUN",
+            )
+        return self.run.generations[-1]
+
+    @cached_property
+    def aims(self) -> list[Aim]:
+        """One a measure, in the recipe's order."""
+        stated: dict = {}
+        for told in (self.recipe.get("fitness"), self.run.provenance.get("fitness")):
+            entries = told if isinstance(told, list) else []
+            stated |= {one.get("name"): one for one in entries if isinstance(one, dict)}
+        return [self._aim(name, stated.get(name, {})) for name in self.run.header.measures]
+
+    def _aim(self, name: str, stated: dict) -> Aim:
+        known = {measure.name: measure for measure in fitness.measures()}.get(name)
+        target = stated.get("target")
+        target = float(target) if isinstance(target, int | float) else None
+        own = known.goal if known else None
+        goal = str(stated.get("goal") or ("like" if "like" in stated else own) or "unknown")
+        return Aim(name, known.unit if known else "", goal, target)
+
+    @cached_property
+    def recipe(self) -> dict:
+        """The recipe as plain values; empty if its text cannot be read."""
+        try:
+            return tomllib.loads(self.run.recipe_text)
+        except tomllib.TOMLDecodeError:
+            return {}
+
+    @property
+    def title(self) -> str:
+        name = self.recipe.get("run", {}).get("name")
+        return str(name or self.run.path.resolve().name)
+
+    @property
+    def times(self) -> list[tuple[str, str]]:
+        """(event, moment in UTC, to the second) of starts, resumes, stops and ends, in order."""
+        events = [e for e in self.run.events() if e.get("event") in _TURNS]
+        return [(e["event"], str(e.get("time"))[:19].replace("T", " ")) for e in events]
+
+    @cached_property
+    def history(self) -> list[dict]:
+        return self.run.history()
+
+    @cached_property
+    def sources(self) -> list[Source]:
+        """The parents. Raises `RunError` if there is none."""
+        sources = self.run.sources()
+        if not sources:
+            raise RunError(
+                f"{self.run.path / 'sources'} holds no city",
+                "the source cities, as `evocity run` wrote them",
+                "bring the folder back from a copy, or start the run again",
+            )
+        return sources
+
+    @cached_property
+    def births(self):
+        """All births, without genomes: Arrow table."""
+        values = [f"fitness.{name}" for name in self.run.header.measures]
+        columns = ["generation", "id", "operator", "status", "error", *values]
+        return self.run.births(columns=columns)
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """Float ``(births, measures)``; NaN where a birth was not measured."""
+        names = [f"fitness.{name}" for name in self.run.header.measures]
+        columns = [self.births[name].to_numpy().astype(np.float64) for name in names]
+        return np.column_stack(columns) if columns else np.empty((len(self.births), 0))
+
+    @cached_property
+    def ok(self) -> np.ndarray:
+        """Bool, one a birth: it was bred and measured."""
+        return np.array([status == "ok" for status in self.births["status"].to_pylist()], bool)
+
+    @cached_property
+    def members(self) -> list[dict]:
+        """The last generation: id, rank, crowding; the first front first, wide apart first."""
+        rows = self.run.members(self.last).select(["id", "rank", "crowding"]).to_pylist()
+        return sorted(rows, key=lambda row: (row["rank"], -row["crowding"], row["id"]))
+
+    @property
+    def front(self) -> list[int]:
+        """Ids of the last front."""
+        return [row["id"] for row in self.members if row["rank"] == 0]
+
+    @cached_property
+    def shown(self) -> list[Shown]:
+        """The last generation's individuals, at most `MOST_SHOWN`, the front first."""
+        return self._shown(self.members[:MOST_SHOWN])
+
+    def best(self, count: int) -> list[Shown]:
+        """Of the last generation the best by each measure in turn, ``count`` in all."""
+        rows = {row["id"]: row for row in self.members}
+        where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
+        by_aim = [
+            sorted(rows, key=lambda one: (aim.loss(self.values[where[one], column]), one))
+            for column, aim in enumerate(self.aims)
+        ]
+        chosen: dict[int, dict] = {}
+        for place in range(len(rows)):
+            for order in by_aim:
+                if len(chosen) < count:
+                    chosen[order[place]] = rows[order[place]]
+        return self._shown(list(chosen.values()))
+
+    def _shown(self, rows: Sequence[dict]) -> list[Shown]:
+        births = self.run.individuals([row["id"] for row in rows])
+        others = [m for m in fitness.measures() if m.name not in self.run.header.measures]
+        shown = []
+        for row, birth in zip(rows, births, strict=True):
+            city = decode(birth.genome).city
+            parents = birth.genome.parent
+            shares = np.bincount(parents, minlength=len(self.run.header.cities)) / len(parents)
+            values = [(m.name, _measured(m, city), m.unit) for m in others]
+            shown.append(Shown(birth, row["rank"], city, values, shares))
+        return shown
+
+
+def _measured(measure, city: CityMap) -> float:
+    try:
+        return measure(city)
+    except EvocityError:  # not the run's measure: a report does not fail for it
+        return math.nan

@@ -1,0 +1,128 @@
+"""The gallery: a card for each individual, with picture, every measure and lineage."""
+
+import json
+import math
+from collections.abc import Sequence
+from html import escape
+
+from evocity.report.facts import Facts, Shown
+from evocity.report.pictures import map_uri
+
+#: One colour a source city in the bars of lineage; more cities begin again.
+_CITY_COLOURS = ("#4f7ea8", "#c98a2b", "#5d8a5f", "#96588f", "#7a746d", "#b5534b")
+
+
+def number(value: float | None, unit: str = "") -> str:
+    """A measure's value for people; a dash where it is undefined."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:.4g} {unit}".rstrip()
+
+
+def city_colour(index: int) -> str:
+    return _CITY_COLOURS[index % len(_CITY_COLOURS)]
+
+
+def gallery(facts: Facts, highest: float) -> str:
+    """Controls and cards. Without scripts the cards stand in order: the front first."""
+    if not facts.shown:
+        return "<p>No individual is alive in the last generation.</p>"
+    orders = ["front, then spread", *(aim.name for aim in facts.aims), "youngest first"]
+    options = "".join(
+        f'<option value="{index}">{escape(order)}</option>' for index, order in enumerate(orders)
+    )
+    cards = "".join(_card(facts, one, place, highest) for place, one in enumerate(facts.shown))
+    return (
+        f'<p class="controls"><label>Order <select id="order">{options}</select></label> '
+        '<label><input type="checkbox" id="front-only"> the front only</label></p>'
+        f'<div class="gallery" id="gallery">{cards}</div>'
+    )
+
+
+def parents(facts: Facts, highest: float) -> str:
+    """The source cities, with the run's measures where the first population measured them."""
+    first = {birth.id: birth for birth in _source_births(facts)}
+    cards = []
+    for index, source in enumerate(facts.sources):
+        birth = first.get(index)
+        rows = _rows(facts, birth.values) if birth else ""
+        cards.append(
+            f'<figure class="card"><img src="{map_uri(source.city, highest)}" '
+            f'alt="map of {escape(source.name)}" width="{source.city.shape[1]}">'
+            f"<figcaption><h3>{_chip(index)}{escape(source.name)}</h3>"
+            f'<p class="credit">{escape(source.city.attribution)}</p>'
+            f"<table>{rows}</table></figcaption></figure>"
+        )
+    note = "Maps as read; the measures are those of their decoded genomes."
+    return f'<p>{note}</p><div class="gallery">{"".join(cards)}</div>'
+
+
+def city_key(cities: Sequence[str]) -> str:
+    """Which colour of the lineage bars is which city."""
+    items = (f"<span>{_chip(index)}{escape(city)}</span>" for index, city in enumerate(cities))
+    return f'<p class="key">Lineage: {" ".join(items)}</p>'
+
+
+def _source_births(facts: Facts) -> list:
+    population = facts.run.header.population
+    ids = range(min(len(facts.sources), population))
+    births = facts.run.individuals(list(ids))
+    return [birth for birth in births if birth.operator == "source"]
+
+
+def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
+    birth = one.birth
+    losses = [aim.loss(birth.values[aim.name]) for aim in facts.aims]
+    keys = json.dumps([place, *losses, -birth.id])
+    front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {one.rank}"
+    others = "".join(
+        f"<tr><th>{escape(name)}</th><td>{escape(number(value, unit))}</td></tr>"
+        for name, value, unit in one.others
+    )
+    return (
+        f'<figure class="card" id="i{birth.id}" data-rank="{one.rank}" data-keys="{keys}">'
+        f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {birth.id}" '
+        f'width="{one.city.shape[1]}"><figcaption><h3>{birth.id} <small>{front}</small></h3>'
+        f'<table>{_rows(facts, birth.values)}<tbody class="others">{others}</tbody></table>'
+        f"{_lineage(facts, one)}</figcaption></figure>"
+    )
+
+
+def _rows(facts: Facts, values) -> str:
+    return "".join(
+        f'<tr title="{escape(aim.wanted)}"><th>{escape(aim.name)}</th>'
+        f"<td>{escape(number(values.get(aim.name), aim.unit))}</td></tr>"
+        for aim in facts.aims
+    )
+
+
+def _lineage(facts: Facts, one: Shown) -> str:
+    birth = one.birth
+    here = {shown.birth.id for shown in facts.shown}
+    links = ", ".join(
+        f'<a href="#i{parent}">{parent}</a>' if parent in here else str(parent)
+        for parent in birth.parents
+    )
+    made = json.dumps(dict(birth.made), ensure_ascii=False, default=str)
+    came = escape(birth.operator.replace("_", " ")) + (f" of {links}" if links else "")
+    cities = facts.run.header.cities
+    parts = [
+        f'<i style="width:{share:.1%};background:{city_colour(index)}" '
+        f'title="{escape(cities[index])} {share:.0%}"></i>'
+        for index, share in enumerate(one.shares)
+        if share > 0
+    ]
+    shares = " · ".join(
+        f"{escape(cities[index])} {share:.0%}"
+        for index, share in enumerate(one.shares)
+        if share > 0
+    )
+    return (
+        f'<div class="bar">{"".join(parts)}</div><p class="lineage">{shares}</p>'
+        f'<p class="lineage" title="{escape(made)}">born in generation {birth.generation}, '
+        f"{came}</p>"
+    )
+
+
+def _chip(index: int) -> str:
+    return f'<i class="chip" style="background:{city_colour(index)}"></i>'

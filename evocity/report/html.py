@@ -1,0 +1,295 @@
+"""The report of a run: one page that opens anywhere, without network."""
+
+import json
+import os
+from base64 import b64encode
+from collections import Counter
+from collections.abc import Sequence
+from hashlib import sha256
+from html import escape
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from evocity.errors import RunError
+from evocity.files import whole_file
+from evocity.report.facts import Aim, Facts
+from evocity.report.gallery import city_key, gallery, number, parents
+from evocity.report.pictures import common_scale, scale_colours
+from evocity.report.plots import Axis, Dots, curve, scatter, ticks
+from evocity.store import STATUSES, open_run
+
+_HERE = Path(__file__).parent
+
+#: Of later births, no more dots than this in a plot; and no more plots of pairs than this.
+_MOST_DOTS, _MOST_PAIRS = 2000, 6
+
+# A page that fetches nothing and runs our own script alone: even a stranger's text that slipped
+# through could do neither.
+_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{}'; "
+    "base-uri 'none'; form-action 'none'"
+)
+
+
+def write_report(run_folder: str | os.PathLike) -> Path:
+    """Write ``report.html`` into a run folder, and return its path.
+
+    The page stands alone: settings, the parents, the front, the curves, the gallery of the
+    last generation with every measure under each picture, births and failures, attributions.
+    Nothing in the folder is executed. Raises `RunError` if there is no run, if it has no whole
+    generation yet, or if the page cannot be written.
+    """
+    run = open_run(run_folder)
+    page = Path(run_folder) / "report.html"
+    text = _page(Facts(run))
+    try:
+        with whole_file(page) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunError(
+            f"{page} cannot be written: {error.strerror or error}",
+            "a run folder this user may write to, with room left",
+            "free space, or copy the folder to another place",
+        ) from error
+    return page
+
+
+def _page(facts: Facts) -> str:
+    highest = common_scale(facts)
+    attribution = escape(facts.run.header.attribution)
+    sections = [
+        ("Parents", parents(facts, highest)),
+        ("The front", _front(facts)),
+        ("Generation by generation", _curves(facts)),
+        (_gallery_title(facts), city_key(facts.run.header.cities) + gallery(facts, highest)),
+        ("Births", _births(facts)),
+        ("Settings", _settings(facts)),
+        ("Attribution", f"<p>{attribution or 'The source maps state none.'}</p>"),
+    ]
+    body = "".join(f"<section><h2>{title}</h2>{inside}</section>" for title, inside in sections)
+    title, script = escape(facts.title), _asset("report.js")
+    policy = _POLICY.format(b64encode(sha256(script.encode()).digest()).decode())
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title} – evocity</title><style>{_asset('report.css')}</style></head><body>"
+        f"<header><h1>{title}</h1>{_summary(facts)}</header>"
+        f'<div class="scale">{_scale(highest)}</div>'
+        f"<main>{body}</main><script>{script}</script></body></html>\n"
+    )
+
+
+def _asset(name: str) -> str:
+    return (_HERE / name).read_text(encoding="utf-8")
+
+
+def _summary(facts: Facts) -> str:
+    status = facts.run.status()
+    header = facts.run.header
+    figures = [
+        ("generations", f"{status['generation']}"),
+        ("births", f"{status['births']}"),
+        ("failed", f"{status['failures']}"),
+        ("on the front", f"{len(facts.front)} of {len(facts.members)}"),
+        ("hypervolume", number(status["hypervolume"]) + _gain(facts)),
+        ("seed", f"{header.seed}"),
+    ]
+    items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
+    state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
+    return (
+        f"<p>{escape(' × '.join(header.cities))}, {header.width} × {header.height} px of "
+        f"{header.metres_per_pixel:g} m, range blocks of {header.block} px</p>"
+        f'<dl class="figures">{items}</dl>{state}'
+    )
+
+
+def _gain(facts: Facts) -> str:
+    volumes = [about.get("hypervolume") for about in facts.history]
+    if len(volumes) < 2 or not volumes[0] or volumes[-1] is None:
+        return ""
+    return f" <small>{volumes[-1] / volumes[0] - 1:+.0%} over the first population</small>"
+
+
+def _scale(highest: float) -> str:
+    stops = ", ".join(scale_colours(highest))
+    marks = "".join(
+        f'<span style="left:{metres / highest:.1%}">{metres:g}</span>'
+        for metres in ticks(0, highest)
+    )
+    return (
+        "<b>height above ground, m</b>"
+        f'<div class="ramp" style="background:linear-gradient(to right, {stops})"></div>'
+        f'<div class="ticks">{marks}</div>'
+    )
+
+
+# -- the front ------------------------------------------------------------------------------
+
+
+def _front(facts: Facts) -> str:
+    count = len(facts.aims)
+    key = (
+        '<p class="key"><span><i class="dot first"></i>first population</span> '
+        '<span><i class="dot later"></i>later births</span> '
+        '<span><i class="dot front"></i>last front</span></p>'
+    )
+    if count == 1:
+        plots = [_plot(facts, None, 0)]
+    else:
+        plots = [_plot(facts, x, y) for x, y in pairs_to_show(facts)]
+    shown = f"<p>{len(plots)} of {count * (count - 1) // 2} pairs, those most in conflict.</p>"
+    left_out = shown if count > 1 and len(plots) < count * (count - 1) // 2 else ""
+    return f'{key}{left_out}<div class="plots">{"".join(plots)}</div>'
+
+
+def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
+    """Pairs of measures (indices): all of up to four; of more, those most in conflict.
+
+    Conflict of two measures is the negative correlation of their losses over the last
+    generation, or over all births where that one is too small.
+    """
+    every = list(combinations(range(len(facts.aims)), 2))
+    if len(every) <= _MOST_PAIRS:
+        return every
+    where = np.isin(facts.births["id"].to_numpy(), [row["id"] for row in facts.members])
+    if where.sum() < 3:
+        where = facts.ok
+    losses = np.array(
+        [[aim.loss(v) for v in facts.values[where, i]] for i, aim in enumerate(facts.aims)]
+    )
+    centred = losses - losses.mean(axis=1, keepdims=True)
+    length = np.maximum(np.sqrt((centred**2).sum(axis=1)), 1e-300)
+    correlation = (centred / length[:, None]) @ (centred / length[:, None]).T
+    return sorted(sorted(every, key=lambda pair: correlation[pair])[:_MOST_PAIRS])
+
+
+def _plot(facts: Facts, x: int | None, y: int) -> str:
+    """Measure ``y`` over measure ``x``; over the generation of birth where ``x`` is None."""
+    ids, born = facts.births["id"].to_numpy(), facts.births["generation"].to_numpy()
+    across = born if x is None else facts.values[:, x]
+    first, front = facts.ok & (born == 0), np.isin(ids, facts.front)
+    later = np.flatnonzero(facts.ok & (born > 0) & ~front)
+    later = later[:: max(1, -(-len(later) // _MOST_DOTS))]
+    shown = {one.birth.id for one in facts.shown}
+
+    def dots(where, kind, radius, titles=False):
+        where = np.flatnonzero(where) if where.dtype == bool else where
+        told = [_title(facts, ids[i], facts.values[i]) for i in where] if titles else ()
+        links = [f"#i{ids[i]}" for i in where] if titles and shown.issuperset(ids[where]) else ()
+        points = across[where].astype(float), facts.values[where, y]
+        return Dots(*points, kind, radius, told, links)
+
+    layers = [
+        dots(later, "later", 1.8),
+        dots(first, "first", 3, True),
+        dots(front, "front", 4, True),
+    ]
+    layers[1] = Dots(**{**vars(layers[1]), "links": ()})
+    horizontal = Axis("generation") if x is None else _axis(facts.aims[x])
+    return f"<figure>{scatter(layers, horizontal, _axis(facts.aims[y]))}</figure>"
+
+
+def _title(facts: Facts, identifier: int, values: np.ndarray) -> str:
+    told = (f"{a.name} {number(v, a.unit)}" for a, v in zip(facts.aims, values, strict=True))
+    return f"{identifier}: {', '.join(told)}"
+
+
+def _axis(aim: Aim) -> Axis:
+    return Axis(aim.name + (f", {aim.unit}" if aim.unit else ""), aim.wanted, aim.target)
+
+
+def _curves(facts: Facts) -> str:
+    history = facts.history
+    if len(history) < 2:
+        return "<p>There is the first population alone, and so no curve.</p>"
+    plots = [curve([about.get("hypervolume") for about in history], Axis("hypervolume"))]
+    for aim in facts.aims:
+        best = [about.get("best", {}).get(aim.name) for about in history]
+        axis = Axis(f"best {aim.name}" + (f", {aim.unit}" if aim.unit else ""), "", aim.target)
+        plots.append(curve(best, axis))
+    figures = "".join(f"<figure>{plot}</figure>" for plot in plots)
+    return f'<div class="plots">{figures}</div>'
+
+
+# -- tables ---------------------------------------------------------------------------------
+
+
+def _gallery_title(facts: Facts) -> str:
+    count = len(facts.members)
+    shown = len(facts.shown)
+    part = f"all {count}" if shown == count else f"the first {shown} of {count} by rank"
+    return f"Generation {facts.last}: {part} individuals"
+
+
+def _births(facts: Facts) -> str:
+    births = facts.births
+    status, operator = births["status"].to_pylist(), births["operator"].to_pylist()
+    alive = {row["id"] for row in facts.members}
+    born = Counter(operator)
+    failed = Counter(o for o, s in zip(operator, status, strict=True) if s != "ok")
+    living = Counter(
+        o for o, one in zip(operator, births["id"].to_pylist(), strict=True) if one in alive
+    )
+    by_operator = [(name, count, failed[name], living[name]) for name, count in born.most_common()]
+    counted = Counter(status)
+    errors = Counter(text.splitlines()[0] for text in births["error"].to_pylist() if text)
+    return (
+        '<div class="tables">'
+        + _table(("status", "births"), [(s, counted[s]) for s in STATUSES])
+        + _table(("operator", "births", "failed", "alive now"), by_operator)
+        + "</div>"
+        + (_table(("error", "births"), errors.most_common(12)) if errors else "")
+        + f"<details><summary>Every generation</summary>{_generations(facts)}</details>"
+    )
+
+
+def _generations(facts: Facts) -> str:
+    history = facts.history
+    stride = max(1, -(-len(history) // 400))
+    chosen = [*history[:-1:stride], history[-1]]
+    headings = ("generation", "births", "failures", "hypervolume", "evaluations/s")
+    rows = [
+        (
+            about["generation"],
+            about.get("births", "–"),
+            about.get("failures", "–"),
+            number(about.get("hypervolume")),
+            number(about.get("evaluations_per_second")),
+            *(number(about.get("best", {}).get(aim.name), aim.unit) for aim in facts.aims),
+        )
+        for about in chosen
+    ]
+    return _table((*headings, *(f"best {aim.name}" for aim in facts.aims)), rows)
+
+
+def _settings(facts: Facts) -> str:
+    measures = [(aim.name, aim.unit, aim.wanted) for aim in facts.aims]
+    kept = {k: v for k, v in facts.run.provenance.items() if k != "header"}
+    rows = [(name, _plainly(value)) for name, value in kept.items()]
+    return (
+        '<div class="tables">'
+        + _table(("measure", "unit", "what is wanted"), measures)
+        + (_table(("event", "when, UTC"), facts.times[-12:]) if facts.times else "")
+        + "</div>"
+        + f'<h3>Recipe, as given</h3><pre class="recipe">{escape(facts.run.recipe_text)}</pre>'
+        + f"<details><summary>Provenance</summary>{_table(('', ''), rows)}</details>"
+    )
+
+
+def _plainly(value) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_plainly(item)}" for key, item in value.items())
+    if isinstance(value, list):
+        return " ".join(map(_plainly, value))
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence]) -> str:
+    head = "".join(f"<th>{escape(str(heading))}</th>" for heading in headings)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

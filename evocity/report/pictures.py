@@ -1,0 +1,112 @@
+"""Maps as pictures on one scale of heights, and the contact sheet of a run."""
+
+import base64
+import io
+import textwrap
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from evocity.citymap import CityMap
+from evocity.io.picture import FAINT, INK, PAPER, ramp, render, scale_end
+from evocity.report.facts import Facts, Shown
+from evocity.report.plots import ticks
+from evocity.store import Run
+
+_FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
+
+_COLOURS = 128  # of a picture's palette: no colour is off by more than the eye can tell
+
+_LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
+
+
+def common_scale(facts: Facts) -> float:
+    """Metres at which the colours of all pictures of a run end: above its parents' roofs."""
+    return max(scale_end(source.city) for source in facts.sources)
+
+
+def data_uri(picture: Image.Image) -> str:
+    """A picture as PNG inside a ``data:`` address."""
+    kept = io.BytesIO()
+    small = picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    small.save(kept, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(kept.getvalue()).decode()
+
+
+def map_uri(city: CityMap, highest: float) -> str:
+    """The bare map on the scale that ends at ``highest`` metres, as a ``data:`` address.
+
+    Larger maps are shrunk until their longer side has `_LARGEST` pixels.
+    """
+    picture = render(city, highest=highest, legend=False)
+    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.BOX)
+    return data_uri(picture)
+
+
+def scale_colours(highest: float, steps: int = 24) -> list[str]:
+    """Colours from the ground to ``highest`` metres, evenly, as ``#rrggbb``."""
+    row = ramp(np.linspace(0, highest, steps, dtype=np.float32)[None], highest)[0]
+    return ["#" + bytes(colour).hex() for colour in row]
+
+
+def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
+    """A run on one sheet: its parents, then the best of its last generation by each measure.
+
+    One scale of heights for all, with its legend and the sources' attributions. Raises
+    `RunError` if the run has no whole generation yet, or is damaged.
+    """
+    facts = Facts(run)
+    parents = [source.city for source in facts.sources]
+    chosen = facts.best(best)
+    highest = common_scale(facts)
+    cells: list = [(city, [city.name, "parent"]) for city in parents]
+    cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
+    cells += [(one.city, _caption(one)) for one in chosen]
+    return _sheet(facts, cells, highest, columns)
+
+
+def _caption(one: Shown) -> list[str]:
+    values = [f"{name} {value:.4g}" for name, value in one.birth.values.items()]
+    return [f"individual {one.birth.id}", *values]
+
+
+def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Image:
+    plain, title = ImageFont.truetype(_FONT, 13), ImageFont.truetype(_FONT, 22)
+    gap, line, top = 20, 17, 64
+    rows, cols = cells[0][0].shape
+    side = min(max(cols, 200), 400)
+    tall = round(side * rows / cols)
+    step = tall + gap + line * max(len(cell[1]) for cell in cells if cell)
+    width = gap + columns * (side + gap)
+    credits = textwrap.wrap(facts.run.header.attribution, (width - 2 * gap) // 7)
+    low = top + -(-len(cells) // columns) * step + 8
+    sheet = Image.new("RGB", (width, low + 52 + gap + line * len(credits)), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    draw.text((gap, 20), f"{facts.title}, generation {facts.last}", INK, title)
+    for number, cell in enumerate(cells):
+        if cell is None:
+            continue
+        city, caption = cell
+        row, column = divmod(number, columns)
+        left, high = gap + column * (side + gap), top + row * step
+        picture = render(city, highest=highest, legend=False)
+        method = Image.Resampling.BOX if cols > side else Image.Resampling.NEAREST
+        sheet.paste(picture.resize((side, tall), method), (left, high))
+        for index, text in enumerate(caption):
+            place = (left, high + tall + 4 + index * line)
+            draw.text(place, text, INK if index == 0 else FAINT, plain)
+    _draw_scale(sheet, draw, (gap, low), min(width - 2 * gap, 420), highest, plain)
+    for index, text in enumerate(credits):
+        draw.text((gap, low + 44 + index * line), text, FAINT, plain)
+    return sheet
+
+
+def _draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
+    left, top = place
+    bar = np.linspace(0, highest, width, dtype=np.float32)[None].repeat(12, axis=0)
+    sheet.paste(Image.fromarray(ramp(bar, highest)), (left, top))
+    for metres in ticks(0, highest):
+        text = f"{metres:g}" if metres else "0 m"
+        x = left + metres / highest * (width - 1)
+        draw.text((x, top + 17), text, FAINT, plain, "mt" if 0 < metres < highest else "lt")

@@ -1,0 +1,166 @@
+"""Scatter plots and curves as inline SVG: text only, no script, no network."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 12, 46  # of the drawing's edge, px
+
+
+@dataclass(frozen=True)
+class Axis:
+    """``label`` beneath or beside the axis; ``note`` after it, fainter; ``target`` a line."""
+
+    label: str
+    note: str = ""
+    target: float | None = None
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Points of one kind: ``kind`` is their CSS class, ``titles`` and ``links`` one a point."""
+
+    x: np.ndarray
+    y: np.ndarray
+    kind: str
+    radius: float = 2.0
+    titles: Sequence[str] = ()
+    links: Sequence[str] = ()
+
+
+def scatter(
+    layers: Sequence[Dots], x: Axis, y: Axis, *, width: int = 420, height: int = 340
+) -> str:
+    """Points over two axes, later layers above earlier ones. Not finite points are left out."""
+    frame = _Frame(
+        np.concatenate([dots.x for dots in layers]),
+        np.concatenate([dots.y for dots in layers]),
+        (width, height),
+        (x.target, y.target),
+    )
+    return frame.drawing(x, y, "".join(_dots(dots, frame) for dots in layers))
+
+
+def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> str:
+    """One value a generation, from 0 on, as a line; gaps where a value is not finite."""
+    heights = np.array([math.nan if value is None else value for value in values], dtype=float)
+    frame = _Frame(np.arange(len(heights)), heights, (width, height), (None, y.target))
+    frame.ticks_x = [tick for tick in frame.ticks_x if tick == int(tick)]
+    kept = [
+        f"{frame.x(number):.1f},{frame.y(value):.1f}"
+        for number, value in _thinned(heights)
+        if math.isfinite(value)
+    ]
+    line = f'<polyline class="line" points="{" ".join(kept)}"/>'
+    if kept:
+        px, py = kept[-1].split(",")
+        line += f'<circle class="front" cx="{px}" cy="{py}" r="3"/>'
+    return frame.drawing(Axis("generation"), y, line)
+
+
+class _Frame:
+    """Scales from values to pixels, and the axes around them."""
+
+    def __init__(self, x, y, size, targets):
+        self.width, self.height = size
+        self.low_x, self.high_x, self.ticks_x = _span(x, targets[0])
+        self.low_y, self.high_y, self.ticks_y = _span(y, targets[1])
+
+    def x(self, value):
+        share = (value - self.low_x) / (self.high_x - self.low_x)
+        return _LEFT + share * (self.width - _LEFT - _RIGHT)
+
+    def y(self, value):
+        share = (value - self.low_y) / (self.high_y - self.low_y)
+        return self.height - _BOTTOM - share * (self.height - _TOP - _BOTTOM)
+
+    def drawing(self, x: Axis, y: Axis, inside: str) -> str:
+        right, low = self.width - _RIGHT, self.height - _BOTTOM
+        parts = [
+            f'<svg viewBox="0 0 {self.width} {self.height}" role="img" '
+            f'aria-label="{escape(y.label)} over {escape(x.label)}">'
+        ]
+        for tick in self.ticks_x:
+            px = self.x(tick)
+            parts.append(f'<line class="grid" x1="{px:.1f}" y1="{_TOP}" x2="{px:.1f}" y2="{low}"/>')
+            parts.append(f'<text class="tick" x="{px:.1f}" y="{low + 15}">{tick:.6g}</text>')
+        for tick in self.ticks_y:
+            py = self.y(tick)
+            parts.append(
+                f'<line class="grid" x1="{_LEFT}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
+            )
+            parts.append(
+                f'<text class="tick side" x="{_LEFT - 6}" y="{py + 3.5:.1f}">{tick:.6g}</text>'
+            )
+        if x.target is not None:
+            px = self.x(x.target)
+            parts.append(
+                f'<line class="target" x1="{px:.1f}" y1="{_TOP}" x2="{px:.1f}" y2="{low}"/>'
+            )
+        if y.target is not None:
+            py = self.y(y.target)
+            parts.append(
+                f'<line class="target" x1="{_LEFT}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
+            )
+        middle_x, middle_y = (_LEFT + right) / 2, (_TOP + low) / 2
+        parts.append(f'<text class="axis" x="{middle_x:.0f}" y="{low + 36}">{_label(x)}</text>')
+        parts.append(
+            f'<text class="axis" transform="translate(13 {middle_y:.0f}) rotate(-90)">'
+            f"{_label(y)}</text>"
+        )
+        return "".join([*parts, inside, "</svg>"])
+
+
+def _label(axis: Axis) -> str:
+    note = f'<tspan class="note" dx="6">{escape(axis.note)}</tspan>' if axis.note else ""
+    return escape(axis.label) + note
+
+
+def _dots(dots: Dots, frame: _Frame) -> str:
+    parts = []
+    for index, (x, y) in enumerate(zip(dots.x, dots.y, strict=True)):
+        if not (math.isfinite(x) and math.isfinite(y)):
+            continue
+        place = f'cx="{frame.x(x):.1f}" cy="{frame.y(y):.1f}" r="{dots.radius:g}"'
+        title = f"<title>{escape(dots.titles[index])}</title>" if dots.titles else ""
+        circle = f"<circle {place}>{title}</circle>" if title else f"<circle {place}/>"
+        if dots.links:
+            circle = f'<a href="{escape(dots.links[index])}">{circle}</a>'
+        parts.append(circle)
+    return f'<g class="{dots.kind}">{"".join(parts)}</g>'
+
+
+def _span(values, target: float | None) -> tuple[float, float, list[float]]:
+    """Lower and upper end of an axis around the finite ``values``, and its ticks."""
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if target is not None:
+        finite = np.append(finite, target)
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    if high - low < 1e-9 * max(abs(low), abs(high), 1e-9):  # one value: a little air around it
+        air = 0.05 * abs(low) or 0.5
+        low, high = low - air, high + air
+    marks = ticks(low, high)
+    air = 0.04 * (high - low)
+    return low - air, high + air, marks
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Round numbers from ``low`` to ``high``, evenly apart, about five."""
+    wanted = (high - low) / 5
+    power = 10.0 ** math.floor(math.log10(wanted))
+    step = next(m * power for m in (1, 2, 5, 10) if m * power >= wanted * 0.999)
+    return [
+        step * n for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+    ]
+
+
+def _thinned(values: np.ndarray, most: int = 800) -> list[tuple[int, float]]:
+    stride = max(1, -(-len(values) // most))
+    kept = [*range(0, len(values), stride)]
+    if kept and kept[-1] != len(values) - 1:
+        kept.append(len(values) - 1)
+    return [(number, float(values[number])) for number in kept]

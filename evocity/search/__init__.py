@@ -1,0 +1,17 @@
+"""A recipe in, generations out: ask, evaluate, tell.
+
+- `reading`, `recipe`: a TOML file becomes a `Recipe` without faults
+- `preparation`: maps are read and encoded, targets measured
+- `breeding`: who is bred from whom, each birth from its own generator
+- `evaluation`, `worker`: worker processes with a deadline for each individual
+- `nsga2`, `population`: who dominates, who lives, how good the living are together
+- `engine`: `Search`, the loop, which writes every birth down
+- `resuming`: taking a run up again
+"""
+
+from evocity.search.breeding import Individual
+from evocity.search.engine import Generation, Search
+from evocity.search.reading import read_recipe, recipes
+from evocity.search.recipe import Recipe
+
+__all__ = ["Generation", "Individual", "Recipe", "Search", "read_recipe", "recipes"]

@@ -1,0 +1,98 @@
+"""Who is bred from whom, by which operator: one plan a birth, drawn from its own generator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from evocity.genome import Genome
+from evocity.search.nsga2 import tournament
+from evocity.search.recipe import OperatorEntry, Recipe
+
+
+@dataclass(frozen=True)
+class Individual:
+    """One of the living: ``values`` maps measures to raw values, ``losses`` are what selection
+    makes small, in the order of the objectives; ``rank`` is its front, 0 the best."""
+
+    id: int
+    genome: Genome = field(repr=False)
+    values: dict[str, float]
+    losses: tuple[float, ...] = field(repr=False)
+    rank: int = 0
+    crowding: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one individual comes about. Without an operator it is the one ``parents`` genome."""
+
+    id: int
+    operator: object | None
+    parents: tuple[int, ...]
+    genomes: tuple[Genome, ...] = field(repr=False)
+    rng: np.random.Generator = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        return "source" if self.operator is None else self.operator.name
+
+
+def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
+    """The generator of one birth: nothing else draws from it, so workers cannot matter."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(generation, slot))
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
+    """Generation 0: the sources themselves, then their fusions and mutants.
+
+    Of three births after the sources two are pavement fusions, of each ordered pair of sources
+    in turn and with a fill drawn from 0.1…0.9, and one is a mutant of a source. A single
+    source has mutants alone.
+    """
+    count = len(sources)
+    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
+    plans = []
+    for slot in range(recipe.run.population):
+        rng = generator(recipe.run.seed, 0, slot)
+        turn = slot - count
+        if turn < 0:
+            operator, parents = None, (slot,)
+        elif pairs and turn % 3 < 2:
+            fill = round(float(rng.uniform(0.1, 0.9)), 3)
+            operator = recipe.operator("pavement_fusion", fill=fill)
+            parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
+            if getattr(operator, "void", False):
+                operator = recipe.operator("pavement_fusion", fill=fill, void=False)
+        else:
+            operator = recipe.operator("mutation")
+            parents = ((turn // 3 if pairs else turn) % count,)
+        genomes = tuple(sources[i] for i in parents)
+        plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))
+    return plans
+
+
+def next_population(recipe: Recipe, generation: int, living: Sequence[Individual]) -> list[Plan]:
+    """The children of one generation: operator by weight, parents by tournament."""
+    names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
+    weights = np.array([recipe.operators[name].weight for name in names])
+    built = {name: recipe.operator(name) for name in names}
+    ids, ranks, crowding = zip(*((one.id, one.rank, one.crowding) for one in living), strict=True)
+    plans = []
+    for slot in range(recipe.run.population):
+        rng = generator(recipe.run.seed, generation, slot)
+        name = names[rng.choice(len(names), p=weights / weights.sum())]
+        entry: OperatorEntry = recipe.operators[name]
+        count = entry.parents or built[name].parents[0]
+        chosen = tournament(ids, ranks, crowding, count, rng)
+        plans.append(
+            Plan(
+                generation * recipe.run.population + slot,
+                built[name],
+                tuple(ids[i] for i in chosen),
+                tuple(living[i].genome for i in chosen),
+                rng,
+            )
+        )
+    return plans

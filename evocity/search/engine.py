@@ -1,0 +1,343 @@
+"""`Search`: from a recipe to generations, one after the other."""
+
+import contextlib
+import dataclasses
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+
+from evocity.errors import RunError
+from evocity.genome import Genome
+from evocity.search import resuming
+from evocity.search.breeding import Individual, Plan, first_population, next_population
+from evocity.search.evaluation import Here, Workers
+from evocity.search.population import Population
+from evocity.search.preparation import Prepared, prepare, provenance_of
+from evocity.search.recipe import Recipe
+from evocity.search.worker import Outcome
+from evocity.store import Birth, RunWriter, refuse_existing
+
+
+@dataclass(frozen=True)
+class Generation:
+    """State of a search after a generation.
+
+    ``births`` and ``failures`` count from the start of the run, ``best`` maps each measure to
+    the raw value of the best living individual, ``hypervolume`` is in units of the first
+    population's ranges. ``seconds_left`` is an estimate.
+    """
+
+    number: int
+    births: int
+    failures: int
+    hypervolume: float
+    best: dict[str, float]
+    evaluations_per_second: float
+    seconds_left: float
+    population: list[Individual] = field(repr=False)
+
+
+class Search:
+    """A search by a recipe: an iterator of `Generation`, and a context manager.
+
+    >>> with Search(read_recipe("demo"), out="runs/demo") as search:  # doctest: +SKIP
+    ...     for generation in search:
+    ...         print(generation.number, generation.best)
+
+    Those who evaluate elsewhere call `ask` and `tell` in turn instead of iterating.
+
+    Parameters
+    ----------
+    recipe : from `read_recipe`.
+    out : run folder to be created; None records nothing.
+    workers : worker processes, in place of the recipe's; 0 works in this process, without
+        deadlines. Births do not depend on it.
+    progress : told in a few words what is prepared before the first generation.
+
+    Raises `RunError` if ``out`` exists. A script that uses workers must start the search under
+    ``if __name__ == "__main__":``, as with every use of processes in Python.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        out: str | os.PathLike | None = None,
+        workers: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ):
+        if out is not None:
+            refuse_existing(out)
+        self.recipe, self.out = recipe, out
+        self._worker_count = recipe.worker_count if workers is None else workers
+        self._progress = progress
+        self._prepared: Prepared | None = None
+        self._writer: RunWriter | None = None
+        self._pool: Here | Workers | None = None
+        self._population: Population | None = None
+        self._asked: list[tuple[Plan, Outcome]] | None = None
+        self._next = 0
+        self._births = self._failures = 0
+        self._closed = self._entered = self._ended = False
+        self._began = 0.0
+        self._first = 0
+        self._generation_began = 0.0
+
+    @classmethod
+    def resume(
+        cls,
+        path: str | os.PathLike,
+        generations: int | None = None,
+        workers: int | None = None,
+        accept_changes: bool = False,
+        progress: Callable[[str], None] | None = None,
+    ) -> "Search":
+        """Go on with the run in ``path`` after its last whole generation.
+
+        ``generations`` replaces the recipe's number. Raises `RunError` if the recipe, a
+        source map or a measure's source changed since and ``accept_changes`` is False (the
+        message names what changed), or if the change cannot be had in one run.
+        """
+        taken = resuming.take_up(path, generations, accept_changes)
+        search = cls(taken.prepared.recipe, None, workers, progress)
+        search.out, search._writer = path, taken.writer
+        search._prepared = taken.prepared
+        search._population = Population(taken.prepared.header.population, taken.prepared.losses)
+        search._population.begin_with(taken.first_births)
+        search._population.restore(taken.living)
+        search._next, search._births, search._failures = taken.next, taken.births, taken.failures
+        search._first = taken.next
+        try:
+            search._start_pool()
+            search._event("resume", generation=taken.next, changes=taken.changes)
+        except BaseException:
+            search.close()
+            raise
+        return search
+
+    # -- the loop ------------------------------------------------------------------------
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last generation of the recipe is done."""
+        return self._next > self.recipe.run.generations
+
+    def __iter__(self) -> Iterator[Generation]:
+        """Breed, evaluate and select until the recipe's last generation; then close."""
+        try:
+            while not self.finished:
+                genomes = self.ask()
+                yield self.tell(self._pool.run("evaluate", [(genome,) for genome in genomes]))
+            self._event("finish", generation=self._next - 1)
+            self._ended = True
+        except BaseException as error:
+            if isinstance(error, GeneratorExit) and self._entered:
+                raise  # __exit__ knows why the loop was left
+            self._stopped(error)
+            self.close()
+            raise
+        self.close()
+
+    def ask(self) -> list[Genome]:
+        """Breed the next generation: the genomes to evaluate, in order.
+
+        Births whose operator failed are not among them; they are logged by `tell`.
+        """
+        if self._asked is not None:
+            raise RunError(
+                f"ask() while the {len(self._bred())} genomes asked before are not told",
+                "ask() and tell() in turn",
+                "call tell(results) first",
+            )
+        if self.finished or self._closed:
+            raise RunError(
+                "ask() after the end of the search",
+                f"generations up to {self.recipe.run.generations}",
+                "go on with more: Search.resume(path, generations=…)",
+            )
+        if self._prepared is None:
+            self._start()
+        self._generation_began = time.perf_counter()
+        if self._next == 0:
+            plans = first_population(self.recipe, [s.genome for s in self._prepared.sources])
+        else:
+            plans = next_population(self.recipe, self._next, self._population.living)
+        jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
+        bred = iter(self._pool.run("breed", jobs))
+        self._asked = [
+            (plan, next(bred) if plan.operator else Outcome("ok", genome=plan.genomes[0]))
+            for plan in plans
+        ]
+        return [outcome.genome for _, outcome in self._bred()]
+
+    def tell(self, results: Sequence[Outcome | Mapping[str, float] | Exception]) -> Generation:
+        """Take the results of the genomes last asked for, in their order, and select.
+
+        A result is a mapping from every measure to its value, or the exception that prevented
+        it. NaN and infinity make a birth `invalid`. The generation is written down whole.
+        """
+        if self._asked is None:
+            raise RunError(
+                "tell() before ask()", "ask() and tell() in turn", "call ask() for genomes first"
+            )
+        bred = self._bred()
+        if len(results) != len(bred):
+            raise RunError(
+                f"{len(results)} results for {len(bred)} genomes",
+                "one result a genome, in the order ask() returned them",
+                "give an exception for a genome that could not be evaluated",
+            )
+        told = [_outcome(one, self._prepared.header.measures) for one in results]
+        outcomes = dict(zip((plan.id for plan, _ in bred), told, strict=True))
+        births = [
+            self._birth(plan, outcome, outcomes.get(plan.id)) for plan, outcome in self._asked
+        ]
+        self._population.select(births)
+        self._births += len(births)
+        failed = [born for born in births if not born.ok]
+        self._failures += len(failed)
+        generation = self._generation(len(births))
+        if self._writer is not None:
+            summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
+            for key in ("number", "population", "seconds_left"):
+                del summary[key]
+            self._writer.write_generation(
+                generation.number, births, self._population.members, summary
+            )
+        self._asked = None
+        self._next += 1
+        self._refuse_failures(failed, len(births))
+        return generation
+
+    # -- beginning and end ---------------------------------------------------------------
+
+    def __enter__(self) -> "Search":
+        self._entered = True
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        self._stopped(error)
+        self.close()
+
+    def close(self) -> None:
+        """Stop the workers and release the run folder. Safe to call twice."""
+        self._closed = True
+        if self._pool is not None:
+            self._pool.close()
+            self._pool = None
+        if self._writer is not None:
+            self._writer.close()
+
+    def _start(self) -> None:
+        self._prepared = prepare(self.recipe, self._progress)
+        if self.out is not None:
+            self._writer = RunWriter.create(
+                self.out,
+                self.recipe.text,
+                provenance_of(self._prepared),
+                self._prepared.header,
+                self._prepared.sources,
+            )
+        self._population = Population(self._prepared.header.population, self._prepared.losses)
+        self._start_pool()
+        self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
+
+    def _start_pool(self) -> None:
+        self._began = time.perf_counter()
+        setup = self._prepared.setup
+        if self._worker_count == 0:
+            self._pool = Here(setup)
+        else:
+            timeout = self.recipe.evaluation.timeout
+            self._pool = Workers(
+                setup, self._worker_count, timeout, lambda text: self._event("retry", reason=text)
+            )
+
+    def _stopped(self, error: BaseException | None) -> None:
+        """Note why the run stops, once; what is not whole is dropped at the next resume."""
+        if self._ended or self._closed:
+            return
+        self._ended = True
+        if self.finished:
+            self._event("finish", generation=self._next - 1)
+            return
+        reason = {KeyboardInterrupt: "interrupted", GeneratorExit: "left", type(None): "left"}
+        told = reason.get(type(error), f"{type(error).__name__}: {error}")
+        with contextlib.suppress(RunError):  # the folder itself may be what failed
+            self._event("stop", generation=self._next - 1, reason=told)
+
+    def _event(self, event: str, **details) -> None:
+        if self._writer is not None:
+            self._writer.event(event, **details)
+
+    # -- one generation ------------------------------------------------------------------
+
+    def _bred(self) -> list[tuple[Plan, Outcome]]:
+        return [(plan, outcome) for plan, outcome in self._asked if outcome.genome is not None]
+
+    def _birth(self, plan: Plan, bred: Outcome, evaluated: Outcome | None) -> Birth:
+        ended = bred if evaluated is None else evaluated
+        made = dict(bred.genome.made) if bred.genome is not None else {}
+        return Birth(
+            generation=self._next,
+            id=plan.id,
+            parents=plan.parents,
+            operator=plan.name,
+            status=ended.status,
+            error=ended.error if evaluated is not None else f"{plan.name}: {bred.error}",
+            seconds=bred.seconds + (evaluated.seconds if evaluated else 0.0),
+            values=ended.values,
+            genome=bred.genome,
+            made=made or {"operator": plan.name},
+        )
+
+    def _generation(self, births: int) -> Generation:
+        now = time.perf_counter()
+        done = self._next + 1 - self._first
+        left = self.recipe.run.generations - self._next
+        return Generation(
+            number=self._next,
+            births=self._births,
+            failures=self._failures,
+            hypervolume=self._population.hypervolume,
+            best=self._population.best,
+            evaluations_per_second=births / max(now - self._generation_began, 1e-9),
+            seconds_left=(now - self._began) / done * left,
+            population=list(self._population.living),
+        )
+
+    def _refuse_failures(self, failed: list[Birth], count: int) -> None:
+        limit = self.recipe.evaluation.max_failures
+        if len(failed) <= limit * count and self._population.living:
+            return
+        kinds = {
+            s: sum(b.status == s for b in failed) for s in dict.fromkeys(b.status for b in failed)
+        }
+        said = ", ".join(f"{number} {status}" for status, number in kinds.items())
+        raise RunError(
+            f"{len(failed)} of {count} births of generation {self._next - 1} failed ({said}); "
+            f"the first: {failed[0].error}",
+            f"at most {limit:.0%} (evaluation.max_failures), and somebody alive",
+            "correct the measure or the operator; the births written down tell each failure",
+        )
+
+
+def _outcome(result, measures: Sequence[str]) -> Outcome:
+    if isinstance(result, Outcome):
+        return result
+    if isinstance(result, Exception):
+        return Outcome("error", f"{type(result).__name__}: {result}")
+    if not isinstance(result, Mapping) or set(result) != set(measures):
+        found = f"values of {', '.join(result)}" if isinstance(result, Mapping) else repr(result)
+        raise RunError(
+            f"a result with {found}",
+            f"a mapping from each of {', '.join(measures)} to its value, or an exception",
+            "tell one such result a genome",
+        )
+    wrong = [name for name in measures if not isinstance(result[name], Real)]
+    values = {name: float(result[name]) for name in measures if name not in wrong}
+    wrong += [name for name, value in values.items() if not math.isfinite(value)]
+    error = ", ".join(f"{name} is {result[name]!r}" for name in wrong)
+    return Outcome("invalid" if wrong else "ok", error or None, values=values)

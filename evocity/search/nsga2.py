@@ -1,0 +1,93 @@
+"""NSGA-II (Deb et al. 2002): who dominates, who lives, who breeds. All losses: lower is better.
+
+The only file that knows DEAP (its types and crowding distance) and moocore (ranks and
+hypervolume). Draws come from a handed-down generator; ties are broken by id.
+"""
+
+from collections.abc import Sequence
+
+import moocore
+import numpy as np
+from deap import base
+from deap.tools import emo
+
+
+class _Crowded:
+    """A DEAP individual reduced to what crowding needs: its fitness."""
+
+    def __init__(self, kind: type[base.Fitness], losses: Sequence[float]):
+        self.fitness = kind(losses)
+
+
+def ranks_and_crowding(losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Front (int, 0 = not dominated) and crowding distance of each row of ``(n, m)`` losses.
+
+    Raises ValueError for a loss that is not finite: moocore and DEAP would rank NaN first.
+    """
+    losses = np.ascontiguousarray(losses, np.float64)
+    if not np.isfinite(losses).all():
+        raise ValueError("losses must be finite to be ranked")
+    ranks = _ranks(losses)
+    kind = type("Losses", (base.Fitness,), {"weights": (-1.0,) * losses.shape[1]})
+    crowding = np.zeros(len(losses))
+    for front in np.unique(ranks):
+        where = np.flatnonzero(ranks == front)
+        crowded = [_Crowded(kind, row) for row in losses[where].tolist()]
+        emo.assignCrowdingDist(crowded)
+        crowding[where] = [one.fitness.crowding_dist for one in crowded]
+    return ranks, crowding
+
+
+def select(ids: Sequence[int], losses: np.ndarray, count: int) -> np.ndarray:
+    """Indices of the ``count`` that live, best first: by front, then crowding, then id."""
+    if not len(ids):
+        return np.empty(0, np.intp)
+    by_id = np.argsort(ids, kind="stable")
+    ranks, crowding = ranks_and_crowding(losses[by_id])
+    return by_id[np.lexsort((-crowding, ranks))][:count]
+
+
+def tournament(
+    ids: Sequence[int],
+    ranks: Sequence[int],
+    crowding: Sequence[float],
+    count: int,
+    rng: np.random.Generator,
+) -> list[int]:
+    """Indices of ``count`` parents, each the better of two drawn; all different while possible."""
+    chosen: list[int] = []
+    left = list(range(len(ids)))
+    for _ in range(count):
+        if not left:
+            left = list(range(len(ids)))
+        two = rng.integers(len(left), size=2)
+        best = min(left[two[0]], left[two[1]], key=lambda i: (ranks[i], -crowding[i], ids[i]))
+        chosen.append(best)
+        left.remove(best)
+    return chosen
+
+
+class Hypervolume:
+    """Hypervolume in units of the first population's ranges.
+
+    Fixed by the losses ``(n, m)`` of the first population: each loss is scaled so that its
+    best is 0 and its worst 1, and the reference lies 10 % beyond the worst of each.
+    """
+
+    def __init__(self, first: np.ndarray):
+        self._best = first.min(axis=0)
+        ranges = np.ptp(first, axis=0)
+        self._ranges = np.where(ranges > 0, ranges, 1.0)
+        self._reference = np.ptp(first, axis=0) / self._ranges + 0.1
+
+    def __call__(self, losses: np.ndarray) -> float:
+        scaled = (losses - self._best) / self._ranges
+        if scaled.shape[1] == 1:
+            return float(max(self._reference[0] - scaled.min(), 0.0))
+        return float(moocore.hypervolume(np.ascontiguousarray(scaled), ref=self._reference))
+
+
+def _ranks(losses: np.ndarray) -> np.ndarray:
+    if losses.shape[1] == 1:
+        return np.unique(losses[:, 0], return_inverse=True)[1]
+    return moocore.pareto_rank(losses).astype(np.int64)

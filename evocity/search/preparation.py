@@ -1,0 +1,169 @@
+"""What a run needs before its first birth: maps read and encoded, targets, provenance."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from evocity import fitness, io, store
+from evocity.citymap import CityMap, same_grid
+from evocity.coding import encode
+from evocity.errors import MapError, RecipeError
+from evocity.operators.pavement_fusion import VOID
+from evocity.search.recipe import Recipe, resolved
+from evocity.search.worker import Setup
+from evocity.store import Header, Source
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Everything fixed for a run."""
+
+    recipe: Recipe
+    sources: list[Source]
+    objectives: list[fitness.Objective]
+    header: Header
+
+    @property
+    def setup(self) -> Setup:
+        """What a worker must know."""
+        measures = tuple(
+            (measure.name, entry.source(self.recipe.folder))
+            for entry in self.recipe.fitness
+            for measure in entry.measures
+        )
+        return Setup(self.header, measures)
+
+    def losses(self, values) -> tuple[float, ...]:
+        """Losses, lower is better, of raw ``values`` (measure -> number)."""
+        return tuple(one.loss(values[one.measure.name]) for one in self.objectives)
+
+
+def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Prepared:
+    """Read and encode the parents, measure the cities to be like.
+
+    ``progress`` is told in a few words what comes next. Raises `MapError`, `GenomeError` or
+    `FitnessError` where a map does not serve.
+    """
+    tell = progress or (lambda text: None)
+    cities: list[CityMap] = []
+    for parent in recipe.parents:
+        tell(f"reading {parent.map}")
+        city = read_parent(recipe, parent.map, parent)
+        taken = [other.name for other in cities]
+        if city.name in taken or city.name == VOID:
+            number = sum(name.startswith(city.name) for name in taken) + 1
+            city = city.replace(city.heights, name=f"{city.name}-{number}")
+        cities.append(city)
+    same_grid(cities)
+    code = recipe.genome
+    genomes = []
+    for city in cities:
+        tell(f"encoding {city.name}")
+        found = encode(
+            city,
+            block=code.block,
+            domains=tuple(code.domains),
+            reach=code.reach_pixels,
+            sigma_max=code.sigma_max,
+        )
+        genomes.append(found.genome)
+    header = _header(recipe, cities)
+    sources = [Source(city, header.adopt(g)) for city, g in zip(cities, genomes, strict=True)]
+    tell("measuring the cities to be like")
+    return Prepared(recipe, sources, objectives_of(recipe), header)
+
+
+def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
+    """A map of the recipe at the recipe's window."""
+    chosen = {} if options is None else options.model_dump(exclude={"map"}, exclude_none=True)
+    return io.read_map(
+        resolved(recipe.folder, name),
+        pixels=recipe.map.pixels,
+        metres_per_pixel=recipe.map.metres_per_pixel,
+        **chosen,
+    )
+
+
+def objectives_of(recipe: Recipe, targets: dict | None = None) -> list[fitness.Objective]:
+    """The recipe's objectives; ``targets`` (measure -> number) spare measuring the cities."""
+    objectives = []
+    for entry in recipe.fitness:
+        for measure in entry.measures:
+            if entry.like is None:
+                objectives.append(fitness.Objective(measure, entry.goal, entry.target))
+            elif targets and measure.name in targets:
+                target = targets[measure.name]
+                objectives.append(fitness.Objective(measure, "like", target))
+            else:
+                city = read_parent(recipe, entry.like)
+                objectives.append(fitness.Objective.like(measure, city))
+    return objectives
+
+
+def provenance_of(prepared: Prepared) -> dict:
+    """What `provenance.json` records, besides the header."""
+    recipe = prepared.recipe
+    return store.environment() | {
+        "seed": recipe.run.seed,
+        "recipe": {
+            "folder": str(recipe.folder),
+            "hash": store.hash_of_text(recipe.text),
+            "overrides": recipe.overrides,
+        },
+        "maps": [
+            {
+                "name": source.name,
+                "map": parent.map,
+                "hash": store.hash_of_map(source.city),
+                "file": file_hash(recipe, parent.map),
+            }
+            for source, parent in zip(prepared.sources, recipe.parents, strict=True)
+        ],
+        "fitness": [
+            {
+                "name": one.measure.name,
+                "file": one.measure.file,
+                "hash": one.measure.source_hash,
+                "goal": one.goal,
+                "target": one.target,
+            }
+            for one in prepared.objectives
+        ],
+    }
+
+
+def file_hash(recipe: Recipe, name: str) -> str | None:
+    """Hash of a map's file; None for a bundled one, which changes only with a release."""
+    path = resolved(recipe.folder, name)
+    if path == name:
+        return None
+    try:
+        return store.hash_of_file(Path(path))
+    except OSError as error:
+        raise MapError(f"{path} cannot be read: {error.strerror}", "a map", "check it") from None
+
+
+def _header(recipe: Recipe, cities: list[CityMap]) -> Header:
+    names = [city.name for city in cities]
+    if any(entry.parameters.get("void") for entry in recipe.operators.values()):
+        names.append(VOID)
+    if len(names) > 255:
+        raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")
+    lines = [line for city in cities for line in city.attribution.split("; ") if line]
+    places = {(city.origin, city.crs) for city in cities}
+    origin, crs = places.pop() if len(places) == 1 else (None, None)
+    return Header(
+        height=cities[0].shape[0],
+        width=cities[0].shape[1],
+        block=recipe.genome.block,
+        metres_per_pixel=cities[0].metres_per_pixel,
+        sigma_max=recipe.genome.sigma_max,
+        cities=tuple(names),
+        attribution="; ".join(dict.fromkeys(lines)),
+        origin=origin,
+        crs=crs,
+        seed=recipe.run.seed,
+        population=recipe.run.population,
+        recipe_hash=store.hash_of_text(recipe.text),
+        measures=tuple(measure.name for measure in recipe.measures),
+    )

@@ -1,0 +1,169 @@
+"""From a TOML file, or the name of a bundled demonstration, to a `Recipe` without faults."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from evocity.errors import RecipeError
+from evocity.search.recipe import FitnessEntry, Parent, Recipe, across_sections
+
+_BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
+
+
+def recipes() -> list[str]:
+    """Names of the bundled recipes."""
+    return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
+
+
+def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> Recipe:
+    """Read and check a recipe.
+
+    Parameters
+    ----------
+    source : a path to a TOML file, or the name of a bundled recipe (see `recipes`).
+    overrides : ``generations``, ``population``, ``seed``, ``workers``; None leaves the
+        recipe's own.
+
+    Raises
+    ------
+    RecipeError : lists every fault with its key, what was found and what is allowed.
+
+    A user's own measures named in the recipe are loaded, that is: their file is executed.
+    """
+    path = Path(source)
+    if os.fspath(source) in recipes() and not path.is_file():
+        path = _BUNDLED / f"{source}.toml"
+    try:
+        text = path.read_bytes().decode()
+    except UnicodeDecodeError:
+        raise RecipeError(
+            f"{path} is not text in UTF-8", "a TOML file", "save it as UTF-8"
+        ) from None
+    except OSError as error:
+        raise RecipeError(
+            f"no recipe can be read at {path}: {error.strerror}",
+            f"a TOML file, or one of {', '.join(recipes())}",
+            "check the path",
+        ) from None
+    sections = {"workers": "evaluation"}
+    changes = {
+        f"{sections.get(key, 'run')}.{key}": value
+        for key, value in overrides.items()
+        if value is not None
+    }
+    return recipe_of(text, path.parent.resolve(), changes, name=str(path))
+
+
+def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) -> Recipe:
+    """The recipe in ``text``, whose paths are relative to ``folder``; ``name`` for messages.
+
+    ``overrides`` map keys such as "run.seed" to values that replace the recipe's.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(
+            f"{name} is not TOML: {error}", "a TOML file", "correct that line"
+        ) from None
+    for key, value in overrides.items():
+        section, entry = key.split(".")
+        if isinstance(raw.setdefault(section, {}), dict):
+            raw[section][entry] = value
+    faults = []
+    recipe = None
+    try:
+        recipe = Recipe.model_validate(raw, context={"folder": folder})
+    except ValidationError as error:
+        faults = [_fault(one, raw) for one in error.errors(include_url=False)]
+    faults += across_sections(raw)
+    if recipe is not None:
+        faults += _repeated(recipe)
+        if recipe.run.population < len(recipe.parents):
+            allowed = f"{len(recipe.parents)} or more, one for each of the parents"
+            faults.append(("run.population", str(recipe.run.population), allowed))
+    if faults:
+        allowances: dict[tuple[str, str], list[str]] = {}
+        for key, found, allowed in faults:  # a key may allow this or that
+            allowances.setdefault((key, found), []).append(allowed)
+        listed = [
+            f"{key}: {found}; allowed: {' or '.join(dict.fromkeys(allowed))}"
+            for (key, found), allowed in allowances.items()
+        ]
+        raise RecipeError(
+            f"{name} has {len(listed)} fault{'s' if len(listed) > 1 else ''}:\n  "
+            + "\n  ".join(listed),
+            "a recipe without faults; what is allowed stands behind each",
+            "correct these keys",
+        )
+    recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
+    return recipe
+
+
+def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
+    names = [measure.name for measure in recipe.measures]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    return [("fitness", f"{name} twice", "each measure once") for name in twice]
+
+
+_TYPES = {
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "string_type": "text in quotes",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+    "missing": "it is required",
+}
+
+_PHRASES = {
+    "greater_than": "above {gt}",
+    "greater_than_equal": "{ge} or more",
+    "less_than": "below {lt}",
+    "less_than_equal": "{le} or less",
+    "literal_error": "{expected}",
+    "too_short": "{min_length} or more of them",
+    "too_long": "{max_length} or fewer of them",
+}
+
+
+def _fault(error: Mapping, raw: Mapping) -> tuple[str, str, str]:
+    """(key, found, allowed) of one of pydantic's errors."""
+    kind, details = error["type"], error.get("ctx", {})
+    location = [part for part in error["loc"] if _in_raw(part)]
+    key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+    if kind == "evocity":
+        return key, details["found"], details["allowed"]
+    if kind == "missing":
+        return key, "missing", "it is required"
+    if kind == "extra_forbidden":
+        return key, "unknown key", ", ".join(_keys_at(location[:-1]))
+    if kind in _PHRASES:
+        return key, _shown(error["input"]), _PHRASES[kind].format(**details)
+    return key, _shown(error["input"]), _TYPES.get(kind, error["msg"])
+
+
+def _in_raw(part) -> bool:
+    # pydantic adds the branch of a union ("int", "literal['all']") to the place of the fault
+    return isinstance(part, int) or not (part in ("int", "constrained-int") or "[" in part)
+
+
+def _keys_at(location: list) -> list[str]:
+    if not location:
+        return list(Recipe.model_fields)
+    models = {"parents": Parent, "fitness": FitnessEntry}
+    model = models.get(location[0]) or Recipe.model_fields[location[0]].annotation
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        model = next(m for m in get_args(model) if isinstance(m, type))
+    return list(model.model_fields)
+
+
+def _shown(value) -> str:
+    text = repr(value)
+    return text if len(text) < 60 else text[:57] + "…"

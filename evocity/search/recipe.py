@@ -1,0 +1,337 @@
+"""What a recipe may say: the models of its sections, checked by pydantic.
+
+Every model refuses unknown keys. `evocity.search.reading` turns a TOML file into a `Recipe`.
+"""
+
+import inspect
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from evocity import io, operators
+from evocity.errors import EvocityError
+from evocity.fitness import Measure, Objective, get, load_file
+
+
+def fault(found: str, allowed: str) -> PydanticCustomError:
+    """A fault of a key that pydantic gathers with the others."""
+    return PydanticCustomError("evocity", "{found}; allowed: {allowed}", _pair(found, allowed))
+
+
+def _pair(found: str, allowed: str) -> dict:
+    return {"found": found, "allowed": allowed}
+
+
+def resolved(folder: Path, name: str) -> str:
+    """A bundled city's name as it is; a path relative to the recipe's ``folder`` made whole."""
+    return name if name in io.cities() else str((folder / Path(name).expanduser()).resolve())
+
+
+def _existing_map(name: str, info: ValidationInfo) -> str:
+    if name not in io.cities() and not Path(resolved(info.context["folder"], name)).is_file():
+        raise fault(
+            f"{name!r} is no file and no bundled city",
+            f"a map file, relative to the recipe, or one of {', '.join(io.cities())}",
+        )
+    return name
+
+
+def _some_text(text: str) -> str:
+    if not text.strip() or any(c in '/\\:*?"<>|' or ord(c) < 32 for c in text) or text[0] == ".":
+        raise fault(f"{text!r}", "a name that can be a folder's")
+    return text
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+MapName = Annotated[str, AfterValidator(_existing_map)]
+
+
+class Section(BaseModel):
+    """A part of a recipe: unknown keys and wrong types are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class RunSection(Section):
+    """``[run]``. ``generations`` are bred after the first population, which is generation 0."""
+
+    name: Annotated[str, AfterValidator(_some_text)] = "run"
+    seed: int = Field(0, ge=0, lt=2**63)
+    population: int = Field(64, ge=2, le=1_000_000)
+    generations: int = Field(100, ge=0, le=99_999_999)
+
+
+class MapSection(Section):
+    """``[map]``: the window every map is read at."""
+
+    pixels: int = Field(256, ge=8, le=32_767)
+    metres_per_pixel: Positive = 2.0
+
+
+class Parent(Section):
+    """``[[parents]]``: a source city; the options are those of `evocity.read_map`."""
+
+    map: MapName
+    name: str | None = None
+    center: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    layer: str | None = None
+    default_height: Positive = 6.0
+    height_scale: Positive | None = None
+
+
+class GenomeSection(Section):
+    """``[genome]``: how the sources are encoded."""
+
+    block: int = Field(4, ge=2, le=64)
+    domains: list[Annotated[int, Field(ge=2)]] = Field([2], min_length=1)
+    reach: Annotated[int, Field(ge=0)] | Literal["all"] = 24
+    sigma_max: Annotated[float, Field(gt=0, lt=1)] = 0.9
+
+    @property
+    def reach_pixels(self) -> int | None:
+        return None if self.reach == "all" else self.reach
+
+
+class OperatorEntry(BaseModel):
+    """A weight, or a table of a weight, parameters of the operator, and how many parents."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    weight: float = Field(1.0, ge=0, allow_inf_nan=False)
+    parents: int | None = Field(None, ge=1)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return {
+            key: None if value == "none" or (key, value) == ("reach", "all") else value
+            for key, value in (self.model_extra or {}).items()
+        }
+
+
+def _entry(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float | dict | OperatorEntry):
+        raise fault(f"{value!r}", "a weight, or a table such as { weight = 4, fill = 0.5 }")
+    return {"weight": value} if isinstance(value, int | float) else value
+
+
+class FitnessEntry(Section):
+    """``[[fitness]]``: a measure by name, or those of a file, and what is wanted of them."""
+
+    name: str | None = None
+    file: str | None = None
+    goal: Literal["max", "min"] | None = None
+    target: Finite | None = None
+    like: MapName | None = None
+
+    _measures: list[Measure] = PrivateAttr(default_factory=list)
+
+    @model_validator(mode="after")
+    def _resolve(self, info: ValidationInfo) -> "FitnessEntry":
+        wanted = [key for key in ("goal", "target", "like") if getattr(self, key) is not None]
+        if len(wanted) > 1:
+            raise fault(" and ".join(wanted), "one of goal, target and like")
+        try:
+            measures = self._found(info.context["folder"])
+            if self.like is None:
+                for measure in measures:
+                    Objective(measure, self.goal, self.target)
+        except EvocityError as error:
+            raise fault(error.found, error.expected) from None
+        self._measures.extend(measures)
+        return self
+
+    @property
+    def measures(self) -> list[Measure]:
+        return self._measures
+
+    def source(self, folder: Path) -> str | None:
+        """The file a worker must load the measures from; None for registered ones."""
+        return None if self.file is None else resolved(folder, self.file)
+
+    def _found(self, folder: Path) -> list[Measure]:
+        if self.file is None:
+            if self.name is None:
+                raise fault("neither name nor file", "one of them")
+            return [get(self.name)]
+        measures = load_file(resolved(folder, self.file))
+        names = [measure.name for measure in measures]
+        if self.name is None:
+            if len(names) > 1 and (self.target is not None or self.like is not None):
+                raise fault(f"a target for all of {', '.join(names)}", "name = one of them")
+            return measures
+        if self.name not in names:
+            raise fault(f"name = {self.name!r}", f"one of {', '.join(names)}")
+        return [measures[names.index(self.name)]]
+
+
+class EvaluationSection(Section):
+    """``[evaluation]``. ``workers`` 0: in the calling process, without deadlines.
+
+    ``timeout``: seconds, one individual. ``max_failures``: the share of a generation's births
+    that may fail before the run stops.
+    """
+
+    workers: int | None = Field(None, ge=0, le=4096)
+    timeout: Positive = 60.0
+    max_failures: float = Field(0.5, ge=0, le=1)
+
+
+class SearchSection(Section):
+    """``[search]``."""
+
+    algorithm: Literal["nsga2"] = "nsga2"
+
+
+class Recipe(Section):
+    """A whole recipe, without faults. Made by `evocity.search.read_recipe`.
+
+    Besides the sections: ``text``, the TOML as given; ``overrides``, what replaced it, as
+    {"run.seed": 8}; ``folder``, what its paths are relative to.
+    """
+
+    run: RunSection = RunSection()
+    map: MapSection = MapSection()
+    parents: list[Parent] = Field(min_length=1, max_length=256)
+    genome: GenomeSection = GenomeSection()
+    operators: dict[
+        str,
+        Annotated[OperatorEntry, BeforeValidator(_entry)],
+    ] = Field(
+        default_factory=lambda: {
+            "pavement_fusion": OperatorEntry(weight=4),
+            "lambda_crossover": OperatorEntry(weight=1),
+            "mutation": OperatorEntry(weight=2),
+        },
+        min_length=1,
+    )
+    fitness: list[FitnessEntry] = Field(min_length=1)
+    evaluation: EvaluationSection = EvaluationSection()
+    search: SearchSection = SearchSection()
+
+    _text: str = PrivateAttr("")
+    _overrides: dict = PrivateAttr(default_factory=dict)
+    _folder: Path = PrivateAttr(Path())
+
+    @property
+    def text(self) -> str:
+        return self._text
+
+    @property
+    def overrides(self) -> dict:
+        return self._overrides
+
+    @property
+    def folder(self) -> Path:
+        return self._folder
+
+    @property
+    def default_out(self) -> Path:
+        """Where the run is written unless the user says otherwise: ``runs/<name>``."""
+        return Path("runs") / self.run.name
+
+    @property
+    def measures(self) -> list[Measure]:
+        """Measures in the order of the recipe."""
+        return [measure for entry in self.fitness for measure in entry.measures]
+
+    @property
+    def worker_count(self) -> int:
+        """``workers``, or the cores this process may use."""
+        if self.evaluation.workers is not None:
+            return self.evaluation.workers
+        affinity: Callable | None = getattr(os, "sched_getaffinity", None)
+        return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+    def operator(self, name: str, **changes):
+        """The operator ``name`` with the recipe's parameters, other than ``changes``.
+
+        Its ``reach`` and ``domains`` are those of ``[genome]`` unless it has its own.
+        """
+        entry = self.operators.get(name, OperatorEntry())
+        return built(name, entry, self.genome, **changes)
+
+
+def built(name: str, entry: OperatorEntry, genome: GenomeSection | None, **changes):
+    """An operator from its entry. Raises `OperatorError`."""
+    kind = operators.operators().get(name)
+    shared = {}
+    if kind is not None and genome is not None:
+        accepted = inspect.signature(kind).parameters
+        common = {"reach": genome.reach_pixels, "domains": tuple(genome.domains)}
+        shared = {key: value for key, value in common.items() if key in accepted}
+    return operators.make(name, **(shared | entry.parameters | changes))
+
+
+def across_sections(raw: dict) -> list[tuple[str, str, str]]:
+    """Faults (key, found, allowed) between sections, as far as ``raw`` is well-formed."""
+    faults = []
+    pixels, block, domains = (
+        _of(raw, "map", "pixels", 256),
+        _of(raw, "genome", "block", 4),
+        _of(raw, "genome", "domains", [2]),
+    )
+    if _whole(pixels) and _whole(block) and block > 1 and pixels > 0:
+        if pixels % block:
+            low = pixels // block * block
+            fits = f"a multiple of genome.block = {block}, for example {low or block}"
+            faults.append(("map.pixels", str(pixels), fits))
+        listed = isinstance(domains, list) and domains and all(map(_whole, domains))
+        if listed and min(domains) * block > pixels:
+            found = f"{domains} · {block} px"
+            faults.append(("genome.domains", found, f"domain blocks within {pixels} px"))
+    entries = raw.get("operators")
+    if isinstance(entries, dict):
+        faults += _operator_faults(entries)
+    return faults
+
+
+def _operator_faults(entries: dict) -> list[tuple[str, str, str]]:
+    known, faults, weights = operators.operators(), [], []
+    for name, value in entries.items():
+        key = f"operators.{name}"
+        if name not in known:
+            faults.append((key, "unknown operator", ", ".join(sorted(known))))
+            continue
+        table = value if isinstance(value, dict) else {"weight": value}
+        weight = table.get("weight", 1.0)
+        weights.append(weight if isinstance(weight, int | float) else math.nan)
+        try:
+            entry = OperatorEntry.model_construct(
+                _fields_set=None,
+                **{k: v for k, v in table.items() if k not in ("weight", "parents")},
+            )
+            built(name, entry, None)
+        except EvocityError as error:
+            faults.append((key, error.found, error.expected))
+        fewest, most = known[name].parents
+        count = table.get("parents", fewest)
+        if _whole(count) and not fewest <= count <= (count if most is None else most):
+            allowed = f"{fewest} or more" if most is None else f"{fewest} to {most}"
+            faults.append((f"{key}.parents", str(count), allowed))
+    if weights and all(weight == 0 for weight in weights):
+        faults.append(("operators", "all weights are 0", "at least one weight above 0"))
+    return faults
+
+
+def _of(raw: dict, section: str, key: str, default):
+    part = raw.get(section, {})
+    return part.get(key, default) if isinstance(part, dict) else default
+
+
+def _whole(value) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

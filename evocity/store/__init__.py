@@ -1,0 +1,31 @@
+"""A run on disk: births and membership in Parquet, and the reading of them.
+
+- `open_run`: a run folder, read only, safe on a stranger's folder and while the run goes on
+- `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
+- `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
+- `Source`: a source city and its genome, as the run started from them
+- `environment`, `hash_of_map`, `hash_of_file`: what provenance records
+"""
+
+from evocity.store.provenance import environment, hash_of_file, hash_of_map, hash_of_text
+from evocity.store.run import Run, open_run
+from evocity.store.schema import SCHEMA_VERSION, STATUSES, Birth, Header, Member
+from evocity.store.sources import Source
+from evocity.store.writer import RunWriter, refuse_existing
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "STATUSES",
+    "Birth",
+    "Header",
+    "Member",
+    "Run",
+    "RunWriter",
+    "Source",
+    "environment",
+    "hash_of_file",
+    "hash_of_map",
+    "hash_of_text",
+    "open_run",
+    "refuse_existing",
+]

@@ -1,0 +1,35 @@
+"""`events.jsonl`: starts, stops, resumes, retries, warnings, one JSON document a line."""
+
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+
+def append_event(path: Path, event: str, **details) -> None:
+    """Add a line and flush it. A line cut short by a crash is closed off first."""
+    line = json.dumps(
+        {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **details},
+        ensure_ascii=False,
+    )
+    with open(path, "ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write(line.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read_events(path: Path) -> list[dict]:
+    """All whole lines, oldest first; what was cut short is left out. Raises OSError."""
+    events = []
+    for line in path.read_bytes().splitlines():
+        try:
+            event = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(event, dict):
+            events.append(event)
+    return events

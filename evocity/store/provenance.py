@@ -1,0 +1,60 @@
+"""What a run was made with: command, versions, hashes."""
+
+import hashlib
+import os
+import platform
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from evocity import __version__
+from evocity.citymap import CityMap
+
+_LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "deap",
+    "moocore",
+    "scikit-image",
+    "pyarrow",
+    "pebble",
+    "pydantic",
+)
+
+
+def environment() -> dict:
+    """Command, versions of evocity and of what computes for it, Python, platform."""
+    return {
+        "command": sys.argv,
+        "versions": {"evocity": __version__} | {name: _version(name) for name in _LIBRARIES},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+    }
+
+
+def hash_of_text(text: str) -> str:
+    """Hexadecimal hash of a text, line ends apart."""
+    return hashlib.blake2b(text.replace("\r\n", "\n").encode(), digest_size=16).hexdigest()
+
+
+def hash_of_file(path: str | os.PathLike) -> str:
+    """Hexadecimal hash of a file's bytes. Raises OSError."""
+    return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).hexdigest()
+
+
+def hash_of_map(city: CityMap) -> str:
+    """Hexadecimal hash of a map's heights and pixel size."""
+    state = hashlib.blake2b(digest_size=16)
+    state.update(repr((city.shape, city.metres_per_pixel)).encode())
+    state.update(city.heights.tobytes())
+    return state.hexdigest()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

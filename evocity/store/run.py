@@ -1,0 +1,235 @@
+"""`Run`: a run folder, read only."""
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from evocity.errors import EvocityError, RunError
+from evocity.genome import Genome
+from evocity.store.events import read_events
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
+from evocity.store.schema import (
+    ABOUT_GENERATIONS,
+    ABOUT_RUN,
+    Birth,
+    Header,
+    births_of,
+    check_version,
+)
+from evocity.store.sources import Source, read_sources
+
+#: A merge may replace a file between the listing and the opening of it.
+_ATTEMPTS = 5
+
+
+def open_run(path: str | os.PathLike) -> "Run":
+    """Open a run folder for reading; nothing in it is executed, nothing changed.
+
+    Works while the run goes on: only whole generations are seen. Raises `RunError` if there
+    is no run at ``path``, if it is damaged, or if another release wrote another schema.
+    """
+    return Run(path)
+
+
+class Run:
+    """A run folder, read only; made by `open_run`. All methods raise `RunError` on damage.
+
+    Attributes: ``path``; ``provenance``, what was recorded at the start; ``header``, what all
+    births share (`Header`).
+    """
+
+    def __init__(self, path: str | os.PathLike):
+        self.path = Path(path)
+        self._folder = Folder(self.path)
+        if not self._folder.provenance.is_file():
+            raise RunError(
+                f"no run at {self.path}",
+                "a folder written by `evocity run`, with provenance.json in it",
+                "check the name, or start a run: evocity run RECIPE --out FOLDER",
+            )
+        with self._readable(self._folder.provenance):
+            text = self._folder.provenance.read_text(encoding="utf-8")
+            self.provenance: dict = json.loads(text)
+            check_version(self.provenance["schema_version"], self.path)
+            self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
+
+    def __repr__(self) -> str:
+        return f"Run({str(self.path)!r}, {len(self.generations)} generations)"
+
+    @cached_property
+    def recipe_text(self) -> str:
+        """The recipe, as given."""
+        with self._readable(self._folder.recipe):
+            return self._folder.recipe.read_bytes().decode()
+
+    @property
+    def generations(self) -> range:
+        """Numbers of the generations that are whole now: 0…g."""
+        with self._readable(self.path):
+            last = min(self._folder.last_generation(kind) for kind in (BIRTHS, MEMBERSHIP))
+        return range(last + 1)
+
+    def births(
+        self, generation: int | None = None, columns: Sequence[str] | None = None
+    ) -> pa.Table:
+        """Births of one generation, or of all, as an Arrow table (columns as in the files)."""
+        return self._table(BIRTHS, generation, columns)
+
+    def members(self, generation: int | None = None) -> pa.Table:
+        """Who lived in one generation, or in all: generation, slot, id, rank, crowding."""
+        return self._table(MEMBERSHIP, generation, None)
+
+    def individuals(self, ids: Sequence[int]) -> list[Birth]:
+        """The births with these ``ids``, genomes included, in the order given."""
+        found: dict[int, Birth] = {}
+        for generation in sorted({identifier // self.header.population for identifier in ids}):
+            table = self.births(generation)
+            wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
+            with self._readable(self.path):
+                births = births_of(table.filter(wanted), self.header)
+            found |= {birth.id: birth for birth in births}
+        missing = [identifier for identifier in ids if identifier not in found]
+        if missing:
+            raise RunError(
+                f"{self.path}: no individual {missing[0]}",
+                f"an id of a birth in generations 0…{len(self.generations) - 1}",
+                "see the births' `id` column",
+            )
+        return [found[identifier] for identifier in ids]
+
+    def genome(self, identifier: int) -> Genome:
+        """The genome of one individual. `RunError` if it was never bred."""
+        genome = self.individuals([identifier])[0].genome
+        if genome is None:
+            raise RunError(
+                f"{self.path}: individual {identifier} has no genome, its breeding failed",
+                "an individual that was bred",
+                "choose one whose `genome` is not empty",
+            )
+        return genome
+
+    def sources(self) -> list[Source]:
+        """The source cities, maps and genomes."""
+        with self._readable(self._folder.sources):
+            return read_sources(self._folder.sources)
+
+    def events(self) -> list[dict]:
+        """What happened to the run, oldest first; each has ``time`` and ``event``."""
+        with self._readable(self._folder.events):
+            return read_events(self._folder.events)
+
+    def history(self) -> list[dict]:
+        """One summary a generation: births and failures so far, hypervolume, best, …"""
+        summaries = self._with_pieces(
+            lambda: [self._summaries(piece.path) for piece in self._folder.pieces(MEMBERSHIP)]
+        )
+        together = {int(g): about for piece in summaries for g, about in piece.items()}
+        with self._readable(self.path):
+            return [{"generation": g} | together[g] for g in self.generations if g in together]
+
+    def status(self) -> dict:
+        """Where the run is now, in plain JSON values.
+
+        Keys: generation (the last whole one; None before the first), births, failures,
+        hypervolume, best (measure -> value), evaluations_per_second, finished.
+        """
+
+        def last_summary() -> tuple[int | None, dict]:
+            whole = self.generations
+            if not whole:
+                return None, {}
+            pieces = self._folder.pieces(MEMBERSHIP)
+            piece = next(p for p in pieces if p.first <= whole[-1] <= p.last)
+            return whole[-1], self._summaries(piece.path)[str(whole[-1])]
+
+        generation, about = self._with_pieces(last_summary)
+        states = [e.get("event") for e in self.events()]
+        states = [s for s in states if s in ("start", "resume", "stop", "finish")]
+        return {
+            "generation": generation,
+            "births": about.get("births", 0),
+            "failures": about.get("failures", 0),
+            "hypervolume": about.get("hypervolume"),
+            "best": about.get("best", {}),
+            "evaluations_per_second": about.get("evaluations_per_second"),
+            "finished": bool(states) and states[-1] == "finish",
+        }
+
+    # -- files ---------------------------------------------------------------------------
+
+    def _table(self, kind, generation, columns) -> pa.Table:
+        whole = self.generations
+        if generation is not None and generation not in whole:
+            raise RunError(
+                f"{self.path}: no generation {generation}",
+                f"one of 0…{len(whole) - 1}" if whole else "a run with a whole generation",
+                "see `evocity status`",
+            )
+
+        def read() -> list[pa.Table]:
+            tables = []
+            for piece in self._folder.pieces(kind):
+                wanted = (
+                    range(piece.first, min(piece.last, len(whole) - 1) + 1)
+                    if generation is None
+                    else range(max(piece.first, generation), min(piece.last, generation) + 1)
+                )
+                if wanted:
+                    with pq.ParquetFile(piece.path) as file:
+                        Header.from_json(file.schema_arrow.metadata[ABOUT_RUN], piece.path)
+                        if piece.first == piece.last:  # without rows it has no row group
+                            tables.append(file.read(columns=columns))
+                        else:
+                            groups = [g - piece.first for g in wanted]
+                            tables.append(file.read_row_groups(groups, columns=columns))
+            return tables
+
+        tables = self._with_pieces(read)
+        if not tables:
+            raise RunError(
+                f"{self.path} has no whole generation yet",
+                "at least one",
+                "wait for the first generation to end",
+            )
+        plain = [table.replace_schema_metadata(None) for table in tables]
+        joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
+        return joined.replace_schema_metadata(tables[-1].schema.metadata)
+
+    def _summaries(self, path: Path) -> dict:
+        with pq.ParquetFile(path) as file:
+            return json.loads(file.metadata.metadata[ABOUT_GENERATIONS])
+
+    def _with_pieces(self, read: Callable):
+        for attempt in range(_ATTEMPTS):
+            try:
+                with self._readable(self.path, gone_is_damage=attempt == _ATTEMPTS - 1):
+                    return read()
+            except FileNotFoundError:
+                continue
+
+    @contextmanager
+    def _readable(self, what: Path, gone_is_damage: bool = True) -> Iterator[None]:
+        try:
+            yield
+        except RunError:
+            raise
+        except Exception as error:
+            if isinstance(error, FileNotFoundError) and not gone_is_damage:
+                raise
+            expected = (OSError, pa.ArrowException, EvocityError)
+            damage = (KeyError, ValueError, TypeError, AttributeError, IndexError, StopIteration)
+            if not isinstance(error, expected + damage):
+                raise
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise RunError(
+                f"{what} is damaged or not part of a run ({type(error).__name__}: {reason})",
+                "a run folder as `evocity run` writes it",
+                "bring the folder back from a copy, or start the run again",
+            ) from error

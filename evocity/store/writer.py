@@ -1,0 +1,164 @@
+"""`RunWriter`: a run folder being written, one whole generation at a time."""
+
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from evocity.errors import RunError
+from evocity.files import whole_file
+from evocity.store.events import append_event
+from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder
+from evocity.store.lock import Lock
+from evocity.store.merge import drop_leftovers, merge, write_single
+from evocity.store.run import open_run
+from evocity.store.schema import (
+    SCHEMA_VERSION,
+    Birth,
+    Header,
+    Member,
+    births_table,
+    membership_table,
+)
+from evocity.store.sources import Source, write_sources
+
+
+def refuse_existing(path: str | os.PathLike) -> None:
+    """Raise `RunError` if ``path`` exists: a run never writes into what is there."""
+    if os.path.lexists(path):
+        raise RunError(
+            f"the output folder {path} exists already",
+            "a new folder for a new run",
+            f"choose another with --out, or go on with that run: evocity resume {path}",
+        )
+
+
+class RunWriter:
+    """The only writer of a run folder; holds its lock from creation to `close`.
+
+    Made by `create` or `reopen`. All methods raise `RunError` if the disk is full or the
+    folder has gone; the generations written before stay readable.
+    """
+
+    def __init__(self, folder: Folder, header: Header, lock: Lock):
+        self.folder, self.header, self._lock = folder, header, lock
+
+    @property
+    def path(self) -> Path:
+        return self.folder.root
+
+    @classmethod
+    def create(
+        cls,
+        path: str | os.PathLike,
+        recipe_text: str,
+        provenance: Mapping,
+        header: Header,
+        sources: Sequence[Source],
+    ) -> "RunWriter":
+        """Create the run folder ``path``; it appears with all its parts, or not at all.
+
+        Raises `RunError` if it exists or cannot be written.
+        """
+        path = Path(path).absolute()
+        refuse_existing(path)
+        hidden = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
+        folder = Folder(hidden)
+        try:
+            for place in (hidden / BIRTHS, hidden / MEMBERSHIP, folder.sources):
+                place.mkdir(parents=True)
+            with whole_file(folder.recipe) as temporary:
+                temporary.write_bytes(recipe_text.encode())
+            _write_provenance(folder, provenance, header)
+            write_sources(folder.sources, list(sources))
+            folder.events.touch()
+            folder.lock.touch()
+            refuse_existing(path)
+            hidden.rename(path)
+            folder = Folder(path)
+            return cls(folder, header, Lock(folder.lock))
+        except OSError as error:
+            raise RunError(
+                f"the run folder {path} cannot be written: {error.strerror or error}",
+                "a place with space, where files may be created",
+                "free space, or choose another folder with --out",
+            ) from error
+        finally:
+            shutil.rmtree(hidden, ignore_errors=True)
+
+    @classmethod
+    def reopen(cls, path: str | os.PathLike) -> "RunWriter":
+        """Take up the run in ``path`` after its last whole generation; the rest is deleted.
+
+        Raises `RunError` if it is no run, is damaged, or another process writes it.
+        """
+        run = open_run(path)
+        folder = Folder(Path(path).absolute())
+        writer = cls(folder, run.header, Lock(folder.lock))
+        try:
+            with writer._explained():
+                drop_leftovers(folder, len(run.generations) - 1)
+                merge(folder)
+        except BaseException:
+            writer.close()
+            raise
+        return writer
+
+    def write_generation(
+        self, generation: int, births: Sequence[Birth], members: Sequence[Member], summary: Mapping
+    ) -> None:
+        """Write births, then membership: the membership file makes the generation whole.
+
+        ``summary`` (plain JSON values; `Run.status` reads them) travels with the membership.
+        """
+        with self._explained():
+            write_single(births_table(births, self.header), self.folder.single(BIRTHS, generation))
+            write_single(
+                membership_table(generation, members, summary, self.header),
+                self.folder.single(MEMBERSHIP, generation),
+            )
+            if (generation + 1) % SEGMENT == 0:
+                merge(self.folder)
+
+    def update_provenance(self, provenance: Mapping) -> None:
+        """Replace what provenance records, after a change was confirmed."""
+        with self._explained():
+            _write_provenance(self.folder, provenance, self.header)
+
+    def event(self, event: str, **details) -> None:
+        """Add a line to ``events.jsonl``."""
+        with self._explained():
+            append_event(self.folder.events, event, **details)
+
+    def close(self) -> None:
+        """Release the run; others may write it."""
+        self._lock.release()
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            try:
+                whole = self.folder.last_generation(MEMBERSHIP)
+                readable = f"generations 0…{whole} stay readable" if whole >= 0 else "none is whole"
+            except OSError:
+                readable = "the folder is not there any more"
+            raise RunError(
+                f"{self.path} cannot be written: {error.strerror or error} ({readable})",
+                "a run folder that stays in place, on a disk with space",
+                f"free space or bring it back, then: evocity resume {self.path}",
+            ) from error
+
+
+def _write_provenance(folder: Folder, provenance: Mapping, header: Header) -> None:
+    about = {
+        "schema_version": SCHEMA_VERSION,
+        "header": json.loads(header.to_json()),
+        **{k: v for k, v in provenance.items() if k not in ("schema_version", "header")},
+    }
+    with whole_file(folder.provenance) as temporary:
+        temporary.write_text(json.dumps(about, indent=1, ensure_ascii=False), encoding="utf-8")

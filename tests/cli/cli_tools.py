@@ -1,0 +1,68 @@
+"""How the tests of the commands call them, and what every refusal has in common."""
+
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from click.testing import CliRunner, Result
+from towns import draw_town
+
+from evocity.cli import main
+from evocity.fitness import registry
+
+#: What reading a map of `write_town` takes.
+AT_2_M = ("--metres-per-pixel", "2")
+
+
+def call(*words, code: int = 0) -> Result:
+    """The outcome of ``evocity WORDS``, which must end with exit ``code``."""
+    # a real process forgets the measures it loaded from files when it ends
+    with patch.dict(registry._from_files):
+        result = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
+    assert isinstance(result.exception, SystemExit | None), result.exception
+    assert result.exit_code == code, result.output
+    return result
+
+
+def refused(folder: Path, *words, says: str) -> str:
+    """Check that ``evocity WORDS`` is refused with one message that ``says`` so: exit code 2,
+    nothing on standard output, every file of ``folder`` as it was. Returns the message."""
+    before = contents(folder)
+    result = call(*words, code=2)
+    assert result.stdout == ""
+    assert contents(folder) == before
+    message = result.stderr
+    assert says in message, message
+    assert "Traceback" not in message, message
+    assert message.count("expected:") == message.count("what to do:") == 1, message
+    return message
+
+
+def contents(folder: Path) -> dict[Path, bytes | None]:
+    """All that is in ``folder``: files with their bytes, folders."""
+    return {p: p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+
+
+def write_town(path: Path, seed: int = 1, side: int = 64) -> Path:
+    """A drawn town as an NPY file."""
+    np.save(path, draw_town(seed, side=side).heights)
+    return path
+
+
+def write_recipe(folder: Path, **replaced: str) -> Path:
+    """A small recipe of two drawn towns; ``replaced``: section to the lines that replace it."""
+    sections = {
+        "run": 'name = "towns"\nseed = 3\npopulation = 6\ngenerations = 2',
+        "map": "pixels = 32",
+        "parents": 'map = "left.npy"\n[[parents]]\nmap = "right.npy"',
+        "operators": "pavement_fusion = 2\nmutation = 1",
+        "fitness": 'name = "alignment"\n[[fitness]]\nname = "gsi"\ntarget = 0.35',
+        "evaluation": "workers = 0",
+    } | replaced
+    many = ("parents", "fitness")
+    lines = [f"[[{k}]]\n{v}" if k in many else f"[{k}]\n{v}" for k, v in sections.items()]
+    for seed, name in enumerate(("left", "right")):
+        write_town(folder / f"{name}.npy", seed + 1, side=32)
+    path = folder / "towns.toml"
+    path.write_text("\n".join(lines) + "\n")
+    return path

@@ -1,0 +1,274 @@
+"""Input at fault: one message, exit code 2, no traceback, every file as it was."""
+
+import json
+import os
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from cli_tools import AT_2_M, call, refused, write_town
+from PIL import Image
+
+from evocity.genome import read_genome
+
+
+@pytest.fixture
+def genome_file(tmp_path):
+    path = tmp_path / "town.parquet"
+    call("encode", write_town(tmp_path / "town.npy", side=32), *AT_2_M, "-o", path)
+    return path
+
+
+def geojson(path, *rings):
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [r]}}
+        for r in rings
+    ]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+def of_no_file(folder):
+    return folder / "missing.geojson", "no file"
+
+
+def of_no_city(folder):
+    return "lyon-2e", "no bundled city"
+
+
+def of_a_folder(folder):
+    return folder, "is a folder"
+
+
+def of_an_empty_file(folder):
+    (folder / "a.tif").touch()
+    return folder / "a.tif", "is empty"
+
+
+def of_a_cut_file(folder):
+    Image.fromarray(np.zeros((64, 64), np.uint8)).save(folder / "whole.tif")
+    (folder / "cut.tif").write_bytes((folder / "whole.tif").read_bytes()[:64])
+    return folder / "cut.tif", "cut.tif"
+
+
+def of_a_wrong_name(folder):
+    Image.fromarray(np.zeros((8, 8), np.uint8)).save(folder / "a.png")
+    return (folder / "a.png").rename(folder / "a.tif"), "holds PNG"
+
+
+def of_an_unknown_suffix(folder):
+    (folder / "a.doc").write_text("a letter")
+    return folder / "a.doc", "nothing reads .doc"
+
+
+def of_no_polygons(folder):
+    return geojson(folder / "a.geojson"), "polygon"
+
+
+def of_two_points(folder):
+    return geojson(folder / "a.geojson", [[4.8, 45.7], [4.9, 45.7]]), "a.geojson"
+
+
+def of_the_moon(folder):
+    ring = [[1e6, 1e6], [1e6 + 9, 1e6], [1e6 + 9, 1e6 + 9], [1e6, 1e6]]
+    return geojson(folder / "a.geojson", ring), "out of range"
+
+
+def of_no_pixel_size(folder):
+    return write_town(folder / "a.npy"), "metres_per_pixel"
+
+
+def of_a_missing_genome(folder):
+    return folder / "missing.parquet", "no genome file"
+
+
+def of_an_empty_genome(folder):
+    (folder / "a.parquet").touch()
+    return folder / "a.parquet", "not a genome file"
+
+
+BAD_MAPS = [
+    of_no_file,
+    of_no_city,
+    of_a_folder,
+    of_an_empty_file,
+    of_a_cut_file,
+    of_a_wrong_name,
+    of_an_unknown_suffix,
+    of_no_polygons,
+    of_two_points,
+    of_the_moon,
+    of_no_pixel_size,
+]
+
+
+@pytest.mark.parametrize("bad", BAD_MAPS)
+def test_a_bad_map_is_refused_by_encode_and_score(tmp_path, bad):
+    source, says = bad(tmp_path)
+    refused(tmp_path, "encode", source, "-o", tmp_path / "g.parquet", says=says)
+    refused(tmp_path, "score", source, "--json", says=says)
+
+
+@pytest.mark.parametrize("bad", set(BAD_MAPS) - {of_a_folder}, ids=lambda bad: bad.__name__)
+def test_a_bad_map_is_refused_by_show(tmp_path, bad):
+    source, says = bad(tmp_path)
+    refused(tmp_path, "show", source, "-o", tmp_path / "p.png", says=says)
+
+
+@pytest.mark.parametrize("bad", [of_a_missing_genome, of_an_empty_genome])
+def test_a_bad_genome_is_refused(tmp_path, bad):
+    source, says = bad(tmp_path)
+    refused(tmp_path, "decode", source, "-o", tmp_path / "m.tif", says=says)
+    refused(tmp_path, "score", source, says=says)
+    refused(tmp_path, "show", source, "-o", tmp_path / "p.png", says=says)
+
+
+def test_a_genome_of_another_schema_version_is_refused(tmp_path, genome_file):
+    table = pq.read_table(genome_file)
+    about = json.loads(table.schema.metadata[b"evocity.genome"]) | {"schema_version": 99}
+    table = table.replace_schema_metadata({"evocity.genome": json.dumps(about)})
+    pq.write_table(table, tmp_path / "later.parquet")
+    words = ("decode", tmp_path / "later.parquet", "-o", tmp_path / "m.tif")
+    refused(tmp_path, *words, says="schema version 99")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--block", 1), "block"),
+        (("--block", 5), "multiples of 5"),
+        (("--domains", "1"), "domains"),
+        (("--reach", -3), "reach"),
+        (("--sigma-max", 0), "sigma_max"),
+        (("--sigma-max", "nan"), "sigma_max"),
+        (("--pixels", 0), "pixels"),
+        (("--pixels", 10**9), "pixels"),
+        (("--metres-per-pixel", -2), "metres_per_pixel"),
+        (("--default-height", -1), "default_height"),
+        (("--height-scale", 2), "height_scale"),
+        (("--layer", "roofs"), "layer"),
+        (("--center", 4.8, 98), "center"),
+        (("--center", 99.0, 0.0), "lyon-1er"),
+    ],
+)
+def test_an_option_out_of_bounds_is_refused(tmp_path, options, says):
+    small = () if "--pixels" in options else ("--pixels", 32)
+    words = ("encode", "lyon-1er", *small, *options, "-o", tmp_path / "g.parquet")
+    refused(tmp_path, *words, says=says)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--domains", "two"),
+        ("--reach", "far"),
+        ("--block", "4.5"),
+        ("--center", "4.8"),
+        ("--depth",),
+    ],
+)
+def test_an_option_that_cannot_be_parsed_is_refused(tmp_path, options):
+    result = call("encode", "lyon-1er", "-o", tmp_path / "g.parquet", *options, code=2)
+    assert options[0] in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("zoom", ["0", "-1", "0.3", "nan", "inf", "5000"])
+def test_a_bad_zoom_is_refused(tmp_path, genome_file, zoom):
+    words = ("decode", genome_file, "--zoom", zoom, "-o", tmp_path / "m.tif")
+    refused(tmp_path, *words, says="zoom")
+
+
+def test_a_diverging_code_is_refused_before_it_is_written(tmp_path, genome_file):
+    genome = read_genome(genome_file)
+    sigma = np.where(genome.uniform, 0, 9).astype(np.float32)
+    genome.replace(sigma=sigma, sigma_max=9.0).write(tmp_path / "wild.parquet")
+    words = ("decode", tmp_path / "wild.parquet", "-o", tmp_path / "m.tif")
+    refused(tmp_path, *words, says="diverges")
+
+
+def test_options_of_reading_mean_nothing_for_a_genome(tmp_path, genome_file):
+    refused(tmp_path, "score", genome_file, "--metres-per-pixel", 1, says="--metres-per-pixel")
+    words = ("show", genome_file, "-o", tmp_path / "p.png", "--pixels", 9)
+    refused(tmp_path, *words, says="--pixels")
+
+
+# -- measures ------------------------------------------------------------------------------
+
+
+def test_an_unknown_measure_is_refused_and_all_are_listed(tmp_path):
+    message = refused(tmp_path, "score", "lyon-1er", "--fitness", "alignmemt", says="alignmemt")
+    for name in ("autosimilarity", "gsi", "did you mean alignment"):
+        assert name in message
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (None, "no Python file"),
+        ("def f(:", "line 1"),
+        ("import nowhere_to_be_found", "nowhere_to_be_found"),
+        ("x = 1", "no measure"),
+        ("import evocity\n@evocity.fitness(goal='most')\ndef f(city): return 1", "goal"),
+        ("import evocity\n@evocity.fitness(goal='max')\ndef gsi(city): return 1", "gsi"),
+        ("import evocity\n@evocity.fitness(goal='max')\ndef f_raises(city): 1 / 0", "ZeroDivision"),
+        ("import evocity\n@evocity.fitness(goal='max')\ndef f_none(city): pass", "None"),
+    ],
+)
+def test_a_bad_file_of_measures_is_refused(tmp_path, text, says):
+    own = tmp_path / "own.py"
+    if text is not None:
+        own.write_text(text)
+    refused(tmp_path, "score", "lyon-1er", "--pixels", 32, "--fitness", own, says=says)
+
+
+# -- outputs -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("encode", "lyon-1er"), "g.parquet"),
+        (("show", "lyon-1er"), "p.png"),
+        (("decode", "town.parquet"), "m.tif"),
+    ],
+)
+def test_an_output_that_cannot_be_is_refused_before_any_work(
+    tmp_path, genome_file, monkeypatch, words, name
+):
+    monkeypatch.chdir(tmp_path)
+
+    def work(*_, **__):
+        raise AssertionError("work began")
+
+    for name_of_work in ("encode", "decode", "read_map", "read_genome"):
+        monkeypatch.setattr(f"evocity.{name_of_work}", work, raising=False)
+    refused(tmp_path, *words, "-o", tmp_path / "nowhere" / name, says="there is no folder")
+    (tmp_path / f"folder-{name}").mkdir()
+    refused(tmp_path, *words, "-o", tmp_path / f"folder-{name}", says="is a folder")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    refused(tmp_path, *words, "-o", tmp_path / name, says="nothing may be written")
+
+
+def test_an_output_of_a_wrong_kind_is_refused(tmp_path, genome_file):
+    refused(tmp_path, "encode", "lyon-1er", "-o", tmp_path / "g.tif", says="name of a map")
+    refused(tmp_path, "decode", genome_file, "-o", tmp_path / "m.docx", says=".docx")
+    refused(tmp_path, "show", "lyon-1er", "-o", tmp_path / "p.jpg", says=".jpg")
+
+
+def test_the_input_is_never_the_output(tmp_path, genome_file):
+    picture = tmp_path / "map.png"
+    Image.fromarray(np.zeros((8, 8), np.uint8)).save(picture)
+    refused(tmp_path, "show", picture, "-o", picture, says="both read and written")
+    bare = genome_file.rename(tmp_path / "genome.npy")
+    refused(tmp_path, "decode", bare, "-o", bare, says="both read and written")
+
+
+def test_a_full_disk_is_told(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pq, "write_table", full)
+    words = ("encode", "lyon-1er", "--pixels", 32, "-o", tmp_path / "g.parquet")
+    refused(tmp_path, *words, says="No space left")

@@ -1,0 +1,216 @@
+"""Maps and genomes on the command line: what is printed, what is written."""
+
+import json
+import math
+
+import click
+import numpy as np
+import pytest
+from cli_tools import AT_2_M, call, write_town
+from PIL import Image
+
+import evocity
+from evocity.cli import main
+from evocity.cli.common import converged
+
+
+@pytest.fixture
+def town_file(tmp_path):
+    return write_town(tmp_path / "town.npy")
+
+
+@pytest.fixture
+def genome_file(tmp_path, town_file):
+    path = tmp_path / "town.parquet"
+    call("encode", town_file, *AT_2_M, "-o", path)
+    return path
+
+
+def commands(group: click.Group = main, words: tuple[str, ...] = ()):
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from commands(command, (*words, name))
+        else:
+            yield (*words, name), command
+
+
+def test_the_commands_are_these():
+    assert [" ".join(words) for words, _ in commands()] == [
+        "run",
+        "resume",
+        "status",
+        "encode",
+        "decode",
+        "score",
+        "show",
+        "cities",
+        "fitness list",
+    ]
+
+
+@pytest.mark.parametrize(("words", "command"), list(commands()))
+def test_every_command_has_a_help_with_an_example(words, command):
+    text = call(*words, "--help").stdout
+    assert f"evocity {' '.join(words)}" in text
+    assert "Example" in command.epilog
+    options = [p for p in command.params if isinstance(p, click.Option)]
+    assert all(option.help for option in options)
+    # what is neither a switch nor required says what it is otherwise
+    silent = [o.name for o in options if not (o.is_flag or o.required or o.show_default)]
+    assert silent == []
+
+
+def test_version_and_usage():
+    assert evocity.__version__ in call("--version").stdout
+    assert "Usage" in call("encode", code=2).stderr
+    assert "No such command" in call("breed", code=2).stderr
+
+
+def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):
+    path = tmp_path / "g.parquet"
+    options = ("--block", 8, "--domains", "2,3", "--reach", "all", "--sigma-max", 0.7)
+    result = call("encode", town_file, *AT_2_M, *options, "-o", path, "--json")
+    told = json.loads(result.stdout)
+    city = evocity.read_map(town_file, metres_per_pixel=2)
+    made = evocity.encode(city, block=8, domains=(2, 3), reach=None, sigma_max=0.7)
+    assert evocity.read_genome(path) == made.genome
+    assert told.pop("seconds") > 0
+    assert told == {
+        "psnr": pytest.approx(made.psnr),
+        "collage_rmse": pytest.approx(made.collage_rmse),
+        "lifs": 64,
+        "uniform": made.uniform,
+        "pairs": made.pairs,
+    }
+
+
+def test_encode_in_words(tmp_path, town_file):
+    result = call("encode", town_file, *AT_2_M, "-o", tmp_path / "g.parquet")
+    assert "64 × 64 px at 2 m" in result.stdout
+    assert "256 lifs" in result.stdout
+    assert "dB" in result.stdout
+
+
+def test_the_options_of_reading_arrive(tmp_path):
+    levels = np.zeros((40, 40), np.uint8)
+    levels[8:20, 8:20] = 5
+    Image.fromarray(levels).save(tmp_path / "grey.png")
+    reading = ("--height-scale", 3, "--metres-per-pixel", 2, "--pixels", 32)
+    told = call("score", tmp_path / "grey.png", *reading, "--fitness", "mean_height", "--json")
+    assert json.loads(told.stdout) == {"mean_height": pytest.approx(15)}
+    # a window in the west: negative longitudes are no options
+    window = ("--center", -74.006, 40.735, "--pixels", 64)
+    told = call("score", "new-york-west-village", *window, "--fitness", "gsi")
+    assert "64 × 64 px" in told.stdout
+
+
+def test_a_flat_map_has_no_psnr_and_its_json_is_json(tmp_path):
+    np.save(tmp_path / "flat.npy", np.zeros((32, 32)))
+    result = call(
+        "encode", tmp_path / "flat.npy", *AT_2_M, "-o", tmp_path / "flat.parquet", "--json"
+    )
+    told = json.loads(result.stdout, parse_constant=lambda word: pytest.fail(word))
+    assert told["psnr"] is None
+    assert told["uniform"] == told["lifs"] == 64
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".npy", ".png"])
+def test_decode_writes_the_attractor(tmp_path, genome_file, suffix):
+    path = tmp_path / f"decoded{suffix}"
+    result = call("decode", genome_file, "-o", path, "--zoom", 2)
+    assert "128 × 128 px at 1 m" in result.stdout
+    expected = evocity.decode(evocity.read_genome(genome_file), zoom=2).city
+    if suffix == ".png":
+        with Image.open(path) as picture:
+            assert picture.format == "PNG"
+    else:
+        options = {} if suffix == ".tif" else {"metres_per_pixel": 1}
+        assert (evocity.read_map(path, **options).heights == expected.heights).all()
+
+
+def test_an_output_file_is_written_over(tmp_path, genome_file):
+    path = tmp_path / "decoded.npy"
+    path.write_text("of yesterday")
+    call("decode", genome_file, "-o", path)
+    assert np.load(path).shape == (64, 64)
+
+
+def test_score_of_a_map_and_of_its_genome(town_file, genome_file):
+    told = json.loads(call("score", town_file, *AT_2_M, "--json").stdout)
+    assert list(told) == [measure.name for measure in evocity.fitness.measures()]
+    city = evocity.read_map(town_file, metres_per_pixel=2)
+    value = evocity.fitness.get("gsi")(city)
+    assert told["gsi"] == pytest.approx(value)
+    decoded = evocity.decode(evocity.read_genome(genome_file)).city
+    told = json.loads(call("score", genome_file, "--fitness", "gsi", "--json").stdout)
+    assert told == {"gsi": pytest.approx(evocity.fitness.get("gsi")(decoded))}
+
+
+def test_a_genome_is_known_by_its_content_too(tmp_path, genome_file):
+    bare = genome_file.rename(tmp_path / "genome")
+    assert json.loads(call("score", bare, "--fitness", "gsi", "--json").stdout)["gsi"] > 0
+
+
+def test_undefined_is_null_and_its_reason_is_told(town_file):
+    words = ("score", town_file, *AT_2_M, "--fitness", "salingaros")
+    city = evocity.read_map(town_file, metres_per_pixel=2)
+    value = evocity.fitness.get("salingaros")(city)
+    assert math.isnan(value)
+    assert json.loads(call(*words, "--json").stdout) == {"salingaros": None}
+    assert value.reason in call(*words).stdout
+
+
+def test_measures_of_the_users_own_cannot_spoil_the_json(tmp_path, town_file):
+    own = tmp_path / "own_for_score.py"
+    own.write_text(
+        "import evocity\n"
+        "print('loading')\n"
+        "@evocity.fitness(goal='max', unit='m')\n"
+        "def highest_for_score(city):\n"
+        "    print('measuring')\n"
+        "    return city.heights.max()\n"
+    )
+    result = call(
+        "score",
+        town_file,
+        *AT_2_M,
+        "--fitness",
+        own,
+        "--fitness",
+        "gsi",
+        "--fitness",
+        "gsi",
+        "--json",
+    )
+    assert list(json.loads(result.stdout)) == ["highest_for_score", "gsi"]
+    assert "measuring" in result.stderr
+
+
+def test_show_draws_maps_and_genomes(tmp_path, town_file, genome_file):
+    for what in ((town_file, *AT_2_M), (genome_file,), ("lyon-1er", "--pixels", 64)):
+        path = tmp_path / "picture.png"
+        call("show", *what, "-o", path)
+        with Image.open(path) as picture:
+            assert picture.format == "PNG"
+            assert min(picture.size) > 64
+        path.unlink()
+
+
+def test_cities_tells_every_name_and_attribution():
+    lines = call("cities").stdout.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == evocity.cities()
+    assert all("©" in line or "Source:" in line for line in lines)
+
+
+def test_fitness_list_tells_every_measure():
+    text = call("fitness", "list").stdout
+    for measure in evocity.fitness.measures():
+        assert any(line.split()[0] == measure.name for line in text.splitlines())
+
+
+def test_an_unconverged_decoding_is_told(capsys):
+    genome = evocity.encode(evocity.read_map("lyon-1er", pixels=32)).genome
+    converged(evocity.decode(genome, max_iterations=1), "lyon")
+    assert "lyon did not converge in 1 steps" in capsys.readouterr().err
+    converged(evocity.decode(genome), "lyon")
+    assert capsys.readouterr() == ("", "")

@@ -1,0 +1,87 @@
+"""The command as a process of its own: exit codes, standard output, what is loaded."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from cli_tools import AT_2_M, write_recipe, write_town
+
+EVOCITY = (sys.executable, "-m", "evocity")
+
+
+def process(*words, **options):
+    words = [*EVOCITY, *map(str, words)]
+    return subprocess.run(words, capture_output=True, text=True, encoding="utf-8", **options)
+
+
+def test_help_loads_nothing_heavy():
+    program = (
+        "import sys\n"
+        "from evocity.cli import main\n"
+        "main(['--help'], prog_name='evocity', standalone_mode=False)\n"
+        "heavy = {'numba', 'numpy', 'scipy', 'rasterio', 'pyarrow', 'pydantic', 'rich'}\n"
+        "print(sorted(heavy & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_bad_input_ends_a_process_with_2_and_one_message(tmp_path):
+    done = process("encode", tmp_path / "missing.geojson", "-o", tmp_path / "g.parquet")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Error: no file")
+    assert "Traceback" not in done.stderr
+
+
+def test_json_is_all_there_is_on_standard_output(tmp_path):
+    town = write_town(tmp_path / "town.npy")
+    own = tmp_path / "own_of_process.py"
+    own.write_text(
+        "import evocity\n"
+        "print('loaded')\n"
+        "@evocity.fitness(goal='max')\n"
+        "def of_process(city):\n"
+        "    print('called')\n"
+        "    return 1\n"
+    )
+    done = process("score", town, *AT_2_M, "--fitness", own, "--json")
+    assert json.loads(done.stdout) == {"of_process": 1}
+    done = process("encode", town, *AT_2_M, "-o", tmp_path / "g.parquet", "--json")
+    assert json.loads(done.stdout)["lifs"] == 256
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.long)])
+def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
+    recipe = write_recipe(tmp_path, evaluation=f"workers = {workers}")
+    words = ["run", recipe, "--generations", "100000", "--out", tmp_path / "run"]
+    running = subprocess.Popen(
+        [*EVOCITY, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        start_new_session=True,
+    )
+    with running:
+        for line in running.stderr:
+            if line.startswith("generation"):
+                break
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+        out, err = running.communicate(timeout=60)
+    assert running.returncode == 130, err
+    assert out == ""
+    assert err.splitlines()[-1] == f"Stopped. Go on with: evocity resume {tmp_path / 'run'}"
+    assert "Traceback" not in err
+    before = json.loads(process("status", tmp_path / "run", "--json").stdout)
+    assert before["finished"] is False
+    more = str(before["generation"] + 1)
+    done = process("resume", tmp_path / "run", "--generations", more)
+    assert done.returncode == 0, done.stderr
+    after = json.loads(process("status", tmp_path / "run", "--json").stdout)
+    assert (after["generation"], after["finished"]) == (before["generation"] + 1, True)

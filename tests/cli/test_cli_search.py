@@ -1,0 +1,299 @@
+"""Runs on the command line: made, resumed, looked at, stopped, failing."""
+
+import json
+
+import pytest
+from cli_tools import call, contents, refused, write_recipe, write_town
+from PIL import Image
+
+import evocity
+from evocity.cli.searching import LiveLine, LogLines, progress_line
+from evocity.errors import MapError, RunError
+from evocity.search import Generation
+
+
+@pytest.fixture
+def recipe(tmp_path):
+    return write_recipe(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A finished run, only looked at."""
+    folder = tmp_path_factory.mktemp("finished")
+    call("run", write_recipe(folder), "--out", folder / "run")
+    return folder / "run"
+
+
+def rows(folder):
+    """All births of a run, but for what differs from one time to the next."""
+    return evocity.open_run(folder).births().drop_columns(["seconds"]).to_pylist()
+
+
+# -- run -----------------------------------------------------------------------------------
+
+
+def test_a_run_leaves_its_births_and_a_report_and_says_where(tmp_path, recipe):
+    result = call("run", recipe, "--out", tmp_path / "run")
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert result.stdout.splitlines() == [
+        f"run:    {tmp_path / 'run'}",
+        f"report: {tmp_path / 'run' / 'report.html'}",
+    ]
+    assert "generation 2/2 · 18 births · 0 failed" in result.stderr
+    assert (tmp_path / "run" / "recipe.toml").read_text() == recipe.read_text()
+
+
+def test_the_options_of_a_run_replace_the_recipes(tmp_path, recipe):
+    options = ("--generations", 1, "--population", 4, "--seed", 8, "--workers", 0)
+    call("run", recipe, *options, "--out", tmp_path / "run")
+    run = evocity.open_run(tmp_path / "run")
+    assert (run.header.seed, run.header.population, len(run.generations)) == (8, 4, 2)
+
+
+def test_without_a_folder_a_run_finds_a_free_one(tmp_path, recipe, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("towns", "towns-2", "towns-3"):
+        result = call("run", recipe, "--generations", 0)
+        assert f"run:    runs/{name}\n" in result.stdout.replace("\\", "/")
+        assert (tmp_path / "runs" / name / "report.html").is_file()
+
+
+def test_an_existing_folder_is_refused(tmp_path, recipe):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "thesis.txt").write_text("years of work")
+    message = refused(tmp_path, "run", recipe, "--out", tmp_path / "here", says="exists already")
+    assert f"evocity resume {tmp_path / 'here'}" in message
+
+
+def test_a_missing_folder_above_is_refused(tmp_path, recipe):
+    words = ("run", recipe, "--out", tmp_path / "nowhere" / "run")
+    refused(tmp_path, *words, says="there is no folder")
+
+
+@pytest.mark.parametrize(
+    ("replaced", "says"),
+    [
+        ({"run": 'nmae = "x"'}, "run.nmae: unknown key"),
+        ({"run": "population = 1"}, "run.population: 1"),
+        ({"run": 'population = "many"'}, "run.population"),
+        ({"run": "seed = -1"}, "run.seed: -1"),
+        ({"map": "pixels = 30"}, "map.pixels: 30"),
+        ({"operators": "mutation = -2"}, "operators.mutation"),
+        ({"operators": "mutation = { weight = 1, sigma = -0.1 }"}, "operators.mutation"),
+        ({"operators": "grafting = 1"}, "operators.grafting: unknown operator"),
+        ({"fitness": 'name = "beauty"'}, "autosimilarity"),
+        ({"fitness": 'name = "gsi"'}, "gsi"),
+        ({"fitness": 'file = "missing.py"'}, "missing.py"),
+        ({"parents": 'map = "atlantis"'}, "atlantis"),
+        ({"evaluation": "workers = -1"}, "evaluation.workers: -1"),
+        ({"search": 'algorithm = "luck"'}, "search.algorithm"),
+    ],
+)
+def test_a_recipe_at_fault_is_refused(tmp_path, replaced, says):
+    recipe = write_recipe(tmp_path, **replaced)
+    refused(tmp_path, "run", recipe, "--out", tmp_path / "run", says=says)
+
+
+def test_all_faults_of_a_recipe_are_told_at_once(tmp_path):
+    recipe = write_recipe(tmp_path, run="population = 1", evaluation='workers = "two"')
+    words = ("run", recipe, "--seed", -4, "--out", tmp_path / "run")
+    message = refused(tmp_path, *words, says="3 faults")
+    assert all(key in message for key in ("run.population", "evaluation.workers", "run.seed"))
+
+
+def test_a_recipe_that_is_none_is_refused(tmp_path):
+    words = ("--out", tmp_path / "run")
+    refused(tmp_path, "run", tmp_path / "missing.toml", *words, says="no recipe")
+    (tmp_path / "empty.toml").touch()
+    refused(tmp_path, "run", tmp_path / "empty.toml", *words, says="empty.toml")
+    (tmp_path / "torn.toml").write_text("[run")
+    refused(tmp_path, "run", tmp_path / "torn.toml", *words, says="not TOML")
+    refused(tmp_path, "run", tmp_path, *words, says="no recipe")
+
+
+def test_a_map_of_another_size_than_its_partner_is_refused(tmp_path, recipe):
+    (tmp_path / "right.npy").unlink()
+    write_town(tmp_path / "right.npy", side=16)
+    refused(tmp_path, "run", recipe, "--out", tmp_path / "run", says="right")
+
+
+def test_a_run_in_which_too_much_fails_fails(tmp_path):
+    (tmp_path / "own_fails.py").write_text(
+        "import evocity\n"
+        "@evocity.fitness(goal='max')\n"
+        "def always_fails(city):\n"
+        "    raise ValueError('no taste')\n"
+    )
+    recipe = write_recipe(tmp_path, fitness='file = "own_fails.py"')
+    result = call("run", recipe, "--out", tmp_path / "run", code=1)
+    assert "no taste" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+
+
+# -- resume, status, show ------------------------------------------------------------------
+
+
+def test_a_resumed_run_is_the_uninterrupted_one(tmp_path, recipe, finished):
+    call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
+    result = call("resume", tmp_path / "run", "--generations", 2)
+    assert "generation 2/2" in result.stderr
+    assert rows(tmp_path / "run") == rows(finished)
+
+
+def test_a_finished_run_gets_its_report_again(tmp_path, recipe):
+    call("run", recipe, "--generations", 0, "--out", tmp_path / "run")
+    (tmp_path / "run" / "report.html").unlink()
+    result = call("resume", tmp_path / "run")
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert "generation" not in result.stderr
+
+
+def test_status_tells_where_a_run_is(finished):
+    told = json.loads(call("status", finished, "--json").stdout)
+    assert set(told) == {
+        "generation",
+        "births",
+        "failures",
+        "hypervolume",
+        "best",
+        "evaluations_per_second",
+        "finished",
+    }
+    assert (told["generation"], told["births"], told["failures"]) == (2, 18, 0)
+    assert told["finished"] is True
+    assert set(told["best"]) == {"alignment", "gsi"}
+    text = call("status", finished).stdout
+    assert "best alignment" in text
+    assert "18" in text
+
+
+def test_show_draws_a_run(tmp_path, finished):
+    before = contents(finished)
+    call("show", finished, "-o", tmp_path / "bred.png")
+    with Image.open(tmp_path / "bred.png") as picture:
+        assert picture.format == "PNG"
+        assert min(picture.size) > 64
+    assert contents(finished) == before
+    refused(tmp_path, "show", finished, "-o", tmp_path / "b.png", "--pixels", 9, says="options")
+
+
+@pytest.mark.parametrize("name", ["missing", "empty"])
+def test_no_run_is_refused(tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    folder = tmp_path / name
+    refused(tmp_path, "status", folder, "--json", says="no run")
+    message = refused(tmp_path, "resume", folder, says="no run")
+    assert "Stopped" not in message
+
+
+def test_a_generation_that_has_been_is_refused(tmp_path, recipe):
+    call("run", recipe, "--out", tmp_path / "run")
+    refused(tmp_path, "resume", tmp_path / "run", "--generations", -1, says="generations")
+
+
+# -- what happens on the way ---------------------------------------------------------------
+
+
+class Search:
+    """Stands for a search: yields some generations, then does what it is told to."""
+
+    def __init__(self, then):
+        self.then = then
+        self.recipe = evocity.read_recipe("demo")
+
+    def __call__(self, recipe, out, progress):
+        progress("reading a map")
+        if self.then == "refuse":
+            raise MapError("left.npy", "right.npy", "look")
+        out.mkdir()
+        return self
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def __iter__(self):
+        yield generation(0)
+        if isinstance(self.then, BaseException):
+            raise self.then
+
+
+def generation(number):
+    values = {
+        "number": number,
+        "births": 12,
+        "failures": 1,
+        "hypervolume": 1.25,
+        "best": {"gsi": 0.5},
+        "evaluations_per_second": 3.0,
+        "seconds_left": 61.0,
+        "population": [],
+    }
+    return Generation(**values)
+
+
+@pytest.fixture
+def searching(monkeypatch):
+    def replace(then):
+        monkeypatch.setattr(evocity, "Search", Search(then), raising=False)
+
+    return replace
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path, recipe, searching):
+    searching(KeyboardInterrupt())
+    result = call("run", recipe, "--out", tmp_path / "run", code=130)
+    assert result.stderr.endswith(f"Stopped. Go on with: evocity resume {tmp_path / 'run'}\n")
+    assert result.stdout == ""
+
+
+def test_a_run_error_on_the_way_is_the_runs_failure(tmp_path, recipe, searching):
+    searching(RunError("the disk is full", "space", "make some"))
+    result = call("run", recipe, "--out", tmp_path / "run", code=1)
+    assert "the disk is full" in result.stderr
+    assert "what to do: make some" in result.stderr
+    assert result.stderr.startswith("reading a map …\ngeneration 0")
+    assert "Traceback" not in result.stderr
+
+
+def test_an_error_before_the_start_is_the_users(tmp_path, recipe, searching):
+    searching("refuse")
+    refused(tmp_path, "run", recipe, "--out", tmp_path / "run", says="left.npy")
+
+
+def test_a_report_that_fails_loses_nothing(tmp_path, recipe, searching, monkeypatch):
+    def fails(folder):
+        raise ValueError("no ink")
+
+    searching(None)
+    monkeypatch.setattr("evocity.report.write_report", fails, raising=False)
+    result = call("run", recipe, "--out", tmp_path / "run", code=1)
+    assert "no ink" in result.stderr
+    assert f"data are safe in {tmp_path / 'run'}" in result.stderr
+
+
+def test_the_line_of_progress():
+    assert progress_line(generation(3), 9) == (
+        "generation 3/9 · 12 births · 1 failed · 3.0 evaluations/s · hypervolume 1.25 · "
+        "best gsi 0.5 · 0:01:01 left"
+    )
+
+
+def test_a_terminal_gets_one_live_line(capsys):
+    with LiveLine() as show:
+        show("generation 1/2 [not markup]")
+    assert "generation 1/2 [not markup]" in capsys.readouterr().err
+
+
+def test_a_log_file_gets_few_lines_but_the_first_and_the_last(capsys):
+    with LogLines() as show:
+        for number in range(1000):
+            show(f"generation {number}")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "generation 0"
+    assert lines[-1] == "generation 999"
+    assert len(lines) < 10

@@ -1,0 +1,332 @@
+"""The report of runs of many kinds, read as a browser would."""
+
+import base64
+import hashlib
+import io
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evocity import fitness
+from evocity.citymap import CityMap
+from evocity.coding import decode, encode
+from evocity.errors import RunError
+from evocity.io.picture import render
+from evocity.report import contact_sheet, write_report
+from evocity.report.facts import MOST_SHOWN, Facts
+from evocity.report.html import pairs_to_show
+from evocity.report.pictures import data_uri, map_uri
+from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
+
+SIDE, BLOCK = 32, 4
+HOSTILE = '<script src="http://evil.example/x.js">alert(1)</script>&"\''
+
+
+class Page(HTMLParser):
+    """Tags, what they fetch, the cards of the gallery; raises on tags that do not match."""
+
+    VOID = frozenset({"meta", "img", "input", "br", "link"})
+
+    def __init__(self, text: str):
+        super().__init__(convert_charrefs=True)
+        self.open, self.fetched, self.scripts, self.svg = [], [], 0, 0
+        self.cards: dict[str, list[str]] = {}
+        self.images: dict[str, str] = {}
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self._card = None
+        self.words: list[str] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        told = dict(attributes)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.scripts += tag == "script"
+        self.svg += tag == "svg"
+        self.fetched += [told[key] for key in ("src", "srcset", "data", "action") if key in told]
+        if "id" in told:
+            self.ids.add(told["id"])
+        if tag == "figure":
+            self._card = told.get("id")
+            if self._card:
+                self.cards[self._card] = []
+        if tag == "img" and self._card:
+            self.images[self._card] = told["src"]
+        if tag in ("a", "link"):
+            self.links.append(told["href"])
+
+    def handle_startendtag(self, tag, attributes):
+        self.svg += tag == "svg"
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> without a beginning"
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] not in (["style"], ["script"]):
+            self.words.append(data)
+            if self._card:
+                self.cards[self._card].append(data)
+
+
+def city(seed: int, name: str) -> CityMap:
+    rng = np.random.default_rng(seed)
+    heights = np.kron(rng.integers(0, 5, (SIDE // 8, SIDE // 8)) * 6.0, np.ones((8, 8)))
+    return CityMap(heights, 2.0, name=name, attribution=f"© the people of {name}")
+
+
+def make_run(
+    folder, *, measures=("gsi", "fsi"), generations=3, population=6, names=("A", "B"), **o
+):
+    """A run folder with drawn values: what is tested is the telling, not the search."""
+    rng = np.random.default_rng(7)
+    maps = [city(seed, name) for seed, name in enumerate(names)]
+    header = Header(
+        SIDE, SIDE, BLOCK, 2.0, 0.9, tuple(names), "; ".join(m.attribution for m in maps),
+        None, None, 7, population, "hash", tuple(measures),
+    )  # fmt: skip
+    genomes = [header.adopt(encode(m).genome) for m in maps]
+    sources = [Source(m, g) for m, g in zip(maps, genomes, strict=True)]
+    recipe = o.get("recipe", '[run]\nname = "a run"\n')
+    provenance = environment() | o.get("provenance", {})
+    writer = RunWriter.create(folder, recipe, provenance, header, sources)
+    for generation in range(generations):
+        births = [
+            _birth(generation, slot, population, genomes, measures, rng, o)
+            for slot in range(population)
+        ]
+        alive = [birth for birth in births if birth.ok]
+        members = [Member(n, b.id, n % 2, float(n)) for n, b in enumerate(alive)]
+        best = {m: max((b.values[m] for b in alive), default=0.0) for m in measures}
+        writer.write_generation(
+            generation,
+            births,
+            members,
+            {
+                "births": (generation + 1) * population,
+                "failures": generation,
+                "hypervolume": 1.0 + generation,
+                "best": best,
+                "evaluations_per_second": 5.0,
+            },
+        )
+    writer.close()
+    return folder
+
+
+def _birth(generation, slot, population, genomes, measures, rng, options):
+    first = generation == 0 and slot < len(genomes)
+    values = {name: float(rng.uniform(0, 1)) for name in measures}
+    fails = options.get("fails", lambda generation, slot: False)(generation, slot)
+    return Birth(
+        generation=generation,
+        id=generation * population + slot,
+        parents=() if first else (0, max(0, (generation - 1) * population)),
+        operator="source" if first else options.get("operator", "mutation"),
+        status="error" if fails else "ok",
+        error=options.get("error", "gsi raised") if fails else None,
+        seconds=0.1,
+        values={} if fails else values,
+        genome=genomes[slot % len(genomes)],
+    )
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    folder = make_run(tmp_path_factory.mktemp("report") / "run")
+    return folder, write_report(folder).read_text(encoding="utf-8")
+
+
+def test_the_page_fetches_nothing(usual):
+    page = Page(usual[1])
+    assert page.fetched
+    assert all(source.startswith("data:image/png;base64,") for source in page.fetched)
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+    assert not re.search(r"url\(|@import|https?://", usual[1])
+
+
+def test_only_its_own_script_may_run(usual):
+    (script,) = re.findall(r"<script>(.*?)</script>", usual[1], re.S)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', usual[1])
+    assert f"script-src 'sha256-{digest}'" in policy
+    assert "default-src 'none'" in policy
+    assert not re.search(r"\son\w+=", usual[1])
+
+
+def test_large_maps_become_small_pictures(town):
+    large = town.replace(np.kron(town.heights, np.ones((8, 8), np.float32)))
+    code = map_uri(large, 30).partition(",")[2]
+    assert max(Image.open(io.BytesIO(base64.b64decode(code))).size) < 300
+
+
+def test_starts_and_ends_are_told(tmp_path):
+    folder = make_run(tmp_path / "run")
+    with (folder / "events.jsonl").open("a", encoding="utf-8") as file:
+        for event, day in (("start", "01"), ("retry", "02"), ("stop", "03")):
+            file.write(f'{{"event": "{event}", "time": "2031-05-{day}T07:08:09.123+00:00"}}\n')
+    told = " ".join(Page(write_report(folder).read_text(encoding="utf-8")).words)
+    assert "start 2031-05-01 07:08:09" in told
+    assert "stop 2031-05-03 07:08:09" in told
+    assert "2031-05-02" not in told
+
+
+def test_it_lies_in_the_run_folder(usual):
+    assert (usual[0] / "report.html").read_text(encoding="utf-8") == usual[1]
+    assert not list(usual[0].glob(".*report*"))
+
+
+def test_every_measure_stands_under_each_picture(usual):
+    folder, text = usual
+    page, run = Page(text), open_run(folder)
+    members = run.members(2)["id"].to_pylist()
+    assert set(page.cards) == {f"i{one}" for one in members}
+    for birth in run.individuals(members):
+        words = page.cards[f"i{birth.id}"]
+        for measure in fitness.measures():
+            assert measure.name in words
+        for name, value in birth.values.items():
+            assert f"{value:.4g}" == words[words.index(name) + 1]
+
+
+def test_pictures_show_the_decoded_maps(usual):
+    folder, text = usual
+    images, run = Page(text).images, open_run(folder)
+    for identifier in run.members(2)["id"].to_pylist():
+        code = images[f"i{identifier}"].partition(",")[2]
+        picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("L")
+        heights = decode(run.genome(identifier)).city.heights
+        assert picture.size == heights.shape[::-1]
+        # the scale darkens with height: ground is pale, the highest roofs are the darkest
+        ground = np.asarray(picture, float)[heights == 0]
+        roofs = np.asarray(picture, float)[heights >= np.quantile(heights, 0.9)]
+        assert np.median(ground) > np.median(roofs) + 60
+
+
+def test_rare_colours_survive_the_palette(town):
+    heights = town.heights.copy()
+    heights[5:7, 5:7] = 90  # four pixels of the darkest colour
+    picture = render(town.replace(heights), highest=90, legend=False)
+    code = data_uri(picture).partition(",")[2]
+    kept = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
+    assert np.abs(np.asarray(kept, int) - np.asarray(picture, int)).max() <= 8
+
+
+def test_parents_settings_lineage_and_attributions_are_told(usual):
+    folder, text = usual
+    told = " ".join(Page(text).words)
+    for part in ("© the people of A", "© the people of B", "[run]", "mutation", "numpy"):
+        assert part in told
+    for one in Facts(open_run(folder)).shown:
+        assert one.shares.sum() == pytest.approx(1)
+
+
+def test_a_strangers_text_is_text(tmp_path):
+    folder = make_run(
+        tmp_path / "run",
+        names=(HOSTILE, "B"),
+        measures=("gsi", HOSTILE),
+        operator=HOSTILE,
+        error=HOSTILE,
+        fails=lambda generation, slot: slot == 3,
+        recipe=f"[run]\nname = '''{HOSTILE}'''\n",
+        provenance={HOSTILE: HOSTILE, "fitness": [1, {"name": "gsi", "target": HOSTILE}]},
+    )
+    page = Page(write_report(folder).read_text(encoding="utf-8"))
+    assert page.scripts == 1  # our own
+    assert all(source.startswith("data:image/png") for source in page.fetched)
+    assert HOSTILE in page.words
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 7])
+def test_any_number_of_measures(tmp_path, count):
+    measures = [measure.name for measure in fitness.measures()][:count]
+    folder = make_run(tmp_path / "run", measures=measures)
+    page = Page(write_report(folder).read_text(encoding="utf-8"))
+    pairs = {1: 1, 2: 1, 3: 3, 4: 6}.get(count, 6)
+    assert page.svg == pairs + 1 + count  # the front; hypervolume; the best of each
+    if count > 1:
+        assert len(set(pairs_to_show(Facts(open_run(folder))))) == pairs
+
+
+def test_one_generation(tmp_path):
+    page = Page(write_report(make_run(tmp_path / "run", generations=1)).read_text("utf-8"))
+    assert page.svg == 1
+    assert len(page.cards) == 6
+
+
+def test_failed_births_are_counted_and_never_shown(tmp_path):
+    folder = make_run(tmp_path / "run", fails=lambda generation, slot: slot % 3 == 2)
+    page = Page(write_report(folder).read_text("utf-8"))
+    words = page.words
+    assert words[words.index("error") + 1] == "6"
+    assert words[words.index("gsi raised") + 1] == "6"
+    assert len(page.cards) == 4
+
+
+def test_nobody_alive(tmp_path):
+    folder = make_run(tmp_path / "run", fails=lambda generation, slot: True)
+    page = Page(write_report(folder).read_text("utf-8"))
+    assert page.cards == {}
+    assert contact_sheet(open_run(folder)).size[0] > 0
+
+
+def test_a_large_population_stays_a_page(tmp_path):
+    folder = make_run(tmp_path / "run", population=150, generations=1)
+    text = write_report(folder).read_text("utf-8")
+    assert len(Page(text).cards) == MOST_SHOWN
+    assert f"the first {MOST_SHOWN} of 150 by rank" in text
+
+
+def test_targets_of_the_recipe_are_told(tmp_path):
+    recipe = '[[fitness]]\nname = "gsi"\ntarget = 0.35\n[[fitness]]\nname = "fsi"\ngoal = "min"\n'
+    folder = make_run(tmp_path / "run", recipe=recipe)
+    gsi, fsi = Facts(open_run(folder)).aims
+    assert (gsi.target, gsi.wanted) == (0.35, "0.35 is wanted")
+    assert gsi.loss(0.25) == pytest.approx(0.1)
+    assert (fsi.wanted, fsi.loss(3.0)) == ("less is better", 3.0)
+
+
+def test_the_target_found_for_a_city_to_be_like_is_told(tmp_path):
+    recipe = '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n'
+    found = {"fitness": [{"name": "gsi", "goal": "like", "target": 0.6}]}
+    folder = make_run(tmp_path / "run", recipe=recipe, provenance=found)
+    assert Facts(open_run(folder)).aims[0].wanted == "0.6 is wanted"
+    assert "0.6 is wanted" in write_report(folder).read_text("utf-8")
+
+
+def test_contact_sheet_shows_parents_and_best_on_one_scale(usual):
+    run = open_run(usual[0])
+    few, more = contact_sheet(run, best=1), contact_sheet(run, best=6)
+    assert more.height > few.height
+    best = Facts(run).best(2)
+    values = np.array([[b.values[m] for m in ("gsi", "fsi")] for b in _alive(run)])
+    # gsi and fsi have no goal of their own: taken as more is better
+    assert best[0].birth.values["gsi"] == values[:, 0].max()
+    assert best[1].birth.values["fsi"] == values[:, 1].max()
+
+
+def _alive(run):
+    return run.individuals(run.members(run.generations[-1])["id"].to_pylist())
+
+
+def test_no_run_and_no_generation_are_said(tmp_path):
+    with pytest.raises(RunError, match="no run at"):
+        write_report(tmp_path)
+    empty = make_run(tmp_path / "run", generations=0)
+    with pytest.raises(RunError, match="generation"):
+        write_report(empty)
+    assert not (empty / "report.html").exists()
+
+
+def test_a_run_without_its_sources_is_said(tmp_path):
+    folder = make_run(tmp_path / "run")
+    for path in (folder / "sources").iterdir():
+        path.unlink()
+    with pytest.raises(RunError, match="holds no city"):
+        write_report(folder)

@@ -1,0 +1,74 @@
+"""Two toy towns of 64², measures that cost nothing, and recipes made of them."""
+
+import numpy as np
+import pytest
+
+MEASURES = """
+import hashlib, os, time
+import evocity
+
+def number(city):
+    return int.from_bytes(hashlib.blake2b(city.heights.tobytes(), digest_size=4).digest(), "big")
+
+@evocity.fitness(goal="max")
+def spread(city):
+    print("noise on standard output")
+    return float(city.heights.std())
+
+@evocity.fitness(goal="min", unit="m")
+def roof(city):
+    return float(city.heights.mean())
+"""
+
+RECIPE = """
+[run]
+name = "toy"
+seed = 3
+population = {population}
+generations = {generations}
+[map]
+pixels = 64
+metres_per_pixel = 2.0
+[[parents]]
+map = "left.npy"
+[[parents]]
+map = "right.npy"
+[operators]
+pavement_fusion = {{ weight = 4, size_max = 6, size_min = 2 }}
+lambda_crossover = 1
+mutation = 2
+[[fitness]]
+file = "toys.py"
+[evaluation]
+workers = {workers}
+timeout = {timeout}
+max_failures = {max_failures}
+"""
+
+
+def town(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    lots = np.where(rng.random((16, 16)) < 0.5, rng.integers(3, 20, (16, 16)), 0)
+    return lots.repeat(4, 0).repeat(4, 1).astype(np.float32)[:64, :64]
+
+
+@pytest.fixture
+def toy(tmp_path):
+    """Function that writes a recipe beside its maps and measures, and returns its path."""
+
+    def write(measures="", recipe="", **settings):
+        np.save(tmp_path / "left.npy", np.roll(town(1), 1, axis=0))
+        np.save(tmp_path / "right.npy", np.roll(town(2), 2, axis=1))
+        (tmp_path / "toys.py").write_text(MEASURES + measures)
+        chosen = {
+            "population": 8,
+            "generations": 3,
+            "workers": 2,
+            "timeout": 30.0,
+            "max_failures": 0.5,
+        }
+        path = tmp_path / "toy.toml"
+        path.write_text(RECIPE.format(**(chosen | settings)) + recipe)
+        return path
+
+    return write

@@ -1,0 +1,122 @@
+"""A recipe's faults are told all at once, each with its key."""
+
+import pytest
+
+from evocity.errors import RecipeError
+from evocity.search import read_recipe, recipes
+
+
+def faults(path) -> list[str]:
+    with pytest.raises(RecipeError) as caught:
+        read_recipe(path)
+    return [line.strip() for line in caught.value.found.splitlines()[1:]]
+
+
+def replaced(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def test_all_faults_at_once(toy):
+    path = toy()
+    text = path.read_text().replace("population = 8", "population = 1").replace("seed", "sead")
+    text = text.replace("pixels = 64", 'pixels = "64"').replace("right.npy", "nowhere.npy")
+    text = text.replace("mutation = 2", "mutation = -2\nmutagen = 1").replace(
+        "size_max = 6", "sise = 6"
+    )
+    path.write_text(text + '[[fitness]]\nname = "autosimilarty"\n[grid]\nx = 1\n')
+    found = faults(path)
+    keys = [line.split(": ")[0] for line in found]
+    assert sorted(keys) == sorted(
+        [
+            "run.population",
+            "run.sead",
+            "map.pixels",
+            "parents[1].map",
+            "operators.mutation.weight",
+            "operators.mutagen",
+            "operators.pavement_fusion",
+            "fitness[1]",
+            "grid",
+        ]
+    )
+    assert all("; allowed: " in line for line in found)
+    told = "\n".join(found)
+    assert "autosimilarity" in told
+    assert "lambda_crossover" in told
+    assert "2 or more" in told
+    assert "montpellier-pas-du-loup" in told
+    assert "run, map, parents" in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("population = 8", "population = 8.5", "run.population"),
+        ("population = 8", "population = true", "run.population"),
+        ("seed = 3", "seed = -3", "run.seed"),
+        ("pixels = 64", "pixels = 66", "map.pixels"),
+        ("metres_per_pixel = 2.0", "metres_per_pixel = nan", "map.metres_per_pixel"),
+        ("timeout = 30.0", "timeout = 0", "evaluation.timeout"),
+        ("max_failures = 0.5", "max_failures = 2", "evaluation.max_failures"),
+        ("mutation = 2", "mutation = inf", "operators.mutation.weight"),
+        ("mutation = 2", "mutation = { weight = 2, sigma = -0.5 }", "operators.mutation"),
+        ("mutation = 2", "mutation = { parents = 2 }", "operators.mutation.parents"),
+        ("mutation = 2", "mutation = 'often'", "operators.mutation"),
+        ('file = "toys.py"', 'file = "none.py"', "fitness[0]"),
+        ('file = "toys.py"', 'name = "gsi"', "fitness[0]"),
+        ('file = "toys.py"', 'name = "gsi"\ntarget = 1\nlike = "lyon-1er"', "fitness[0]"),
+        ('file = "toys.py"', 'file = "toys.py"\ntarget = 1', "fitness[0]"),
+        ('file = "toys.py"', 'file = "toys.py"\nname = "rof"', "fitness[0]"),
+        (
+            'file = "toys.py"',
+            'file = "toys.py"\n[[fitness]]\nname = "roof"\nfile = "toys.py"',
+            "fitness",
+        ),
+        ("[[fitness]]", "[search]\nalgorithm = 'map_elites'\n[[fitness]]", "search.algorithm"),
+        ("[[fitness]]", "[genome]\nreach = 'some'\n[[fitness]]", "genome.reach"),
+        ("[[fitness]]", "[genome]\ndomains = [40]\n[[fitness]]", "genome.domains"),
+        ('name = "toy"', 'name = "a/b"', "run.name"),
+    ],
+)
+def test_one_fault_is_told_once_at_its_key(toy, old, new, key):
+    (line,) = faults(replaced(toy(), old, new))
+    assert line.startswith(f"{key}: "), line
+
+
+def test_missing_sections_are_told(tmp_path):
+    path = tmp_path / "empty.toml"
+    path.write_text("")
+    assert [line.split(":")[0] for line in faults(path)] == ["parents", "fitness"]
+
+
+def test_files_that_are_no_recipe(tmp_path):
+    with pytest.raises(RecipeError, match="demo"):
+        read_recipe(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("[run\n")
+    with pytest.raises(RecipeError, match="not TOML"):
+        read_recipe(tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(RecipeError, match="UTF-8"):
+        read_recipe(tmp_path / "bad.toml")
+
+
+def test_overrides_are_checked_like_the_recipe(toy):
+    recipe = read_recipe(toy(), population=5, seed=9, workers=1)
+    assert (recipe.run.population, recipe.run.seed, recipe.worker_count) == (5, 9, 1)
+    assert recipe.overrides == {"run.population": 5, "run.seed": 9, "evaluation.workers": 1}
+    with pytest.raises(RecipeError, match=r"run\.population: 1; allowed: 2 or more"):
+        read_recipe(toy(), population=1)
+
+
+def test_operators_take_the_genomes_reach(toy):
+    recipe = read_recipe(replaced(toy(), "[[fitness]]", "[genome]\nreach = 'all'\n[[fitness]]"))
+    assert recipe.operator("mutation").reach is None
+    assert recipe.operator("pavement_fusion").size_max == 6
+
+
+@pytest.mark.parametrize("name", recipes())
+def test_bundled_recipes_have_no_faults(name):
+    assert read_recipe(name).text

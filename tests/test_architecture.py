@@ -1,0 +1,237 @@
+"""What the house promises of its rooms, held against the syntax tree of every file."""
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "evocity"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / room).rglob("*.py"))
+
+# Which room may import which; CONTRIBUTING.md draws it. Below all: errors, files, accelerate.
+BELOW_ALL = {"errors", "files", "accelerate"}
+CORE = {"citymap", "genome", "isometries"}
+BREEDING = CORE | {"coding", "operators", "fitness", "store", "io"}
+MAY_IMPORT = {
+    "errors": set(),
+    "files": set(),
+    "accelerate": set(),
+    "data": set(),
+    "citymap": set(),
+    "isometries": set(),
+    "genome": {"citymap", "isometries"},
+    "io": {"citymap"},
+    "coding": CORE,
+    "operators": CORE | {"coding"},
+    "fitness": CORE | {"coding"},
+    "store": CORE | {"coding"},
+    "search": BREEDING,
+    "report": BREEDING | {"search"},
+    "cli": BREEDING | {"search", "report"},
+    "__init__": set(),
+    "__main__": {"cli"},
+}
+ROOMS = set(MAY_IMPORT) - {"__init__", "__main__"}
+
+# Libraries that one file alone may know.
+KEPT_APART = {
+    frozenset({"deap", "moocore"}): "search/",
+    frozenset({"nlopt"}): "",
+    frozenset({"dask", "distributed"}): "search/",
+}
+
+# What of numpy.random is not, and does not draw from, the global state.
+STATELESS = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "Philox", "default_rng"}
+EXECUTING = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def room_of(path: Path) -> str:
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imported(tree: ast.Module) -> Iterator[str]:
+    """Dotted names of all imports, lazy ones too; ``from a import b`` gives ``a.b``."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{'.' * node.level}{node.module or ''}.{a.name}" for a in node.names)
+
+
+def libraries(tree: ast.Module) -> set[str]:
+    return {name.split(".")[0] for name in imported(tree)}
+
+
+def dotted(node: ast.AST) -> str:
+    """``a.b.c`` of nested attributes; "" if it does not begin with a name."""
+    if isinstance(node, ast.Name):
+        return node.id
+    base = dotted(node.value) if isinstance(node, ast.Attribute) else ""
+    return f"{base}.{node.attr}" if base else ""
+
+
+def upward(tree: ast.Module, room: str) -> list[str]:
+    """Imports that ``room`` may not have."""
+    allowed = MAY_IMPORT[room] | BELOW_ALL | {room}
+    faults = [name for name in imported(tree) if name.startswith(".")]
+    for name in imported(tree):
+        parts = name.split(".")
+        if parts[0] != "evocity":
+            continue
+        if parts[1:2] == ["__version__"]:
+            continue
+        if len(parts) == 1 or parts[1] not in ROOMS:  # the façade, which may load any room
+            faults += [name] if room not in ("cli", "__main__") else []
+        elif parts[1] not in allowed:
+            faults.append(name)
+    return faults
+
+
+def global_randomness(tree: ast.Module) -> list[str]:
+    """Uses of a random state that nobody handed down."""
+    faults = [name for name in imported(tree) if name.split(".")[0] == "random"]
+    faults += [
+        name
+        for name in imported(tree)
+        if name.startswith("numpy.random.") and name.split(".")[2] not in STATELESS
+    ]
+    for node in ast.walk(tree):
+        name = dotted(node)
+        if name.startswith(("np.random.", "numpy.random.")) and name.split(".")[2] not in STATELESS:
+            faults.append(name)
+        seedless = isinstance(node, ast.Call) and not node.args and not node.keywords
+        if seedless and dotted(node.func).endswith("default_rng"):
+            faults.append("default_rng() without a seed")
+    return faults
+
+
+def executing(tree: ast.Module) -> list[str]:
+    """What runs data as code: eval and exec, and whatever unpickles."""
+    faults = sorted(libraries(tree) & EXECUTING)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            if isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec", "compile"):
+                faults.append(node.func.id)
+            for keyword in node.keywords:
+                safe = isinstance(keyword.value, ast.Constant) and keyword.value.value is False
+                if keyword.arg == "allow_pickle" and not safe:
+                    faults.append("allow_pickle")
+    return faults
+
+
+def named(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+every_module = pytest.mark.parametrize("path", MODULES, ids=named)
+
+
+def test_every_room_has_its_place():
+    assert {room_of(path) for path in MODULES} <= set(MAY_IMPORT)
+
+
+def test_no_two_rooms_import_each_other():
+    above = {room: set(below) for room, below in MAY_IMPORT.items()}
+    while above:
+        lowest = [room for room, below in above.items() if not below & set(above)]
+        assert lowest, f"a circle among {sorted(above)}"
+        for room in lowest:
+            del above[room]
+
+
+@every_module
+def test_imports_point_one_way(path):
+    assert upward(tree_of(path), room_of(path)) == []
+
+
+@every_module
+def test_numba_stays_in_the_kernels(path):
+    tree = tree_of(path)
+    if path.name != "accelerate.py":
+        assert "numba" not in libraries(tree)
+    if path.name != "_kernels.py":
+        assert not [name for name in imported(tree) if name.startswith("evocity.accelerate")]
+
+
+@pytest.mark.parametrize(("kept", "room"), KEPT_APART.items(), ids=["deap", "nlopt", "dask"])
+def test_one_file_knows_the_library(kept, room):
+    users = [path for path in MODULES if libraries(tree_of(path)) & kept]
+    assert len(users) <= 1
+    assert all(path.relative_to(PACKAGE).as_posix().startswith(room) for path in users)
+
+
+@pytest.mark.parametrize("path", MODULES + OTHERS, ids=named)
+def test_nothing_draws_from_a_global_state(path):
+    assert global_randomness(tree_of(path)) == []
+
+
+@every_module
+def test_data_is_never_executed(path):
+    found = executing(tree_of(path))
+    if path == PACKAGE / "fitness" / "registry.py":  # a user's own measures are code
+        assert found == ["compile", "exec"]
+    else:
+        assert found == []
+
+
+def test_the_package_names_its_nouns_in_few_lines():
+    assert len((PACKAGE / "__init__.py").read_text(encoding="utf-8").splitlines()) < 40
+
+
+@pytest.mark.parametrize(
+    ("check", "text"),
+    [
+        (lambda tree: upward(tree, "coding"), "from evocity.search import Search"),
+        (lambda tree: upward(tree, "coding"), "def late():\n    import evocity.store.run"),
+        (lambda tree: upward(tree, "io"), "from evocity import genome"),
+        (lambda tree: upward(tree, "fitness"), "from evocity import read_map"),
+        (lambda tree: upward(tree, "store"), "import evocity"),
+        (lambda tree: upward(tree, "io"), "from . import bundled"),
+        (global_randomness, "import random"),
+        (global_randomness, "from random import choice"),
+        (global_randomness, "import numpy as np\nnp.random.seed(1)"),
+        (global_randomness, "import numpy as np\nnp.random.normal(size=3)"),
+        (global_randomness, "from numpy.random import rand"),
+        (global_randomness, "import numpy as np\nrng = np.random.default_rng()"),
+        (executing, "import pickle"),
+        (executing, "from joblib import load"),
+        (executing, "eval('1')"),
+        (executing, "import numpy as np\nnp.load('a.npy', allow_pickle=True)"),
+    ],
+)
+def test_these_checks_find_what_they_look_for(check, text):
+    assert check(ast.parse(text)) != []
+
+
+@pytest.mark.parametrize(
+    ("check", "text"),
+    [
+        (lambda tree: upward(tree, "store"), "from evocity import __version__"),
+        (lambda tree: upward(tree, "search"), "from evocity import fitness, io"),
+        (lambda tree: upward(tree, "cli"), "import evocity"),
+        (global_randomness, "import numpy as np\nrng = np.random.default_rng(7)"),
+        (executing, "import re\nre.compile('a')"),
+    ],
+)
+def test_these_checks_let_pass_what_is_right(check, text):
+    assert check(ast.parse(text)) == []
+
+
+def test_what_is_imported_is_declared():
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = {re.match(r"[A-Za-z0-9-]+", line)[0].lower() for line in declared["dependencies"]}
+    modules = {"pil": "pillow", "skimage": "scikit-image", "pydantic_core": "pydantic"}
+    used = {name.lower() for path in MODULES for name in libraries(tree_of(path))}
+    used -= {name.lower() for name in sys.stdlib_module_names} | {"evocity", ""}
+    assert {modules.get(name, name) for name in used} <= names

@@ -1,0 +1,228 @@
+"""README and docs name what exists, and what they show works."""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import click
+import pytest
+
+import evocity
+from evocity import cli, io, operators, search
+from evocity.fitness import measures
+from evocity.genome import FIELDS, NUCLEOTIDES
+from evocity.io.heights import RULES
+from evocity.search import recipe as recipes
+from evocity.store import STATUSES
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+OWN_MEASURES = [m for m in measures() if m.function.__module__.startswith("evocity.fitness")]
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced code blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+
+
+def rows(text: str) -> list[list[str]]:
+    """Cells of all table rows but the headings' underlines; a \\| within a cell stays one."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [[c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    return [row for row in cells if not set("".join(row)) <= set("-: ")]
+
+
+def commands() -> dict[tuple[str, ...], click.Command]:
+    found = {}
+    for name, command in cli.main.commands.items():
+        if isinstance(command, click.Group):
+            found |= {(name, inner): one for inner, one in command.commands.items()}
+        else:
+            found[name,] = command
+    return found
+
+
+def shell_lines() -> list[str]:
+    return [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+
+
+# -- everything there is has its words --------------------------------------------------------
+
+
+def test_readme_shows_every_command():
+    shown = {tuple(shlex.split(line)[1:3]) for line in shell_lines() if line.startswith("evocity")}
+    missing = [c for c in commands() if not any(line[: len(c)] == c for line in shown)]
+    assert not missing
+
+
+def test_measures_page_tells_what_the_registry_says():
+    text = text_of("docs/measures.md")
+    told = {row[0].split("`")[1]: row[1:] for row in rows(text) if "`" in row[0]}
+    expected = {}
+    for measure in OWN_MEASURES:
+        low, high = ("∞" if bound == float("inf") else f"{bound:g}" for bound in measure.range)
+        goal = measure.goal or "a target"
+        expected[measure.name] = [goal, measure.unit or "–", f"{low}…{high}"]
+    assert told == expected
+    assert [m.name for m in OWN_MEASURES] == re.findall(r"^## (\w+)$", text, re.M)
+
+
+def test_operators_page_tells_every_parameter_and_its_default():
+    text = text_of("docs/operators.md")
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", text, re.M | re.S))
+    assert set(sections) == set(operators.OPERATORS)
+    for name, section in sections.items():
+        told = {row[0].strip("`"): row[1].strip("`") for row in rows(section)[1:]}
+        fields = operators.OPERATORS[name].__dataclass_fields__.values()
+        assert told == {field.name: repr(field.default) for field in fields}, name
+
+
+@pytest.mark.parametrize("section", [*recipes.Recipe.model_fields])
+def test_recipe_page_tells_every_key_and_its_default(section):
+    models = {
+        "parents": recipes.Parent,
+        "fitness": recipes.FitnessEntry,
+        "operators": recipes.OperatorEntry,
+    }
+    model = models.get(section) or recipes.Recipe.model_fields[section].annotation
+    text = text_of("docs/recipe.md")
+    (part,) = re.findall(rf"^## `\[+{section}\]+`.*?\n(.*?)(?=^## |\Z)", text, re.M | re.S)
+    told = {row[0].strip("`"): row for row in rows(part)[1:] if row[0].startswith("`")}
+    assert set(told) == set(model.model_fields)
+    for key, field in model.model_fields.items():
+        if field.is_required():
+            assert told[key][2] == "required", key
+        elif field.default is not None:
+            assert tomllib.loads(f"v = {told[key][2].strip('`')}")["v"] == field.default, key
+
+
+def test_pages_name_formats_rules_columns_and_districts():
+    maps, run = text_of("docs/maps.md"), text_of("docs/run-folder.md")
+    read = {suffix for row in rows(maps) for suffix in re.findall(r"`(\.[\w.]+)`", row[0])}
+    assert read == set(io.READERS)
+    assert [row[0].strip("`") for row in rows(maps) if row[0].strip("`") in RULES] == list(RULES)
+    assert all(f"`{suffix}`" in maps for suffix in io.WRITERS)
+    assert all(f"`{status}`" in run for status in STATUSES)
+    assert all(f"`{name}`" in run for name in FIELDS)
+    readme = {row[0].strip("`"): row[1] for row in rows(text_of("README.md")) if len(row) == 3}
+    for name in io.cities():
+        assert readme[name] == io.attribution_of(name)
+
+
+def test_links_within_the_project_lead_somewhere():
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_picture_is_small():
+    assert (ROOT / "docs" / "images" / "bred-city.png").stat().st_size < 400_000
+
+
+# -- what is shown works ----------------------------------------------------------------------
+
+
+def test_shell_lines_use_commands_and_options_that_exist():
+    checked = 0
+    for line in shell_lines():
+        words = shlex.split(line)
+        if words[:1] == ["make"]:
+            assert re.search(rf"^{words[1]}:", text_of("Makefile"), re.M), line
+        elif words[:1] == ["evocity"]:
+            command, rest = click_command(words[1:])
+            with command.make_context(command.name, rest, resilient_parsing=True):
+                pass
+            command.make_parser(click.Context(command)).parse_args(list(rest))
+            checked += 1
+        else:
+            assert words[:1] in (["duckdb"], ["mkdir"]), line
+    assert checked > 10
+
+
+def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
+    for name, command in commands().items():
+        if tuple(words[: len(name)]) == name:
+            return command, words[len(name) :]
+    raise AssertionError(f"no command {words}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_blocks_run(page, tmp_path, monkeypatch, request):
+    monkeypatch.chdir(tmp_path)
+    found = blocks(page, "python")
+    if page.name == "run-folder.md":
+        names = {"folder": str(request.getfixturevalue("small_run"))}
+    else:
+        names = {}
+    for number, block in enumerate(found):
+        if "@evocity.fitness" in block:  # a file of the user's own, as the text says
+            (tmp_path / "my_measure.py").write_text(block, encoding="utf-8")
+            (measure,) = evocity.fitness.load_file(tmp_path / "my_measure.py")
+            assert measure(evocity.read_map("lyon-1er", pixels=64)) > 0
+        else:
+            exec(compile(block, f"{page.name}, block {number + 1}", "exec"), names)
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("docs")
+    text = """
+    run = { name = "small", population = 4, generations = 1 }
+    map = { pixels = 64 }
+    parents = [{ map = "lyon-1er" }, { map = "new-york-west-village" }]
+    fitness = [{ name = "gsi", target = 0.4 }, { name = "alignment" }]
+    """
+    (folder / "small.toml").write_text(text, encoding="utf-8")
+    recipe = search.read_recipe(folder / "small.toml")
+    with search.Search(recipe, out=folder / "run", workers=0) as breeding:
+        for _ in breeding:
+            pass
+    return folder / "run"
+
+
+def test_complete_recipe_is_one(tmp_path):
+    complete, *_ = blocks(ROOT / "docs" / "recipe.md", "toml")
+    (tmp_path / "recipe.toml").write_text(complete, encoding="utf-8")
+    recipe = search.read_recipe(tmp_path / "recipe.toml")
+    assert [m.name for m in recipe.measures][-2:] == ["gsi", "mean_height"]
+    assert recipe.operator("pavement_fusion").size_max == 12
+
+
+def test_births_columns_are_those_told(small_run):
+    part = text_of("docs/run-folder.md").split("## Births")[1].split("## Reading")[0]
+    told = [name for row in rows(part)[1:] for name in re.findall(r"`([^`]+)`", row[0])]
+    columns = evocity.open_run(small_run).births().column_names
+    plain = [name for name in columns if not name.startswith("fitness.")]
+    assert [name for name in told if name != "fitness.<name>"] == plain
+    assert set(NUCLEOTIDES) < set(told)
+
+
+def test_run_folder_holds_what_is_told(small_run):
+    table, *_ = text_of("docs/run-folder.md").split("## Births")
+    told = {row[0].strip("`").split("/")[0] for row in rows(table)[1:]} - {"report.html"}
+    assert {path.name for path in small_run.iterdir()} == told
+
+
+def test_notebook_runs(tmp_path, monkeypatch):
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    monkeypatch.delenv("EVOCITY_RUN", raising=False)
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
+    notebook = nbformat.read(ROOT / "notebooks" / "open-a-run.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "kept without outputs"
+    client = nbclient.NotebookClient(
+        notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}
+    )
+    client.execute()
+    pictures = [
+        output
+        for cell in notebook.cells
+        for output in cell.get("outputs", [])
+        if "image/png" in output.get("data", {})
+    ]
+    assert len(pictures) == 3
