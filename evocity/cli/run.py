@@ -37,7 +37,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     type=click.Path(path_type=Path),
     metavar="FOLDER",
     show_default="runs/NAME of the recipe, else runs/NAME-2, …",
-    help="Run folder to make, in a folder that exists; it is refused if it exists itself.",
+    help="Run folder to make; refused if it exists.",
 )
 def run(recipe, generations, population, workers, seed, out) -> None:
     """Breed what RECIPE says; write every birth into a run folder.
@@ -57,20 +57,25 @@ def _new(folder: Path) -> Path:
     from evocity.store import refuse_existing
 
     refuse_existing(folder)
-    check_folder(folder.parent)
+    _made(folder.parent)
     return folder
 
 
 def _free(folder: Path) -> Path:
     """``folder``, or the first of ``folder-2``, ``folder-3``, … that does not exist."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunError(
-            f"the folder {folder.parent} cannot be made here: {error.strerror}",
-            "a working folder this user may write to",
-            "go to another folder, or name one with --out",
-        ) from error
-    check_folder(folder.parent)
+    _made(folder.parent)
     others = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
     return next(free for free in chain([folder], others) if not os.path.lexists(free))
+
+
+def _made(parent: Path) -> None:
+    """Make the folder that run folders are kept in; `RunError` if it cannot be used."""
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(
+            f"the folder {parent} cannot be made: {error.strerror}",
+            "a place this user may write to",
+            "name another folder with --out",
+        ) from error
+    check_folder(parent)

@@ -13,7 +13,7 @@ from evocity.cli.common import RunFailed
 from evocity.errors import RunError
 
 #: In a log file, seconds between two lines.
-_BETWEEN_LINES = 1.0
+_BETWEEN_LINES = 10.0
 
 #: Makes a `Search`, given whom to tell what is prepared.
 Start = Callable[[Callable[[str], None]], "evocity.Search"]
@@ -104,7 +104,7 @@ class LiveLine:
 
 
 class LogLines:
-    """In a log file: plain lines, the first and the last and at most one a second between."""
+    """In a log file: plain lines, the first and the last and one every few seconds between."""
 
     def __enter__(self) -> "LogLines":
         self._held: str | None = None

@@ -69,7 +69,6 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         genomes.append(found.genome)
     header = _header(recipe, cities)
     sources = [Source(city, header.adopt(g)) for city, g in zip(cities, genomes, strict=True)]
-    tell("measuring the cities to be like")
     return Prepared(recipe, sources, objectives_of(recipe), header)
 
 

@@ -66,9 +66,10 @@ def test_an_existing_folder_is_refused(tmp_path, recipe):
     assert f"evocity resume {tmp_path / 'here'}" in message
 
 
-def test_a_missing_folder_above_is_refused(tmp_path, recipe):
-    words = ("run", recipe, "--out", tmp_path / "nowhere" / "run")
-    refused(tmp_path, *words, says="there is no folder")
+def test_a_file_where_a_folder_should_be_is_refused(tmp_path, recipe):
+    (tmp_path / "file").write_text("no folder")
+    words = ("run", recipe, "--out", tmp_path / "file" / "run")
+    refused(tmp_path, *words, says="cannot be made")
 
 
 @pytest.mark.parametrize(
