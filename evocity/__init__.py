@@ -11,22 +11,16 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "CityMap": "citymap",
-    "EvocityError": "errors",
-    "Genome": "genome",
-    "Pavement": "genome",
-    "Recipe": "search",
-    "Search": "search",
-    "cities": "io",
-    "decode": "coding",
-    "encode": "coding",
-    "open_run": "store",
-    "read_genome": "genome",
-    "read_map": "io",
-    "read_recipe": "search",
-    "write_map": "io",
+_ROOMS = {
+    "citymap": ["CityMap"],
+    "coding": ["decode", "encode"],
+    "errors": ["EvocityError"],
+    "genome": ["Genome", "Pavement", "read_genome"],
+    "io": ["cities", "read_map", "write_map"],
+    "search": ["Recipe", "Search", "read_recipe"],
+    "store": ["open_run"],
 }
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [*_HOME, "fitness"]  # evocity.fitness is a module and, called, the decorator
 
 
@@ -36,3 +30,7 @@ def __getattr__(name: str):  # each name loads its room when first used: `--help
     if name in _HOME:
         return getattr(import_module(f"evocity.{_HOME[name]}"), name)
     raise AttributeError(f"module 'evocity' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property
+from numbers import Real
 
 import numpy as np
 from scipy import ndimage
@@ -11,6 +12,11 @@ from evocity.errors import MapError
 #: A pixel is built where it stands higher than this, metres: half a lowest storey. Decoded
 #: maps leave traces of a few decimetres on the ground that are no buildings.
 BUILT_ABOVE = 1.5
+
+#: Largest map that is read, coded or decoded: its side (corners of domain blocks are int16)
+#: and its pixels in all (about 11 500²).
+MAX_SIDE = 32_767
+MAX_PIXELS = 1 << 27
 
 
 class CityMap:
@@ -49,9 +55,9 @@ class CityMap:
         height_rules: Mapping[str, int] | None = None,
     ):
         self.heights = _checked_heights(heights, name)
-        if not (np.isfinite(metres_per_pixel) and metres_per_pixel > 0):
+        if not (isinstance(metres_per_pixel, Real) and 0 < metres_per_pixel < np.inf):
             raise MapError(
-                f"{name}: metres_per_pixel = {metres_per_pixel}",
+                f"{name}: metres_per_pixel = {metres_per_pixel!r}",
                 "a positive number of metres",
                 "give the side of a pixel in metres, for example 2.0",
             )
@@ -123,10 +129,13 @@ class CityMap:
 
 
 def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
-    array = np.array(heights, dtype=np.float32, order="C")
+    try:
+        array = np.array(heights, dtype=np.float32, order="C")
+    except (TypeError, ValueError):
+        array = np.empty(0)
     if array.ndim != 2 or array.size == 0:
         raise MapError(
-            f"{name}: heights of shape {np.shape(heights)}",
+            f"{name}: heights of shape {array.shape}",
             "a non-empty array of two axes, rows from north to south",
             "pass one height in metres a pixel",
         )
@@ -165,4 +174,4 @@ def same_grid(maps: "list[CityMap]") -> None:
             )
 
 
-__all__ = ["BUILT_ABOVE", "CityMap", "same_grid"]
+__all__ = ["BUILT_ABOVE", "MAX_PIXELS", "MAX_SIDE", "CityMap", "same_grid"]

@@ -5,6 +5,7 @@
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,11 +16,24 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evocity.citymap import MAX_PIXELS
 from evocity.errors import GenomeError
 from evocity.files import whole_file
 
 #: Version of the genome file's schema. Raised by one with every change a reader must know of.
 SCHEMA_VERSION = 1
+
+#: What reading a file that is no genome, or a damaged one, can end in.
+_DAMAGE = (
+    pa.ArrowException,
+    OSError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
 
 
 @dataclass(frozen=True)
@@ -127,7 +141,8 @@ class Genome:
     sigma … iso : one array ``(n,)`` each, types and bounds as in `NUCLEOTIDES`.
     parent, source : one array ``(n,)`` each, see `PROVENANCE`.
     metres_per_pixel : side of a pixel of the coded map, metres.
-    cities : names of the source cities that ``parent`` points into.
+    cities : names of the source cities that ``parent`` points into; a name stands for one
+        city, so give maps different names before breeding them.
     sigma_max : the bound on \\|σ\\|; ``inf`` for codes without one.
     attribution : what the sources' licences ask for.
     origin, crs : where the decoded map lies, as in `CityMap`; None if nowhere.
@@ -163,7 +178,14 @@ class Genome:
             array = _typed(name, getattr(self, name), nucleotide, len(self.pavement))
             object.__setattr__(self, name, array)
         object.__setattr__(self, "cities", tuple(self.cities))
+        object.__setattr__(self, "made", dict(self.made))
+        _check_description(self)
         _check_bounds(self)
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        for name in FIELDS:  # what comes from another process is writeable
+            state[name].setflags(write=False)
 
     def __len__(self) -> int:
         """Number of lifs."""
@@ -210,11 +232,19 @@ class Genome:
         """Write a Parquet file: one row a lifs, everything else in the schema's metadata.
 
         The file appears whole or not at all. DuckDB, polars and pandas read it as it is.
+        Raises `GenomeError` if it cannot be written.
         """
         table = pa.table({name: getattr(self, name) for name in FIELDS})
-        about = {"evocity.genome": json.dumps(self._described(), allow_nan=False)}
-        with whole_file(path) as temporary:
-            pq.write_table(table.replace_schema_metadata(about), temporary, compression="zstd")
+        about = {"evocity.genome": json.dumps(self._described(), default=str)}
+        try:
+            with whole_file(path) as temporary:
+                pq.write_table(table.replace_schema_metadata(about), temporary, compression="zstd")
+        except OSError as error:
+            raise GenomeError(
+                f"{path} cannot be written: {error.strerror or error}",
+                "a file name in a folder that exists, with room on the disk",
+                "make the folder, or choose another place",
+            ) from error
 
     def _described(self) -> dict:
         p = self.pavement
@@ -229,7 +259,7 @@ class Genome:
             "attribution": self.attribution,
             "origin": self.origin,
             "crs": self.crs,
-            "made": dict(self.made),
+            "made": _finite(self.made),
         }
 
 
@@ -247,10 +277,14 @@ def read_genome(path: str | os.PathLike) -> Genome:
             "check the name, or make one: evocity encode MAP -o GENOME.parquet",
         )
     try:
-        table = pq.read_table(path)
-        about = json.loads((table.schema.metadata or {})[b"evocity.genome"])
-        version = about.pop("schema_version")
-    except (pa.ArrowInvalid, pa.ArrowException, OSError, KeyError, ValueError, AttributeError):
+        with pq.ParquetFile(path) as file:
+            metadata = file.schema_arrow.metadata or {}
+            if b"evocity.genome" not in metadata:
+                raise _another_table(path, metadata)
+            about = dict(json.loads(metadata[b"evocity.genome"]))
+            version = about.pop("schema_version")
+            rows = file.metadata.num_rows
+    except _DAMAGE:
         raise GenomeError(
             f"{path} is not a genome file, or is damaged",
             "a Parquet file written by `evocity encode`",
@@ -263,21 +297,51 @@ def read_genome(path: str | os.PathLike) -> Genome:
             "read it with the release of evocity that wrote it, or encode the map again",
         )
     try:
-        pavement = Pavement(about.pop("height"), about.pop("width"), about.pop("block"))
+        pavement = Pavement(*(_whole(about.pop(key)) for key in ("height", "width", "block")))
+        if pavement.height * pavement.width > MAX_PIXELS or rows != len(pavement):
+            raise ValueError(
+                f"{rows} lifs for {pavement.height} × {pavement.width} px of B = {pavement.block}"
+            )
         if about["sigma_max"] is None:
             about["sigma_max"] = float("inf")
         if about["origin"] is not None:
             about["origin"] = tuple(about["origin"])
+        table = pq.read_table(path, columns=list(FIELDS))
         arrays = {name: table.column(name).to_numpy() for name in FIELDS}
         return Genome(pavement, **arrays, **about)
     except GenomeError as error:
         raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None
-    except (KeyError, TypeError, ValueError) as error:
+    except _DAMAGE as error:
         raise GenomeError(
-            f"{path} lacks a part of a genome, or holds one of the wrong type ({error})",
+            f"{path} lacks a part of a genome, or holds one that does not fit ({error})",
             f"columns {', '.join(FIELDS)} and their description",
             "write it again: evocity encode MAP -o GENOME.parquet",
         ) from None
+
+
+def _whole(value) -> int:
+    if type(value) is not int:
+        raise TypeError(f"{value!r} in place of a whole number")
+    return value
+
+
+def _another_table(path: Path, metadata: Mapping[bytes, bytes]) -> GenomeError:
+    found, remedy = "Parquet, but no genome", "encode a map: evocity encode MAP -o GENOME.parquet"
+    if b"geo" in metadata:
+        found, remedy = "GeoParquet", "export GeoPackage or GeoJSON, which can be read as maps"
+    elif b"evocity.run" in metadata:
+        found = "a table of a run"
+        remedy = "name the run's folder and one individual: evocity decode RUN --id N"
+    return GenomeError(f"{path} is {found}", "a Parquet file written by `evocity encode`", remedy)
+
+
+def _finite(value):
+    """``value`` with infinity and NaN, which JSON has not, as text."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
@@ -291,6 +355,12 @@ def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.n
     parents = []
     for genome in genomes:
         names.extend(city for city in genome.cities if city not in names)
+        if len(names) > 256:
+            raise GenomeError(
+                f"{len(names)} source cities",
+                "at most 256",
+                "breed from genomes that share more of their cities",
+            )
         lookup = np.array([names.index(city) for city in genome.cities], dtype=np.uint8)
         parents.append(lookup[genome.parent])
         for line in genome.attribution.split("; "):
@@ -317,10 +387,35 @@ def _typed(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
                 f"whole numbers {limits.min}…{limits.max}",
                 "round to legal values first",
             )
-    if array.dtype != nucleotide.dtype or array.flags.writeable or not array.flags.c_contiguous:
+    ours = array.base is None and not array.flags.writeable  # else somebody may still write
+    if array.dtype != nucleotide.dtype or not ours or not array.flags.c_contiguous:
         array = np.array(array, dtype=nucleotide.dtype, order="C")
         array.setflags(write=False)
     return array
+
+
+def _check_description(genome: Genome) -> None:
+    def number(value) -> bool:
+        return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+    pixel, origin = genome.metres_per_pixel, genome.origin
+    faults = {
+        f"metres_per_pixel = {pixel!r}": number(pixel) and 0 < pixel < math.inf,
+        f"sigma_max = {genome.sigma_max!r}": number(genome.sigma_max) and genome.sigma_max > 0,
+        "cities that are no names": 0 < len(genome.cities) <= 256
+        and all(isinstance(city, str) for city in genome.cities),
+        f"attribution = {genome.attribution!r}": isinstance(genome.attribution, str),
+        f"crs = {genome.crs!r}": genome.crs is None or isinstance(genome.crs, str),
+        f"origin = {origin!r}": origin is None
+        or (len(origin) == 2 and all(number(one) and math.isfinite(one) for one in origin)),
+    }
+    found = [fault for fault, right in faults.items() if not right]
+    if found:
+        raise GenomeError(
+            "; ".join(found),
+            "a pixel size above 0 m, 1…256 names of cities, text, and (x, y) or None",
+            "correct them, or encode the map again",
+        )
 
 
 def _check_bounds(genome: Genome) -> None:

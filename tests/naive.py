@@ -130,3 +130,67 @@ def inject(current, brought, owner, donor, size, block, rows, columns, tolerance
         current[pixels] = brought[pixels]
         owner[blocks] = donor
     return current, owner, int((owner == donor).sum())
+
+
+def spread_means(means, tall, wide, rows, columns):
+    """Adjoint of `box_means`: every mean goes back to the pixels it was taken of."""
+    heights = np.zeros((rows, columns))
+    for y, x in np.ndindex(rows - tall + 1, columns - wide + 1):
+        heights[y : y + tall, x : x + wide] += means[y, x] / (tall * wide)
+    return heights
+
+
+def collage_transposed(genome, values):
+    """Adjoint of W without β, block by block."""
+    p = genome.pavement
+    target = np.zeros(values.shape)
+    for i, (top, left) in enumerate(zip(*p.corners, strict=True)):
+        if genome.dx[i]:
+            tall, wide = genome.dy[i] // p.block, genome.dx[i] // p.block
+            block = values[top : top + p.block, left : left + p.block]
+            back = isometries.apply(int(isometries.INVERSE[genome.iso[i]]), block)
+            y, x = int(genome.y[i]), int(genome.x[i])
+            target[y : y + tall * p.block, x : x + wide * p.block] += np.kron(
+                back, np.full((tall, wide), float(genome.sigma[i]) / (tall * wide))
+            )
+    return target
+
+
+def area_weighted(domain, block):
+    """A square domain block, averaged down to block × block pixels, seams shared by area."""
+    extent = domain.shape[0]
+    fine = np.kron(domain.astype(float), np.ones((block, block)))
+    return fine.reshape(block, extent, block, extent).mean(axis=(1, 3))
+
+
+def autosimilarity_errors(heights, block, extent):
+    """µ(R, D) of every range position with the best of all domains and isometries."""
+    span = np.ptp(heights.astype(float))
+    rows, columns = (side - block + 1 for side in heights.shape)
+    images = []
+    for y, x in np.ndindex(*(side - extent + 1 for side in heights.shape)):
+        domain = area_weighted(heights[y : y + extent, x : x + extent], block)
+        domain -= domain.mean()
+        if (domain**2).sum() > 1e-20 * (block * span) ** 2:
+            images += [isometries.apply(k, domain).ravel() for k in range(8)]
+    images = np.array(images).reshape(-1, block * block)
+    errors = np.zeros((rows, columns))
+    for y, x in np.ndindex(rows, columns):
+        r = heights[y : y + block, x : x + block].astype(float).ravel()
+        r -= r.mean()
+        explained = (images @ r) ** 2 / (images**2).sum(axis=1)
+        if span:
+            errors[y, x] = ((r @ r) - explained.max(initial=0)) / (block * span) ** 2
+    return errors
+
+
+def autosimilarity_maps(heights, block, extents):
+    """(mean, least, curve): over all range blocks that hold a pixel, and D → mean of µ."""
+    every = {extent: autosimilarity_errors(heights, block, extent) for extent in extents}
+    errors = np.min(list(every.values()), axis=0)
+    mean, least = np.empty(heights.shape), np.empty(heights.shape)
+    for y, x in np.ndindex(heights.shape):
+        top, left = max(y - block + 1, 0), max(x - block + 1, 0)
+        held = errors[top : y + 1, left : x + 1]
+        mean[y, x], least[y, x] = held.mean(), held.min()
+    return mean, least, {extent: found.mean() for extent, found in every.items()}

@@ -10,6 +10,7 @@ from evocity.errors import MapError
     ("heights", "word"),
     [
         (np.zeros(5), "shape"),
+        ([["a"]], "shape"),
         (np.zeros((0, 5)), "shape"),
         (np.full((4, 4), np.nan), "NaN"),
         (np.full((4, 4), np.inf), "infinite"),
@@ -21,7 +22,7 @@ def test_heights_that_are_no_map_are_refused(heights, word):
         CityMap(heights, 2.0)
 
 
-@pytest.mark.parametrize("pixel", [0, -1, np.nan, np.inf])
+@pytest.mark.parametrize("pixel", [0, -1, np.nan, np.inf, "2", None])
 def test_pixel_size_must_be_positive(pixel):
     with pytest.raises(MapError, match="metres_per_pixel"):
         CityMap(np.zeros((4, 4)), pixel)

@@ -4,6 +4,7 @@ import re
 import shlex
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import pytest
@@ -166,6 +167,50 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, request):
             assert measure(evocity.read_map("lyon-1er", pixels=64)) > 0
         else:
             exec(compile(block, f"{page.name}, block {number + 1}", "exec"), names)
+
+
+def test_values_told_of_lyon_are_true():
+    lyon = evocity.read_map("lyon-1er")
+    (told,) = re.findall(r"^lyon\.height_rules  # (.*)$", text_of("docs/maps.md"), re.M)
+    assert told == repr(lyon.height_rules)
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "cape-town-salt-river"])
+def test_values_told_of_maps_and_codes_are_true(name):
+    (told,) = [row[1:] for row in rows(text_of("docs/measures.md")) if row[0] == name]
+    city = evocity.read_map(name)
+    coded = evocity.decode(evocity.encode(city).genome).city
+    found = [evocity.fitness.gsi(one) for one in (city, coded)]
+    assert [float(number) for number in told[:2]] == pytest.approx(found, abs=6e-4)
+
+
+def test_recipes_that_pages_name_exist():
+    named = {word for line in shell_lines() for word in shlex.split(line) if ".toml" in word}
+    assert named
+    for name in named:
+        search.read_recipe(ROOT / name)
+
+
+def test_the_notebooks_losses_are_the_searchs():
+    nbformat = pytest.importorskip("nbformat")
+    pandas = pytest.importorskip("pandas")
+    notebook = nbformat.read(ROOT / "notebooks" / "open-a-run.ipynb", as_version=4)
+    (cell,) = [cell.source for cell in notebook.cells if "def losses" in cell.source]
+    lyon = evocity.read_map("lyon-1er", pixels=64)
+    objectives = [
+        evocity.fitness.Objective(evocity.fitness.crumbs),
+        evocity.fitness.Objective(evocity.fitness.alignment),
+        evocity.fitness.Objective(evocity.fitness.alignment, "min"),
+        evocity.fitness.Objective(evocity.fitness.gsi, target=0.35),
+        evocity.fitness.Objective.like(evocity.fitness.fsi, lyon),
+    ]
+    values = pandas.Series([0.0, 0.2, 0.9])
+    for one in objectives:
+        recorded = {"name": "measure of my own", "goal": one.goal, "target": one.target}
+        names = {"run": SimpleNamespace(provenance={"fitness": [recorded]})}
+        exec(compile(cell, "losses", "exec"), names)
+        found = names["losses"]("measure of my own", values)
+        assert list(found) == pytest.approx([one.loss(value) for value in values])
 
 
 @pytest.fixture(scope="session")

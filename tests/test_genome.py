@@ -1,3 +1,4 @@
+import copy
 import json
 
 import numpy as np
@@ -112,7 +113,7 @@ def rewritten(path, change):
         (lambda t, a: (t, a | {"block": "four"}), "lacks"),
         (lambda t, a: (t, a | {"height": 62}), "62"),
         (lambda t, a: (t, a | {"surprise": 1}), "surprise"),
-        (lambda t, a: (t.slice(3), a), "shape"),
+        (lambda t, a: (t.slice(3), a), "253 lifs"),
         (
             lambda t, a: (t.set_column(0, "sigma", pa.array([2.0] * len(t), pa.float32())), a),
             "σ beyond",
@@ -134,7 +135,7 @@ def test_files_that_are_no_genome(genome, tmp_path):
     with pytest.raises(GenomeError, match="not a genome file"):
         read_genome(tmp_path / "text.parquet")
     pq.write_table(pa.table({"a": [1]}), tmp_path / "other.parquet")
-    with pytest.raises(GenomeError, match="not a genome file"):
+    with pytest.raises(GenomeError, match="no genome"):
         read_genome(tmp_path / "other.parquet")
     genome.write(tmp_path / "cut.parquet")
     data = (tmp_path / "cut.parquet").read_bytes()
@@ -151,3 +152,70 @@ def test_cities_are_merged_without_doubles(genome):
     assert attribution == "A; B; C"
     assert set(np.take(names, first)) == {"a", "b"}
     assert np.array_equal(np.take(names, second), np.take(two.cities, two.parent))
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda t, a: (t, a | {"metres_per_pixel": None}), "metres_per_pixel"),
+        (lambda t, a: (t, a | {"metres_per_pixel": "x"}), "metres_per_pixel"),
+        (lambda t, a: (t, a | {"metres_per_pixel": float("nan")}), "metres_per_pixel"),
+        (lambda t, a: (t, a | {"cities": [1]}), "cities"),
+        (lambda t, a: (t, a | {"cities": []}), "cities"),
+        (lambda t, a: (t, a | {"cities": ["x"] * 300}), "cities"),
+        (lambda t, a: (t, a | {"origin": [1]}), "origin"),
+        (lambda t, a: (t, a | {"origin": 5}), "does not fit"),
+        (lambda t, a: (t, a | {"crs": 3}), "crs"),
+        (lambda t, a: (t, a | {"attribution": 3}), "attribution"),
+        (lambda t, a: (t, a | {"made": 3}), "does not fit"),
+        (lambda t, a: (t, a | {"sigma_max": "big"}), "sigma_max"),
+        (lambda t, a: (t, a | {"height": 10**30}), "does not fit"),
+        (lambda t, a: (t, a | {"height": 32764, "width": 32764}), "does not fit"),
+        (lambda t, a: (t, a | {"height": True}), "does not fit"),
+        (lambda t, a: (pa.concat_tables([t] * 50), a), "does not fit"),
+    ],
+)
+def test_a_strangers_description_is_checked_before_it_is_used(genome, tmp_path, change, word):
+    path = tmp_path / "g.parquet"
+    genome.write(path)
+    rewritten(path, change)
+    with pytest.raises(GenomeError, match=word):
+        read_genome(path)
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "[" * 100_000, '{"schema_version": [[1]]}', "{}"])
+def test_metadata_that_is_no_description(genome, tmp_path, text):
+    path = tmp_path / "g.parquet"
+    genome.write(path)
+    table = pq.read_table(path).replace_schema_metadata({"evocity.genome": text})
+    pq.write_table(table, path)
+    with pytest.raises(GenomeError):
+        read_genome(path)
+
+
+def test_what_made_a_genome_may_hold_infinity(genome, tmp_path):
+    genome.replace(made={"tolerance": float("inf"), "fill": (0.5, 0.5)}).write(
+        tmp_path / "g.parquet"
+    )
+    assert read_genome(tmp_path / "g.parquet").made == {"tolerance": "inf", "fill": [0.5, 0.5]}
+
+
+def test_writing_where_nothing_can_be_written(genome, tmp_path):
+    with pytest.raises(GenomeError, match="cannot be written"):
+        genome.write(tmp_path / "nowhere" / "g.parquet")
+
+
+def test_a_view_of_a_writeable_array_is_copied(genome):
+    base = genome.beta.copy()
+    view = base[:]
+    view.setflags(write=False)
+    other = genome.replace(beta=view)
+    base[:] = 99
+    assert other == genome
+
+
+def test_a_genome_from_another_process_is_read_only_too(genome):
+    again = copy.deepcopy(genome)
+    assert again == genome
+    with pytest.raises(ValueError, match="read-only"):
+        again.sigma[0] = 1

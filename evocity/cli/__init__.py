@@ -1,9 +1,10 @@
 """The `evocity` command: one file a command; each parses, calls the library and prints.
 
 - `run`, `resume`, `status`: a search, shown while it goes on by `searching`
-- `encode`, `decode`, `score`, `show`: one map or genome
+- `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `cities`, `fitness`: what there is
-- `common`: options, checks and printing that several commands share
+- `given`: what a word on the command line stands for: a map, a genome, a run
+- `common`: options, checks, messages and printing that several commands share
 
 Nothing heavy is imported before a command needs it: ``--help`` answers at once.
 """
@@ -11,8 +12,9 @@ Nothing heavy is imported before a command needs it: ``--help`` answers at once.
 import click
 
 from evocity import __version__
+from evocity.cli.autosimilarity import autosimilarity
 from evocity.cli.cities import cities
-from evocity.cli.common import InputFault
+from evocity.cli.common import InputFault, told
 from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
@@ -34,7 +36,8 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except EvocityError as error:
-            raise InputFault(str(error)) from error
+            command = self.commands[ctx.invoked_subcommand]
+            raise InputFault(told(error, command)) from error
         except KeyboardInterrupt:
             click.echo("\nStopped.", err=True)
             ctx.exit(130)
@@ -56,7 +59,18 @@ def main() -> None:
     """Breed city fabrics: districts become fractal genomes, are crossed, decoded and measured."""
 
 
-for _command in (run, resume, status, encode, decode, score, show, cities, fitness):
+for _command in (
+    run,
+    resume,
+    status,
+    encode,
+    decode,
+    score,
+    autosimilarity,
+    show,
+    cities,
+    fitness,
+):
     main.add_command(_command)
 
 __all__ = ["main"]

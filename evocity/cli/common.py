@@ -5,14 +5,14 @@ import functools
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import click
 
-import evocity
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, RecipeError
 
 
 class InputFault(click.ClickException):
@@ -25,6 +25,50 @@ class RunFailed(click.ClickException):
     """The run failed: a message, no traceback, exit code 1."""
 
     exit_code = 1
+
+
+def told(error: EvocityError, command: click.Command) -> str:
+    """The message of an ``error``, in the terms of the ``command``: its options in place of the
+    library's keywords, and each part on one line, whatever a measure of the user's own raised."""
+    parts = [_in_options(part, command) for part in error.args]
+    if not isinstance(error, RecipeError):  # its faults stand in lines of their own
+        parts = [" ".join(part.split()) for part in parts]
+    return str(EvocityError(*parts))
+
+
+def _in_options(text: str, command: click.Command) -> str:
+    options = {p.name: p for p in command.params if isinstance(p, click.Option)}
+    for name, option in options.items():
+        text = re.sub(
+            rf"(?<![\w.-]){name}(?: = |=)(\([^()]*\)|[^\s,;:()]*)",
+            lambda match, option=option: _as_typed(option, match[1]),
+            text,
+        )
+    if any(p.name == "recipe" for p in command.params):  # there, maps are read by its keys
+        for name in _MAP_KEYS:
+            section = "[map]" if name in ("pixels", "metres_per_pixel") else "[[parents]]"
+            text = re.sub(
+                rf"(?<![\w.-]){name}=(\([^()]*\)|[^\s,;:()]*)",
+                lambda match, key=name, section=section: _as_key(key, match[1], section),
+                text,
+            )
+    text = re.sub(r"(--[\w-]+) \(\1\)", r"\1", text)
+    return text.replace("None for", "all for" if "reach" in options else "nothing for")
+
+
+def _as_typed(option: click.Option, value: str) -> str:
+    """``option`` and a ``value`` of Python's as they are typed: 4.8 45.7, or 16,20."""
+    typed = max(option.opts, key=len)
+    values = [part.strip() for part in value.strip("()").split(",") if part.strip()]
+    if option.is_flag or not values:
+        return typed
+    return f"{typed} {(' ' if option.nargs > 1 else ',').join(values)}"
+
+
+def _as_key(name: str, value: str, section: str) -> str:
+    """A keyword and a ``value`` of Python's as a recipe has them."""
+    value = value.replace("(", "[").replace(")", "]")
+    return f"{name} = {value} in {section}" if value else f"{name} in {section}"
 
 
 _MAP_OPTIONS = (
@@ -95,32 +139,6 @@ json_option = click.option(
     is_flag=True,
     help="Print one JSON document and nothing else; null where a number is not finite.",
 )
-
-
-def is_genome(source: str) -> bool:
-    """Whether a file is meant to be a genome: Parquet by its name or by its first bytes."""
-    path = Path(source)
-    if path.suffix.lower() == ".parquet":
-        return True
-    with contextlib.suppress(OSError, ValueError):
-        if path.is_file():
-            with open(path, "rb") as file:
-                return file.read(4) == b"PAR1"
-    return False
-
-
-def city_of(source: str, reading: Mapping[str, object]):
-    """The map in a map file, of a bundled name, or the one a genome file decodes to."""
-    if not is_genome(source):
-        return evocity.read_map(source, **reading)
-    if reading:
-        given = ", ".join("--" + key.replace("_", "-") for key in reading)
-        raise EvocityError(
-            f"{given} with the genome {source}",
-            "no options of reading: a genome knows its own size and heights",
-            f"leave {given} out, or encode the map again with it",
-        )
-    return converged(evocity.decode(evocity.read_genome(source)), source).city
 
 
 def converged(decoding, source: str):
@@ -218,6 +236,50 @@ def describe(city) -> str:
 
 def warn(text: str) -> None:
     click.echo(f"Warning: {text}", err=True)
+
+
+def note(text: str) -> None:
+    """One line on standard error about what was taken for granted."""
+    print(f"Note: {text}", file=sys.stderr)  # click.echo would write into a live line
+
+
+def note_reading(city, reading: Mapping[str, object]) -> None:
+    """Say which heights of a map just read were invented, and if its window is mostly empty."""
+    from evocity.io import Request
+
+    height = reading.get("default_height")
+    otherwise = "" if height else "; --default-height says otherwise"
+    note_heights(city, height or Request.default_height, otherwise)
+    note_window(city, "--center, --pixels and --metres-per-pixel choose")
+
+
+def note_window(city, chosen_by: str) -> None:
+    """Say if most of a map of footprints lies outside its buildings' extent; ``chosen_by`` tells
+    what chooses the window."""
+    if not (city.height_rules and city.built.any()):
+        return
+    tall, wide = (_extent(city.built.any(axis=axis)) for axis in (1, 0))
+    if 2 * tall * wide < city.built.size:
+        height, width = city.shape
+        note(
+            f"{city.name}: its buildings take up {wide} × {tall} of {width} × {height} px; "
+            f"{chosen_by} another window"
+        )
+
+
+def note_heights(city, height: float, otherwise: str) -> None:
+    """Say how many buildings of a map have an invented ``height``; ``otherwise`` ends the line."""
+    invented, count = city.height_rules.get("default", 0), sum(city.height_rules.values())
+    if invented:
+        note(
+            f"{city.name}: {invented} of {count} buildings have no height in the source: "
+            f"{height:g} m taken{otherwise}"
+        )
+
+
+def _extent(filled) -> int:
+    """From the first to the last true entry of a bool ``(n,)``, both included."""
+    return int(len(filled) - filled[::-1].argmax() - filled.argmax())
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, converged, describe, output_option
+from evocity.cli.given import decoded_name, genome_of, id_option
 from evocity.errors import EvocityError
 
 
@@ -13,14 +14,16 @@ from evocity.errors import EvocityError
     epilog="""\b
 Examples:
   evocity decode lyon.parquet -o lyon.tif
-  evocity decode lyon.parquet -o detailed.png --zoom 2"""
+  evocity decode lyon.parquet -o detailed.png --zoom 2
+  evocity decode runs/lyon-x-montpellier --id 97 -o bred.tif"""
 )
-@click.argument("genome", metavar="GENOME")
+@click.argument("genome", metavar="GENOME|RUN")
 @output_option(
     "MAP",
     "Map to write: .tif (heights, where on Earth), .png (a picture), .npy (bare heights); "
     "overwritten if it exists.",
 )
+@id_option
 @click.option(
     "--zoom",
     type=float,
@@ -28,22 +31,27 @@ Examples:
     show_default=True,
     help="Fractal zoom: above 1 creates detail, below 1 simplifies.",
 )
-def decode(genome: str, output: Path, zoom: float) -> None:
-    """Write the map that a GENOME file stands for, its attractor."""
+def decode(genome: str, output: Path, identifier, zoom: float) -> None:
+    """Write the map that a genome stands for, its attractor.
+
+    The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
+    """
     from evocity.io import WRITERS
 
     check_output(output, genome, WRITERS)
-    code = evocity.read_genome(genome)
+    code = genome_of(genome, identifier)
     _check_size(code.pavement, zoom)
     decoding = converged(evocity.decode(code, zoom=zoom), genome)
-    evocity.write_map(decoding.city, output)
-    click.echo(describe(decoding.city))
+    city = decoding.city
+    city = city.replace(city.heights, name=decoded_name(city.name, genome, identifier))
+    evocity.write_map(city, output)
+    click.echo(describe(city))
     click.echo(f"decoded in {decoding.iterations} steps")
     click.echo(f"wrote {output}")
 
 
 def _check_size(pavement, zoom: float) -> None:
-    from evocity.io.sources import MAX_PIXELS
+    from evocity.citymap import MAX_PIXELS
 
     pixels = pavement.height * pavement.width * zoom**2
     if pixels > MAX_PIXELS:

@@ -5,7 +5,7 @@ import math
 import click
 
 import evocity
-from evocity.cli.common import print_table, warn
+from evocity.cli.common import print_table, quiet_stdout, warn
 
 
 @click.group()
@@ -16,16 +16,22 @@ def fitness() -> None:
 @fitness.command(
     "list",
     epilog="""\b
-Example:
+Examples:
+  evocity fitness list
+  evocity fitness list my_measure.py
   evocity score lyon-1er --fitness gsi --fitness my_measure.py""",
 )
-def list_measures() -> None:
+@click.argument("files", metavar="[FILE.py]...", nargs=-1)
+def list_measures(files: tuple[str, ...]) -> None:
     """List the measures: name, goal, unit, range, and what each says.
 
     A measure without a goal of its own takes a target (target = 0.35) or a city to be like
-    (like = "lyon-1er") in the recipe. Measures of your own live in a Python file: see
-    `evocity score --help`.
+    (like = "lyon-1er") in the recipe. Measures of your own live in Python files: those named
+    are executed, and their measures listed too. How to write one: `evocity score --help`.
     """
+    with quiet_stdout():
+        for file in files:
+            evocity.fitness.load_file(file)
     rows = [("name", "goal", "unit", "range", "what it says")]
     for measure in evocity.fitness.measures():
         low, high = (_bound(bound) for bound in measure.range)

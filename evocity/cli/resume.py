@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.searching import carry_out
+from evocity.cli.searching import blaming_options, carry_out
 
 
 @click.command(
@@ -40,13 +40,15 @@ def resume(folder: Path, generations, workers, accept_changes) -> None:
     again, unless --generations asks for more. Measures of your own that the recipe names are
     executed.
     """
-    carry_out(
-        lambda tell: evocity.Search.resume(
-            folder,
-            generations=generations,
-            workers=workers,
-            accept_changes=accept_changes,
-            progress=tell,
-        ),
-        folder,
-    )
+
+    def start(tell):
+        with blaming_options(generations=generations):
+            return evocity.Search.resume(
+                folder,
+                generations=generations,
+                workers=workers,
+                accept_changes=accept_changes,
+                progress=tell,
+            )
+
+    carry_out(start, folder)

@@ -8,7 +8,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_folder
-from evocity.cli.searching import carry_out
+from evocity.cli.searching import blaming_options, carry_out
 from evocity.errors import RunError
 
 
@@ -16,7 +16,7 @@ from evocity.errors import RunError
     epilog="""\b
 Examples:
   evocity run
-  evocity run my-recipe.toml --generations 500 --out runs/tonight
+  evocity run runs/lyon-x-montpellier.toml --generations 500 --out runs/tonight
   evocity run my-recipe.toml --seed 8 --workers 4
 
 A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
@@ -46,9 +46,14 @@ def run(recipe, generations, population, workers, seed, out) -> None:
     file; the measures of your own that it names are executed. The report is written at the
     end: report.html in the run folder.
     """
-    chosen = evocity.read_recipe(
-        recipe, generations=generations, population=population, workers=workers, seed=seed
-    )
+    options = {
+        "generations": generations,
+        "population": population,
+        "workers": workers,
+        "seed": seed,
+    }
+    with blaming_options(**options):
+        chosen = evocity.read_recipe(recipe, **options)
     folder = _free(chosen.default_out) if out is None else _new(out)
     carry_out(lambda tell: evocity.Search(chosen, out=folder, progress=tell), folder)
 

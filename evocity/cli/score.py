@@ -6,7 +6,6 @@ import click
 
 import evocity
 from evocity.cli.common import (
-    city_of,
     describe,
     json_option,
     map_options,
@@ -14,6 +13,7 @@ from evocity.cli.common import (
     print_table,
     quiet_stdout,
 )
+from evocity.cli.given import city_of, id_option
 
 
 @click.command(
@@ -21,6 +21,7 @@ from evocity.cli.common import (
 Examples:
   evocity score lyon-1er
   evocity score bred.parquet --fitness gsi --fitness my_measure.py --json
+  evocity score runs/lyon-x-montpellier --id 97
 
 \b
 A measure of your own, my_measure.py:
@@ -30,7 +31,8 @@ A measure of your own, my_measure.py:
   def highest_roof(city):
       return city.heights.max()"""
 )
-@click.argument("map", metavar="MAP")
+@click.argument("map", metavar="MAP|GENOME|RUN")
+@id_option
 @click.option(
     "--fitness",
     "wanted",
@@ -42,17 +44,17 @@ A measure of your own, my_measure.py:
 )
 @map_options
 @json_option
-def score(map, wanted, reading, as_json) -> None:
-    """Measure MAP.
+def score(map, identifier, wanted, reading, as_json) -> None:
+    """Measure a map.
 
-    MAP is a map file, the name of a bundled district, or a genome file, which is decoded
-    first.
+    MAP is a map file or the name of a bundled district. A genome, from a file or of the
+    individual --id of a run folder, is decoded first.
 
     JSON: each measure's name to its number; null where the measure is undefined.
     """
     with quiet_stdout():
         measures = _measures(wanted)
-        city = city_of(map, reading)
+        city = city_of(map, reading, identifier)
         values = {measure.name: measure(city) for measure in measures}
     if as_json:
         print_json(values)

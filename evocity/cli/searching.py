@@ -1,16 +1,17 @@
 """A search carried out for `run` and `resume`: its progress, its end, its report."""
 
+import contextlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import timedelta
 from pathlib import Path
 
 import click
 
 import evocity
-from evocity.cli.common import RunFailed
-from evocity.errors import RunError
+from evocity.cli.common import RunFailed, note_heights, note_window, told
+from evocity.errors import RecipeError, RunError
 
 #: In a log file, seconds between two lines.
 _BETWEEN_LINES = 10.0
@@ -26,7 +27,7 @@ def carry_out(start: Start, folder: Path) -> None:
     the program with exit code 130.
     """
     try:
-        _go_through(start)
+        _go_through(start, folder)
         _report(folder)
     except KeyboardInterrupt:
         if folder.is_dir():
@@ -36,18 +37,24 @@ def carry_out(start: Start, folder: Path) -> None:
         click.get_current_context().exit(130)
 
 
-def _go_through(start: Start) -> None:
+def _go_through(start: Start, folder: Path) -> None:
     show = LiveLine() if sys.stderr.isatty() else LogLines()
     started = False
     try:
         with show, start(show.prepared) as search:
             started = True
+            signs = goal_signs(search.recipe)
             for generation in search:
-                show(progress_line(generation, search.recipe.run.generations))
+                if generation.number == 0:
+                    _note_parents(folder, search.recipe)
+                show(progress_line(generation, search.recipe.run.generations, signs))
     except RunError as error:
         if not started:
             raise  # the folder cannot be used: the input is at fault
-        raise RunFailed(str(error)) from error
+        raise RunFailed(told(error, click.get_current_context().command)) from error
+    finally:
+        if started:
+            _tell_failures(folder)
 
 
 def _report(folder: Path) -> None:
@@ -64,8 +71,42 @@ def _report(folder: Path) -> None:
     click.echo(f"report: {report}")
 
 
-def progress_line(generation, last: int) -> str:
-    """Where a search is, in one line: ``generation`` as `Search` yields it, of 0…``last``."""
+def _note_parents(folder: Path, recipe) -> None:
+    """Say which parents have invented heights, and whose windows are mostly empty."""
+    with contextlib.suppress(RunError):
+        sources = evocity.open_run(folder).sources()
+        for source, parent in zip(sources, recipe.parents, strict=True):
+            chosen = "default_height" in parent.model_fields_set
+            otherwise = "" if chosen else "; default_height in its [[parents]] says otherwise"
+            note_heights(source.city, parent.default_height, otherwise)
+            note_window(source.city, "center in [[parents]], and [map], choose")
+
+
+def _tell_failures(folder: Path) -> None:
+    """One line on standard error for each way in which births failed."""
+    from evocity.report import failures
+
+    with contextlib.suppress(RunError):  # no generation was whole
+        for kind in failures(evocity.open_run(folder)):
+            click.echo(f"failed: {kind}", err=True)
+
+
+def goal_signs(recipe) -> dict[str, str]:
+    """Measure -> what a ``recipe`` wants of it: ↑ more, ↓ less, →0.35 a target, →CITY."""
+    signs = {}
+    for entry in recipe.fitness:
+        for measure in entry.measures:
+            goal = {"max": "↑", "min": "↓"}.get(entry.goal or measure.goal, "")
+            target = entry.like if entry.target is None else f"{entry.target:.4g}"
+            signs[measure.name] = goal if target is None else f"→{target}"
+    return signs
+
+
+def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
+    """Where a search is, in one line: ``generation`` as `Search` yields it, of 0…``last``.
+
+    ``signs``: measure -> the direction that is wanted, see `goal_signs`.
+    """
     left = timedelta(seconds=round(generation.seconds_left))
     parts = [
         f"generation {generation.number}/{last}",
@@ -73,10 +114,45 @@ def progress_line(generation, last: int) -> str:
         f"{generation.failures} failed",
         f"{generation.evaluations_per_second:.1f} evaluations/s",
         f"hypervolume {generation.hypervolume:.4g}",
-        "best " + ", ".join(f"{name} {value:.4g}" for name, value in generation.best.items()),
+        "best "
+        + ", ".join(
+            f"{name} {value:.4g} {signs.get(name, '')}".rstrip()
+            for name, value in generation.best.items()
+        ),
         f"{left} left",
     ]
     return " · ".join(parts)
+
+
+@contextlib.contextmanager
+def blaming_options(**given: object):
+    """Within, a fault of a recipe that an option put there is told as the option's.
+
+    ``given``: options that replace a recipe's values, None where it keeps its own.
+    """
+    try:
+        yield
+    except RecipeError as error:
+        header, *faults = error.found.split("\n  ")
+        keys = {
+            f"{section}.{name}: ": f"--{name} "
+            for name in given
+            if given[name] is not None
+            for section in ("run", "evaluation")
+        }
+        named = [
+            next((o + fault[len(key) :] for key, o in keys.items() if fault.startswith(key)), fault)
+            for fault in faults
+        ]
+        blamed = sum(fault.startswith("--") for fault in named)
+        if not blamed:
+            raise
+        if blamed < len(named):
+            expected, remedy = error.expected, "correct these options and keys"
+        else:
+            header, remedy = "the command line is at fault:", "correct these options"
+            expected = "what is allowed stands behind each"
+        raise RecipeError("\n  ".join([header, *named]), expected, remedy) from error
 
 
 class LiveLine:

@@ -5,6 +5,9 @@ import click
 import evocity
 from evocity.cli.common import json_option, print_json, print_table
 
+#: Ids of the front that are listed at most.
+_MOST_IDS = 12
+
 
 @click.command(
     epilog="""\b
@@ -16,26 +19,46 @@ Example:
 def status(run: str, as_json: bool) -> None:
     """Say where the run in the folder RUN is.
 
-    Safe while it goes on: nothing is changed, and only whole generations are seen.
+    Safe while it goes on: nothing is changed, and only whole generations are seen. Individuals
+    of the front stand by their numbers, for --id of decode, score and show.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
     hypervolume, best (measure to its best value), evaluations_per_second, finished.
     """
-    state = evocity.open_run(run).status()
+    opened = evocity.open_run(run)
+    state = opened.status()
     if as_json:
         print_json(state)
         return
-    best = state["best"]
+    from evocity.report import Facts, failures
+
+    facts = Facts(opened)
+    whole, best = state["generation"] is not None, state["best"]
+    planned = "" if facts.planned is None else f"/{facts.planned}"
+    failed = failures(opened) if whole else []
     rows = [
         ("finished", "yes" if state["finished"] else f"no; go on with: evocity resume {run}"),
-        ("generation", _shown(state["generation"])),
+        ("generation", _shown(state["generation"]) + (planned if whole else "")),
         ("births", _shown(state["births"])),
         ("failures", _shown(state["failures"])),
+        *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
-        *((f"best {name}", _shown(value)) for name, value in best.items()),
+        *((f"best {a.name}", _best(a, best[a.name])) for a in facts.aims if a.name in best),
+        *([("front", _ids(facts.front))] if whole else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
+
+
+def _best(aim, value: float) -> str:
+    return f"{_shown(value)} {aim.unit}".rstrip() + f" ({aim.wanted})"
+
+
+def _ids(front: list[int]) -> str:
+    """Who is on the front, to be named by --id."""
+    more = len(front) - _MOST_IDS
+    listed = " ".join(map(str, sorted(front)[:_MOST_IDS]))
+    return f"{listed} and {more} more" if more > 0 else listed or "nobody"
 
 
 def _shown(value) -> str:

@@ -56,6 +56,64 @@ def gather(layers, table, sigma, beta, target):
 
 
 @kernel
+def scatter(values, table, sigma, layers):
+    """Adjoint of `gather` without β: each pixel's share of the flat ``values`` goes back to the
+    place in the flat ``layers``, which are overwritten, that the pixel was made from."""
+    layers[:] = 0
+    for p in range(table.size):
+        if table[p] >= 0:
+            layers[table[p]] += sigma[p] * values[p]
+
+
+@kernel
+def spread_means(means, tall, wide, heights):
+    """Adjoint of `box_means`: heights[y : y + tall, x : x + wide] += means[y, x] / (tall · wide),
+    wherever that fits."""
+    rows, columns = heights.shape
+    scale = heights.dtype.type(1.0 / (tall * wide))
+    line = np.empty(columns, heights.dtype)
+    fits = columns - wide + 1
+    for y in range(rows - tall + 1):
+        line[:] = 0
+        for j in range(wide):
+            for x in range(fits):
+                line[x + j] += means[y, x]
+        for x in range(columns):
+            line[x] *= scale
+        for i in range(tall):
+            for x in range(columns):
+                heights[y + i, x] += line[x]
+
+
+@kernel
+def shrink_blocks(heights, top, left, y, x, tall, wide, size, layer):
+    """Lay each domain block at (y, x), shrunk to ``size`` × ``size`` by means of ``tall`` ×
+    ``wide`` pixels, at its range block's place (top, left) in ``layer``."""
+    for k in range(top.size):
+        scale = heights.dtype.type(1.0 / (tall[k] * wide[k]))
+        for i in range(size):
+            for j in range(size):
+                total = heights.dtype.type(0)
+                for v in range(y[k] + i * tall[k], y[k] + (i + 1) * tall[k]):
+                    for u in range(x[k] + j * wide[k], x[k] + (j + 1) * wide[k]):
+                        total += heights[v, u]
+                layer[top[k] + i, left[k] + j] = scale * total
+
+
+@kernel
+def spread_blocks(layer, top, left, y, x, tall, wide, size, heights):
+    """Adjoint of `shrink_blocks`: adds to ``heights``."""
+    for k in range(top.size):
+        scale = heights.dtype.type(1.0 / (tall[k] * wide[k]))
+        for i in range(size):
+            for j in range(size):
+                value = scale * layer[top[k] + i, left[k] + j]
+                for v in range(y[k] + i * tall[k], y[k] + (i + 1) * tall[k]):
+                    for u in range(x[k] + j * wide[k], x[k] + (j + 1) * wide[k]):
+                        heights[v, u] += value
+
+
+@kernel
 def mirrored(lines, near, far, even, combined):
     """combined[x] = √½ (near ± far) of two shifted lines, + for even; the line itself if both
     are one (the middle line of an odd block)."""
@@ -133,7 +191,8 @@ def fold(shrunk, step, block, weights, planes, energy):
 
 @cache
 def correlators(block):
-    """The two search kernels for range blocks of side ``block``.
+    """The kernels of the search for range blocks of side ``block``: lane_maxima, and the pair
+    (settle, resolve) that decides near-ties.
 
     The block's side must be known to the compiler: only then are the sums over a block's
     coordinates unrolled and the loop over domain positions turned into vector code.
@@ -151,9 +210,10 @@ def correlators(block):
     # others, so of threads and chunks; what depends on rounding is settled in float64 below.
     @kernel(fastmath={"contract"})
     def row_gains(planes, energy, inverse, code, first, count, cap, gains):
-        """gains[j] = energy explained by the domain at position first + j under the best of
-        the 8 isometries, |σ| ≤ cap. In D4 coordinates (see evocity.coding.domains) all eight
-        inner products come from 1.5 B² multiplications."""
+        """gains[j] = max(itself, the energy of block ``code`` explained by the domain at position
+        first + j of one row under the best of the 8 isometries, |σ| ≤ cap). In D4 coordinates
+        (see evocity.coding.domains) all eight inner products come from 1.5 B² multiplications.
+        """
         for j in range(count):
             q = np.uintp(first + j)  # unsigned: no test for negative indices, so vector code
             s1 = s2 = s3 = s4 = a = b = c = d = np.float32(0)
@@ -195,22 +255,43 @@ def correlators(block):
                     )
 
     @kernel
-    def exact_gains(shrunk, step, y, x, range_block, sources, cap, domain, gains, slopes):
+    def turned(range_block, sources, images):
+        """images[u, k] = the pixel of the range block that meets pixel u of a domain block
+        under isometry k: so ⟨r, iso_k d⟩ = Σ_u images[u, k] d[u], all eight side by side."""
+        for k in range(8):
+            for t in range(pixels):
+                images[sources[k, t], k] = range_block[t]
+
+    @kernel
+    def exact_gains(shrunk, step, y, x, images, cap, domain, gains, slopes):
         """gains[k], slopes[k]: energy explained and σ with isometry k, in float64; returns the
         domain's mean."""
         mean = 0.0
-        for t in range(pixels):
-            domain[t] = shrunk[y + step * (t // block), x + step * (t % block)]
-            mean += domain[t]
+        for i in range(block):
+            line = shrunk[y + step * i]
+            for j in range(block):
+                value = line[np.uintp(x + step * j)]
+                domain[block * i + j] = value
+                mean += value
         mean /= pixels
         energy = 0.0
+        p0 = p1 = p2 = p3 = p4 = p5 = p6 = p7 = 0.0  # in registers, not in an array
         for t in range(pixels):
-            domain[t] -= mean
-            energy += domain[t] * domain[t]
+            value = domain[t] - mean
+            image = images[t]
+            energy += value * value
+            p0 += image[0] * value
+            p1 += image[1] * value
+            p2 += image[2] * value
+            p3 += image[3] * value
+            p4 += image[4] * value
+            p5 += image[5] * value
+            p6 += image[6] * value
+            p7 += image[7] * value
+        slopes[0], slopes[1], slopes[2], slopes[3] = p0, p1, p2, p3
+        slopes[4], slopes[5], slopes[6], slopes[7] = p4, p5, p6, p7
         for k in range(8):
-            p = 0.0
-            for t in range(pixels):
-                p += range_block[t] * domain[sources[k, t]]
+            p = slopes[k]
             s = min(abs(p) / energy, cap) if energy > 0 else 0.0
             gains[k] = s * (2 * abs(p) - s * energy)
             slopes[k] = s if p >= 0 else -s
@@ -218,63 +299,84 @@ def correlators(block):
 
     @kernel
     def settle(
-        planes, energy, inverse, codes, window, cap, best, near,
-        shrunk, step, blocks, sources, least, first, found, slope, level,
+        planes, energy, inverse, codes, window, cap, best, first_row, band, near,
+        shrunk, step, blocks, sources, top, records, places, count, slack, group,
     ):  # fmt: skip
-        """Re-score in float64 all domains whose float32 gain is at least near[i].
+        """Re-score in float64, in order of (y, x), the domains whose float32 gain is at least
+        near[i], and keep those that explain more than all before them.
 
-        With ``first`` false: raise least[i] to the largest exact gain. With it true: write to
-        found[i] the lowest (y, x, iso) whose exact gain is at least least[i], and its σ and
-        the domain's mean; a range with found[i, 0] ≥ 0 already is left alone.
+        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from ``first_row`` on: only
+        where these reach near[i] are positions looked at again. records[i, :count[i]] are the
+        gains kept, places[i] their (multiple, y, x); ``top`` is the map row of planes[0]. A
+        full list drops what lies more than slack[i] below its last, which cannot win. Positions
+        are looked at in groups of ``group``; the arrays are padded by one.
         """
         domain = np.empty(pixels)
         gains, slopes = np.empty(8), np.empty(8)
-        lanes = np.empty(best.shape[1], np.float32)
+        lanes = np.empty(best.shape[2] + group, np.float32)
+        runs = np.empty((best.shape[2] // group + 1, 2), np.int64)
+        images = np.empty((pixels, 8))
+        room = records.shape[1]
         for i in range(codes.shape[0]):
-            if first and found[i, 0] >= 0:
-                continue
-            top, bottom, left, right = window[i]
-            for y in range(top, bottom):
-                start = left
-                while start < right:
-                    if best[i, start - left] < near[i]:
-                        start += 1
+            turned(blocks[i], sources, images)
+            left, right = window[i, 2], window[i, 3]
+            for strip in range(best.shape[0]):
+                line, found, x = best[strip, i], 0, left
+                while x < right:
+                    if line[x - left] < near[i]:
+                        x += 1
                         continue
-                    stop = start
-                    while stop < right and best[i, stop - left] >= near[i]:
-                        stop += 1
-                    lanes[: stop - start] = 0
-                    row_gains(
-                        planes[y], energy[y], inverse[y], codes[i], start, stop - start, cap, lanes
-                    )
-                    for j in range(stop - start):
-                        if lanes[j] < near[i]:
-                            continue
-                        mean = exact_gains(
-                            shrunk,
-                            step,
-                            y,
-                            start + j,
-                            blocks[i],
-                            sources,
-                            cap,
-                            domain,
-                            gains,
-                            slopes,
-                        )
-                        for k in range(8):
-                            if not first:
-                                least[i] = max(least[i], gains[k])
-                            elif gains[k] >= least[i]:
-                                found[i, 0], found[i, 1], found[i, 2] = y, start + j, k
-                                slope[i], level[i] = slopes[k], mean
-                                break
-                        if first and found[i, 0] >= 0:
-                            break
-                    start = stop
-                    if first and found[i, 0] >= 0:
-                        break
-                if first and found[i, 0] >= 0:
+                    # whole groups of lanes cost vector code less than single ones
+                    if found and runs[found - 1, 1] >= x:
+                        runs[found - 1, 1] += group
+                    else:
+                        runs[found, 0], runs[found, 1] = x, x + group
+                        found += 1
+                    x = runs[found - 1, 1]
+                if found == 0:
+                    continue
+                start = first_row + strip * band
+                for y in range(max(start, window[i, 0]), min(start + band, window[i, 1])):
+                    for run in range(found):
+                        x, length = runs[run, 0], runs[run, 1] - runs[run, 0]
+                        lanes[:length] = 0
+                        row_gains(planes[y], energy[y], inverse[y], codes[i], x, length, cap, lanes)
+                        for j in range(min(length, right - x)):
+                            if lanes[j] < near[i]:
+                                continue
+                            exact_gains(
+                                shrunk, step, top + y, x + j, images, cap, domain, gains, slopes
+                            )
+                            gain = gains.max()
+                            n = count[i]
+                            if n > 0 and gain <= records[i, n - 1]:
+                                continue
+                            if n == room:
+                                n = 0
+                                for k in range(room):
+                                    if records[i, k] >= gain - slack[i]:
+                                        records[i, n] = records[i, k]
+                                        places[i, n] = places[i, k]
+                                        n += 1
+                                n = min(n, room - 1)
+                            records[i, n] = gain
+                            places[i, n, 0] = step
+                            places[i, n, 1], places[i, n, 2] = top + y, x + j
+                            count[i] = n + 1
+
+    @kernel
+    def resolve(shrunk, step, y, x, blocks, sources, cap, least, iso, slope, level):
+        """For each block and the domain at (y, x): the lowest isometry that explains at least
+        least[i], its σ, and the domain's mean."""
+        domain = np.empty(pixels)
+        gains, slopes = np.empty(8), np.empty(8)
+        images = np.empty((pixels, 8))
+        for i in range(blocks.shape[0]):
+            turned(blocks[i], sources, images)
+            level[i] = exact_gains(shrunk, step, y[i], x[i], images, cap, domain, gains, slopes)
+            for k in range(8):
+                if gains[k] >= least[i]:
+                    iso[i], slope[i] = k, slopes[k]
                     break
 
-    return lane_maxima, settle
+    return lane_maxima, (settle, resolve)

@@ -1,13 +1,21 @@
 """Genome -> CityMap: the attractor of its collage map W."""
 
+import copy
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding._kernels import box_means, gather, gather_table
+from evocity.coding._kernels import (
+    box_means,
+    gather,
+    gather_table,
+    scatter,
+    shrink_blocks,
+    spread_blocks,
+    spread_means,
+)
 from evocity.errors import GenomeError
 from evocity.genome import Genome, Pavement
 
@@ -40,52 +48,56 @@ class CollageMap:
     """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3).
 
     With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large.
-    Domain corners are rounded to whole pixels.
+    Domain corners are rounded to whole pixels. W is computed in ``dtype``, float32 or float64.
     """
 
-    def __init__(self, genome: Genome, zoom: float = 1):
+    def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
         block = _zoomed_block(genome.pavement, zoom)
         pavement = genome.pavement
         self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
         tall, wide = genome.dy // pavement.block, genome.dx // pavement.block
-        shrinkings = tall.astype(np.int32) * 32768 + wide
-        shrinkings[genome.uniform] = -1
-        self._kinds, layer = np.unique(shrinkings, return_inverse=True)
-        if self._kinds[0] == -1:
-            self._kinds, layer = self._kinds[1:], layer - 1
-        self._layers = np.zeros((max(len(self._kinds), 1), *self.shape), np.float32)
-        self._table = np.empty(self.shape, np.int32)
         top, left = self.pavement.corners
-        gather_table(
-            top,
-            left,
-            _zoomed(genome.y, zoom, self.shape[0] - tall * block),
-            _zoomed(genome.x, zoom, self.shape[1] - wide * block),
-            tall,
-            wide,
-            layer,
-            genome.iso,
-            isometries.sources(block),
-            block,
-            self._table,
-        )
-        self._sigma = self.pavement.raster(genome.sigma)
-        self._beta = self.pavement.raster(genome.beta)
+        y = _zoomed(genome.y, zoom, self.shape[0] - tall * block)
+        x = _zoomed(genome.x, zoom, self.shape[1] - wide * block)
+        self._kinds, layer = _common_shrinkings(tall, wide, ~genome.uniform)
+        # domain blocks of rare extents are shrunk one by one, each at its range block's place
+        (rare,) = np.nonzero((layer < 0) & ~genome.uniform)
+        corners = (top[rare], left[rare], y[rare], x[rare])
+        self._rare = (*corners, tall[rare], wide[rare], block)
+        layer[rare] = len(self._kinds)
+        y[rare], x[rare], tall[rare], wide[rare] = top[rare], left[rare], 1, 1
+        count = len(self._kinds) + (rare.size > 0)
+        self._layers = np.zeros((max(count, 1), *self.shape), dtype)
+        self._table = np.empty(self.shape, np.int32)
+        sources = isometries.sources(block)
+        gather_table(top, left, y, x, tall, wide, layer, genome.iso, sources, block, self._table)
+        self._recode(genome.sigma, genome.beta)
 
     @property
     def shape(self) -> tuple[int, int]:
         return self.pavement.height, self.pavement.width
 
-    @cached_property
+    @property
     def flat_start(self) -> np.ndarray:
         """The β of every block: what W makes of bare ground."""
         return self._beta.copy()
 
+    def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
+        """W of the same domain blocks with other σ and β, one a lifs; σ of uniform lifs is 0."""
+        other = copy.copy(self)
+        other._recode(sigma, beta)
+        return other
+
+    def _recode(self, sigma: np.ndarray, beta: np.ndarray) -> None:
+        self._sigma = self.pavement.raster(np.asarray(sigma, self._layers.dtype))
+        self._beta = self.pavement.raster(np.asarray(beta, self._layers.dtype))
+
     def __call__(self, heights: np.ndarray) -> np.ndarray:
-        """W applied once to float32 ``(H, W)`` heights."""
-        for kind, layer in zip(self._kinds, self._layers, strict=False):
-            box_means(heights, kind // 32768, kind % 32768, layer)
-        target = np.empty(self.shape, np.float32)
+        """W applied once to ``(H, W)`` heights of W's own type."""
+        for (tall, wide), layer in zip(self._kinds, self._layers, strict=False):
+            box_means(heights, tall, wide, layer)
+        shrink_blocks(heights, *self._rare, self._layers[-1])
+        target = np.empty(self.shape, self._layers.dtype)
         gather(
             self._layers.ravel(),
             self._table.ravel(),
@@ -93,6 +105,16 @@ class CollageMap:
             self._beta.ravel(),
             target.ravel(),
         )
+        return target
+
+    def transposed(self, values: np.ndarray) -> np.ndarray:
+        """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
+        ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
+        scatter(values.ravel(), self._table.ravel(), self._sigma.ravel(), self._layers.ravel())
+        target = np.zeros(self.shape, self._layers.dtype)
+        for (tall, wide), layer in zip(self._kinds, self._layers, strict=False):
+            spread_means(layer, tall, wide, target)
+        spread_blocks(self._layers[-1], *self._rare, target)
         return target
 
 
@@ -119,6 +141,18 @@ def decode(
     GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message says
         which lifs), or the zoom does not suit the block.
     """
+    if not isinstance(genome, Genome):
+        raise GenomeError(
+            f"a {type(genome).__name__} to decode",
+            "a Genome",
+            "encode a map first: evocity.encode(city).genome, or evocity.read_genome(path)",
+        )
+    if not (tolerance > 0 and max_iterations >= 1):
+        raise GenomeError(
+            f"tolerance = {tolerance}, max_iterations = {max_iterations}",
+            "a tolerance above 0 m, and at least 1 iteration",
+            "leave them out for 0.01 m and 500",
+        )
     collage = CollageMap(genome, zoom)
     heights = collage.flat_start if start is None else np.array(start, np.float32)
     if heights.shape != collage.shape:
@@ -146,6 +180,26 @@ def decode(
         crs=genome.crs,
     )
     return Decoding(city, heights, iterations, converged, change, blamed)
+
+
+def _common_shrinkings(
+    tall: np.ndarray, wide: np.ndarray, able: np.ndarray
+) -> tuple[list[tuple[int, int]], np.ndarray]:
+    """The extents, in range blocks, that many of the ``able`` lifs share, and for each lifs
+    which of them is its own, −1 for none.
+
+    One box mean of the whole map serves all lifs of one extent, but costs as much as some
+    hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
+    """
+    layer = np.full(tall.size, -1, np.int64)
+    pairs, which, counts = np.unique(
+        np.stack([tall[able], wide[able]]), axis=1, return_inverse=True, return_counts=True
+    )
+    (common,) = np.nonzero(counts >= tall.size / 8)
+    place = np.full(counts.size, -1, np.int64)
+    place[common] = np.arange(common.size)
+    layer[able] = place[which]
+    return [(int(t), int(w)) for t, w in pairs[:, common].T], layer
 
 
 def _zoomed_block(pavement: Pavement, zoom: float) -> int:

@@ -7,6 +7,7 @@ inner products of a range block with all 8 images of a domain block are sums of
 s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u′.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -64,12 +65,14 @@ def d4_matrix(block: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class DomainPool:
-    """All domain blocks of side ``multiple``·B of one map, one at every pixel position.
+    """Domain blocks of side ``multiple``·B of one map: all whose first row lies in a band.
 
-    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple).
+    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the
+        whole map.
     planes : float32 ``(rows, B², columns + LANES)``, D4 coordinates of each shrunk domain block.
     energy, inverse : float32 ``(rows, columns + LANES)``, ‖d̃‖² and 1/‖d̃‖²; both are 0 for
         flat domains and in the padding, which so explain nothing and are left out.
+    top : the map row where the first of the ``rows`` begins.
     """
 
     multiple: int
@@ -77,6 +80,7 @@ class DomainPool:
     planes: np.ndarray
     energy: np.ndarray
     inverse: np.ndarray
+    top: int = 0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -85,22 +89,43 @@ class DomainPool:
         return rows, columns - LANES
 
 
-def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
-    """Fold every domain block of side ``multiple · block`` of a ``(H, W)`` map.
+def domain_pools(
+    heights: np.ndarray,
+    block: int,
+    domains: Sequence[int],
+    flat: float = 0.0,
+    memory: int = 64 << 20,
+) -> Iterator[DomainPool]:
+    """Fold every domain block of a ``(H, W)`` map, in the order of (D, y): band after band of
+    rows, each of about ``memory`` bytes.
 
-    Domains surely flatter than ``flat`` metres from lowest to highest count as flat. The map
-    must be large enough for one domain block.
+    ``domains`` are multiples m of B; sizes that do not fit the map are left out. Domains surely
+    flatter than ``flat`` metres from lowest to highest count as flat.
     """
     height, width = heights.shape
-    rows, columns = height - multiple * block + 1, width - multiple * block + 1
-    shrunk = np.empty((height - multiple + 1, width - multiple + 1))
-    box_means(heights.astype(np.float64), multiple, multiple, shrunk)
-    planes = np.zeros((rows, block * block, columns + LANES), np.float32)
-    energy = np.zeros((rows, columns + LANES), np.float32)
-    ones = d4_basis(block).sum(axis=1).astype(np.float32)
-    fold(shrunk.astype(np.float32), multiple, block, ones, planes, energy)
     highest = float(heights.max(initial=0))
     # a block whose heights span `flat` has at least flat²/2 of energy
-    energy[energy <= max(flat**2 / 2, block**2 * highest**2 * _NOISE)] = 0
-    inverse = np.divide(1, energy, out=np.zeros_like(energy), where=energy > 0)
-    return DomainPool(multiple, shrunk, planes, energy, inverse)
+    least = max(flat**2 / 2, block**2 * highest**2 * _NOISE)
+    ones = d4_basis(block).sum(axis=1).astype(np.float32)
+    for multiple in sorted(domains):
+        rows, columns = height - multiple * block + 1, width - multiple * block + 1
+        if min(rows, columns) < 1:
+            continue
+        shrunk = np.empty((height - multiple + 1, width - multiple + 1))
+        box_means(heights.astype(np.float64), multiple, multiple, shrunk)
+        single = shrunk.astype(np.float32)
+        step = max(1, memory // (4 * block**2 * (columns + LANES)))
+        for top in range(0, rows, step):
+            band = min(step, rows - top)
+            planes = np.zeros((band, block * block, columns + LANES), np.float32)
+            energy = np.zeros((band, columns + LANES), np.float32)
+            fold(single[top:], multiple, block, ones, planes, energy)
+            energy[energy <= least] = 0
+            inverse = np.divide(1, energy, out=np.zeros_like(energy), where=energy > 0)
+            yield DomainPool(multiple, shrunk, planes, energy, inverse, top)
+
+
+def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
+    """All domain blocks of one size in one pool; the map must be large enough for one."""
+    (pool,) = domain_pools(heights, block, [multiple], flat, memory=1 << 62)
+    return pool

@@ -1,17 +1,19 @@
 """CityMap -> Genome: for every range block, the domain block that rebuilds it best."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral, Real
 
 import numpy as np
 
-from evocity.citymap import CityMap
-from evocity.coding.decode import decode
-from evocity.coding.domains import DomainPool, domain_pool
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
+from evocity.coding.decode import CollageMap, decode
+from evocity.coding.domains import domain_pools
+from evocity.coding.fit import fit_attractor
 from evocity.coding.quality import psnr
-from evocity.coding.search import Matches, best_matches, window_sizes
+from evocity.coding.search import Matches, best_matches, pairs_compared
 from evocity.errors import GenomeError
 from evocity.genome import Genome, Pavement
 
@@ -25,7 +27,7 @@ class Encoding:
     collage_rmse : root mean square of the collage error ω(d) − r, metres.
     uniform : number of range blocks coded as flat, without search.
     pairs : range block × domain position × isometry pairs the search decided.
-    seconds : wall time of the search, compilation included if there was any.
+    seconds : wall time of search and fit, compilation included if there was any.
     """
 
     genome: Genome
@@ -48,6 +50,7 @@ def encode(
     domains: Sequence[int] = (2,),
     reach: int | None = 24,
     sigma_max: float = 0.9,
+    fit: bool = False,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Encoding:
@@ -62,8 +65,11 @@ def encode(
         along each axis; None searches the whole map (better collage, slower, less heritable).
     sigma_max : cap on \\|σ\\|, inside the criterion. Below 1 decoding always converges;
         ``inf`` for no cap.
+    fit : refine σ and β of what was found until the decoded map, not the collage, is closest
+        (`fit_attractor`); the collage error then grows a little.
     threads : None for all cores; the genome does not depend on it.
-    progress : called with (range blocks searched, range blocks to search).
+    progress : called with (done, total), counted in rows of domain blocks; then, with
+        ``fit``, in attractors tried.
 
     Returns
     -------
@@ -71,8 +77,16 @@ def encode(
 
     Raises
     ------
-    GenomeError : the map's sides do not suit the block, or a parameter is out of range.
+    GenomeError : the map's sides do not suit the block, a parameter is out of range, or a code
+        to be fitted diverges (possible only with ``sigma_max`` of 1 or more).
     """
+    if not isinstance(city, CityMap):
+        raise GenomeError(
+            f"a {type(city).__name__} to encode",
+            "a CityMap",
+            "read one first: evocity.read_map(path or bundled name)",
+        )
+    domains = list(dict.fromkeys(domains)) if isinstance(domains, Iterable) else domains
     _check(city, block, domains, reach, sigma_max)
     pavement = Pavement(*city.shape, block)
     start = time.perf_counter()
@@ -80,15 +94,14 @@ def encode(
     flat = blocks.reshape(len(pavement), -1)
     searched = np.flatnonzero(np.ptp(flat, axis=1) > 0)
     corners = tuple(corner[searched] for corner in pavement.corners)
-    pools = domain_pools(city.heights, block, domains)
     matches = best_matches(
-        pools,
+        domain_pools(city.heights, block, domains),
         blocks[searched],
         corners,
         reach=reach,
         sigma_max=sigma_max,
         threads=threads,
-        progress=progress,
+        progress=_counted(progress, city.shape[0], block, domains),
     )
     everything = np.arange(len(pavement))
     level = flat.mean(axis=1, dtype=np.float64)
@@ -114,20 +127,33 @@ def encode(
     )
     genome = with_matches(genome, searched, matches)
     error = float(np.sum(matches.energy - matches.gain))
+    if fit:
+        genome = fit_attractor(genome, city, progress=progress)
+        collage = CollageMap(genome)(city.heights)
+        error = float(np.sum((collage - city.heights) ** 2, dtype=np.float64))
     return Encoding(
         genome=genome,
         city=city,
         collage_rmse=float(np.sqrt(max(error, 0.0) / city.heights.size)),
         uniform=len(pavement) - searched.size,
-        pairs=8 * int(sum(window_sizes(pool.shape, corners, reach).sum() for pool in pools)),
+        pairs=pairs_compared(city.shape, block, domains, corners, reach),
         seconds=time.perf_counter() - start,
     )
 
 
-def domain_pools(heights: np.ndarray, block: int, domains: Sequence[int]) -> list[DomainPool]:
-    """Pools of every domain size that fits a ``(H, W)`` map; sizes that do not are left out."""
-    fits = [multiple for multiple in domains if multiple * block <= min(heights.shape)]
-    return [domain_pool(heights, block, multiple) for multiple in fits]
+def _counted(progress, height: int, block: int, domains: Sequence[int]):
+    """From rows of domain blocks done to (done, total) for ``progress``."""
+    if progress is None:
+        return None
+    total = sum(max(height - multiple * block + 1, 0) for multiple in domains)
+    done = 0.0
+
+    def count(rows: float) -> None:
+        nonlocal done
+        done += rows
+        progress(min(round(done, 6), total), total)
+
+    return count
 
 
 def with_matches(genome: Genome, lifs: np.ndarray, matches: Matches, **changes) -> Genome:
@@ -150,17 +176,25 @@ def with_matches(genome: Genome, lifs: np.ndarray, matches: Matches, **changes) 
 
 
 def _check(city, block, domains, reach, sigma_max) -> None:
+    def whole(value, least: int) -> bool:
+        return isinstance(value, Integral) and not isinstance(value, bool) and value >= least
+
     faults = []
-    if not domains or any(int(m) != m or m < 2 for m in domains):
-        faults.append((f"domains = {tuple(domains)}", "whole multiples of B, 2 or more"))
-    elif min(domains) * block > min(city.shape):
+    if not whole(block, 2):
+        faults.append((f"block = {block!r}", "a whole number of pixels, 2 or more"))
+    if not isinstance(domains, list) or not domains or not all(whole(m, 2) for m in domains):
+        faults.append((f"domains = {domains!r}", "whole multiples of B, 2 or more"))
+    elif whole(block, 2) and min(domains) * block > min(city.shape):
         faults.append((f"domains of {min(domains) * block} px", f"at most {min(city.shape)} px"))
-    if reach is not None and (int(reach) != reach or reach < 0):
-        faults.append((f"reach = {reach}", "a whole number of pixels, or None for the whole map"))
-    if not sigma_max > 0:
-        faults.append((f"sigma_max = {sigma_max}", "a number above 0"))
-    if max(city.shape) > np.iinfo(np.int16).max:
-        faults.append((f"a map of {city.shape[0]} × {city.shape[1]} px", "sides up to 32767 px"))
+    if reach is not None and not whole(reach, 0):
+        faults.append((f"reach = {reach!r}", "a whole number of pixels, or None for the whole map"))
+    if not (isinstance(sigma_max, Real) and sigma_max > 0):
+        faults.append((f"sigma_max = {sigma_max!r}", "a number above 0"))
+    if max(city.shape) > MAX_SIDE or city.heights.size > MAX_PIXELS:
+        sides = f"a map of {city.shape[0]} × {city.shape[1]} px"
+        faults.append(
+            (sides, f"sides up to {MAX_SIDE} px, {MAX_PIXELS // 10**6} million pixels in all")
+        )
     if faults:
         raise GenomeError(
             f"{city.name}: " + "; ".join(found for found, _ in faults),

@@ -1,7 +1,6 @@
 """What a measure is, which ones there are, and how a name or a file becomes one."""
 
 import contextlib
-import difflib
 import hashlib
 import inspect
 import linecache
@@ -12,13 +11,14 @@ from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint
 from numbers import Real
 from pathlib import Path
 from types import ModuleType
 
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, FitnessError
+from evocity.errors import EvocityError, FitnessError, near_miss, told
+from evocity.plugins import load_plugins
 
 #: Entry points of this group name modules, or single measures, of other packages.
 PLUGINS = "evocity.fitness"
@@ -88,7 +88,7 @@ class Measure:
         except Exception as error:
             line = _line_in(self.file, error) or self.line
             raise FitnessError(
-                f"{self.name} ({self.file}, line {line}) raised {_told(error)} on {city.name}",
+                f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
                 "a measure that copes with every map, the empty one too",
                 "correct that line, or return float('nan') where the measure has no meaning",
             ) from error
@@ -185,12 +185,10 @@ def get(name: str) -> Measure:
     known = {measure.name: measure for measure in measures()}
     if name in known:
         return known[name]
-    near = difflib.get_close_matches(name, known, 1)
-    remedy = f"did you mean {near[0]}?" if near else "name one of these, or load its file first"
     raise FitnessError(
         "; ".join([f"no measure is called {name!r}", *plugin_warnings()]),
         f"one of {', '.join(known)}",
-        remedy,
+        near_miss(name, known) or "name one of these, or load its file first",
     )
 
 
@@ -204,19 +202,17 @@ def measures() -> list[Measure]:
 @cache
 def plugin_warnings() -> tuple[str, ...]:
     """One text for each entry point of the group `PLUGINS` that could not be loaded."""
-    faults = []
-    for entry in entry_points(group=PLUGINS):
-        try:
-            with _collected() as found:
-                loaded = entry.load()
-            if not isinstance(loaded, Measure | ModuleType):
-                raise TypeError(f"it is a {type(loaded).__name__}, not a measure or a module")
-            if isinstance(loaded, Measure) and loaded.name not in (m.name for m in found):
-                found.append(loaded)
-            _add(_table, found, taken=_table)
-        except (Exception, SystemExit) as error:  # someone else's package: reported, never fatal
-            faults.append(f"plugin {entry.name} ({entry.value}) not loaded: {_told(error)}")
-    return tuple(faults)
+    return load_plugins(PLUGINS, _take)
+
+
+def _take(entry: EntryPoint) -> None:
+    with _collected() as found:
+        loaded = entry.load()
+    if not isinstance(loaded, Measure | ModuleType):
+        raise TypeError(f"it is a {type(loaded).__name__}, not a measure or a module")
+    if isinstance(loaded, Measure) and loaded.name not in (m.name for m in found):
+        found.append(loaded)
+    _add(_table, found, taken=_table)
 
 
 def load_file(path: str | os.PathLike) -> list[Measure]:
@@ -274,7 +270,7 @@ def _file_fault(path: Path, error: BaseException) -> FitnessError:
             f"correct the syntax; python -m py_compile {path.name} checks it",
         )
     return FitnessError(
-        f"{place} raised {_told(error)}",
+        f"{place} raised {told(error)}",
         "a file that can be imported",
         f"correct that line; python {path.name} shows the same error in full",
     )
@@ -349,10 +345,6 @@ def _line_in(file: str, error: BaseException) -> int | None:
             line = step.tb_lineno
         step = step.tb_next
     return line
-
-
-def _told(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
 def _shown(value) -> str:

@@ -1,9 +1,8 @@
 """The districts that come with evocity, and whom to thank for them."""
 
-import difflib
 from pathlib import Path
 
-from evocity.errors import MapError
+from evocity.errors import MapError, near_miss
 
 _FOLDER = Path(__file__).parent.parent / "data" / "cities"
 
@@ -43,11 +42,10 @@ def path_of(name: str) -> Path:
 def _check(name: str) -> None:
     if name in _ATTRIBUTIONS:
         return
-    close = difflib.get_close_matches(name, _ATTRIBUTIONS, n=1, cutoff=0.4)
     raise MapError(
         f"no file and no bundled city is called {name!r}",
         f"a file, or one of {', '.join(cities())}",
-        f"did you mean {close[0]!r}?" if close else "check the name, or give the path of a file",
+        near_miss(name, cities()) or "check the name, or give the path of a file",
     )
 
 

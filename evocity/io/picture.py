@@ -1,6 +1,8 @@
 """A map as a picture: heights on an even scale of colours, light from the north-west."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
 from evocity.citymap import BUILT_ABOVE, CityMap
+from evocity.io.field import Field
 
 PAPER = (250, 248, 244)
 GROUND = (241, 238, 231)
@@ -70,7 +73,58 @@ def render(
     """
     end = scale_end(city) if highest is None else float(highest)
     fabric = Image.fromarray(_shaded(city, end, zoom))
-    return _sheet(city, fabric, end, zoom) if legend else fabric
+    if not legend:
+        return fabric
+    roof = float(city.heights.max(initial=0))
+    note = f"up to {roof:.0f}" if roof > end else ""
+    scale = _Scale("height, m", end, lambda metres: ramp(metres, end), note)
+    return _sheet(city, fabric, city.name, scale, zoom)
+
+
+def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
+    """Draw values on a city's grid: an even scale of colours from 0 to a round number above
+    nearly all of them, with the edges of roofs, and the legend of `render`."""
+    values = np.asarray(field.values, np.float32)
+    top = float(values.max(initial=0))
+    end = _rounded_up(float(np.quantile(values, 0.995)) or top)
+    pixels = values.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    colours = _even(pixels, end)
+    if zoom > 1:
+        edges = _edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
+        colours[edges] = np.round(colours[edges] * 0.78).astype(np.uint8)
+    note = f"up to {top:.2g}" if top > end else ""
+    unit = f"{field.symbol}, {field.unit}" if field.unit else field.symbol
+    scale = _Scale(unit, end, lambda shown: _even(shown, end), note)
+    title = f"{field.city.name}: {field.title}"
+    return _sheet(field.city, Image.fromarray(colours), title, scale, zoom)
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """What a picture's colours stand for: values from 0 to ``end``, drawn by ``colours``."""
+
+    title: str
+    end: float
+    colours: Callable[[np.ndarray], np.ndarray]
+    note: str
+
+
+def _even(values: np.ndarray, end: float) -> np.ndarray:
+    """Colours of ``values`` ``(H, W)``, pale at 0, dark at ``end`` and above."""
+    stops = _oklab(np.array([GROUND, *(_rgb(text) for text in _RAMP)]) / 255)
+    where = np.linspace(0, 1, len(stops))
+    steps = np.linspace(0, 1, 1024)
+    mixed = np.column_stack([np.interp(steps, where, channel) for channel in stops.T])
+    table = np.round(_srgb(mixed) * 255).astype(np.uint8)
+    return table[np.round(np.clip(values / end, 0, 1) * 1023).astype(np.int16)]
+
+
+def _rounded_up(value: float) -> float:
+    """The next number of one digit and a power of ten; 1 for nothing."""
+    if value <= 0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    return math.ceil(value / power * 0.999) * power
 
 
 def _table(highest: float) -> np.ndarray:
@@ -124,7 +178,7 @@ def _edges(heights: np.ndarray) -> np.ndarray:
     return edges
 
 
-def _sheet(city: CityMap, fabric: Image.Image, end: float, zoom: int) -> Image.Image:
+def _sheet(city: CityMap, fabric: Image.Image, name: str, scale: _Scale, zoom: int) -> Image.Image:
     """The map on paper, with all that tells what it shows."""
     size = int(np.clip(min(fabric.size) / 40, 11, 40))  # of the text; all else follows it
     font, small = _font(size), _font(size * 0.85)
@@ -137,11 +191,11 @@ def _sheet(city: CityMap, fabric: Image.Image, end: float, zoom: int) -> Image.I
     bottom = int(3.2 * size) + int(1.25 * size) * len(lines) + margin
     sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((margin, margin), _shortened(city.name, title, width + beside), INK, title, "lt")
+    draw.text((margin, margin), _shortened(name, title, width + beside), INK, title, "lt")
     sheet.paste(fabric, (margin, top))
     draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
     right, low = margin + width, top + height
-    _draw_colours(sheet, draw, (right + size, top, low), city, end, font, small, size)
+    _draw_colours(sheet, draw, (right + size, top, low), scale, font, small, size)
     _draw_scale_bar(draw, (margin, low + size), city.metres_per_pixel / zoom, width, small)
     extent = f"{city.shape[1]} × {city.shape[0]} px of {city.metres_per_pixel:.4g} m"
     draw.text((right, low + size), extent, FAINT, small, "rt")
@@ -150,23 +204,22 @@ def _sheet(city: CityMap, fabric: Image.Image, end: float, zoom: int) -> Image.I
     return sheet
 
 
-def _draw_colours(sheet, draw, place, city, end, font, small, size) -> None:
-    """The colour scale, ground at its foot, ticks in metres."""
+def _draw_colours(sheet, draw, place, scale: _Scale, font, small, size) -> None:
+    """The colour scale, 0 at its foot, with ticks."""
+    end = scale.end
     left, top, low = place
     top, width = top + int(1.8 * size), size
     tall = min(low - top, 18 * size)
-    bar = ramp(np.linspace(end, 0, tall)[:, None].repeat(width, axis=1), end)
+    bar = scale.colours(np.linspace(end, 0, tall)[:, None].repeat(width, axis=1))
     sheet.paste(Image.fromarray(bar), (left, top))
     draw.rectangle((left - 1, top - 1, left + width, top + tall), outline=FAINT)
-    draw.text((left, top - int(0.6 * size)), "height, m", FAINT, small, "lb")
-    for metres in _ticks(end, tall / (2 * size)):
-        y = top + round((tall - 1) * (1 - metres / end))
+    draw.text((left, top - int(0.6 * size)), scale.title, FAINT, small, "lb")
+    for value in _ticks(end, tall / (2 * size)):
+        y = top + round((tall - 1) * (1 - value / end))
         draw.line((left + width, y, left + width + size // 3, y), FAINT)
-        draw.text((left + 1.6 * width, y), f"{metres:g}", INK, font, "lm")
-    roof = float(city.heights.max(initial=0))
-    if roof > end and low - top - tall > 2 * size:
-        note = f"up to {roof:.0f}"
-        draw.text((left, top + tall + size // 2), note, FAINT, small, "lt")
+        draw.text((left + 1.6 * width, y), f"{value:g}", INK, font, "lm")
+    if scale.note and low - top - tall > 2 * size:
+        draw.text((left, top + tall + size // 2), scale.note, FAINT, small, "lt")
 
 
 def _draw_scale_bar(draw, place, side, width, font) -> None:
@@ -242,4 +295,4 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-__all__ = ["ramp", "render", "scale_end"]
+__all__ = ["ramp", "render", "render_field", "scale_end"]

@@ -4,10 +4,11 @@ import dataclasses
 import math
 import numbers
 import os
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from evocity.citymap import CityMap
+from evocity.citymap import MAX_SIDE, CityMap
 from evocity.errors import MapError
 from evocity.io import bundled
 from evocity.io.burning import burnt
@@ -15,8 +16,9 @@ from evocity.io.geojson import read_json
 from evocity.io.osm import read_osm
 from evocity.io.raster import read_geotiff, read_npy, read_png
 from evocity.io.resampling import gridded
-from evocity.io.sources import MAX_SIDE, Footprints, Reader, Request, content_of
+from evocity.io.sources import Footprints, Reader, Request, content_of
 from evocity.io.vector import read_layers
+from evocity.plugins import load_plugins
 
 _PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
 
@@ -43,6 +45,18 @@ READERS: dict[str, Reader] = {
     ".tiff": _TIFF,
     ".png": Reader(read_png, "PNG", _SCALED),
     ".npy": Reader(read_npy, "NPY", _SCALED),
+}
+
+
+_PARQUET = (
+    "of GeoParquet, export GeoPackage or GeoJSON; of a genome, `evocity decode` makes a map first"
+)
+
+#: What to do with files that are no maps, but are often taken for some.
+_REMEDIES = {
+    ".parquet": _PARQUET,
+    ".geoparquet": _PARQUET,
+    ".toml": "a recipe is carried out by `evocity run`",
 }
 
 
@@ -108,11 +122,28 @@ def read_map(
 
 def suffixes() -> list[str]:
     """Suffixes that can be read, those of installed packages included."""
-    return sorted({*READERS, *(entry.name.lower() for entry in _entries())})
+    return sorted({*READERS, *_from_plugins()[0]})
 
 
-def _entries():
-    return entry_points(group="evocity.readers")
+def plugin_warnings() -> tuple[str, ...]:
+    """One text for each entry point of the group ``evocity.readers`` that could not be loaded."""
+    return _from_plugins()[1]
+
+
+@cache
+def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...]]:
+    """Readers of other packages by suffix, and what is wrong with those left out."""
+    found: dict[str, Reader] = {}
+
+    def take(entry: EntryPoint) -> None:
+        suffix, reader = entry.name.lower(), entry.load()
+        if not isinstance(reader, Reader) and not callable(reader):
+            raise TypeError(f"it is a {type(reader).__name__}, not a reader or a function")
+        if suffix in READERS or suffix in found:
+            raise ValueError(f"a second reader of {suffix}")
+        found[suffix] = reader if isinstance(reader, Reader) else Reader(reader)
+
+    return found, load_plugins("evocity.readers", take)
 
 
 def _found(source: str | os.PathLike) -> tuple[Path, str]:
@@ -123,6 +154,12 @@ def _found(source: str | os.PathLike) -> tuple[Path, str]:
     path = Path(text)
     try:
         if path.is_dir():
+            if (path / "provenance.json").is_file():
+                raise MapError(
+                    f"{text!r} is a folder, that of a run",
+                    "a map file",
+                    "make a map of one individual first: evocity decode RUN --id N -o MAP.tif",
+                )
             raise MapError(
                 f"{text!r} is a folder", "a file", f"name a file in it: {_listed(suffixes())}"
             )
@@ -146,16 +183,20 @@ def _reader_of(path: Path) -> tuple[str, Reader]:
     fitting = [suffix for suffix in suffixes() if lower.endswith(suffix) and lower != suffix]
     if not fitting:
         raise MapError(
-            f"{path.name}: nothing reads {path.suffix or 'a file without a suffix'}",
+            "; ".join(
+                [
+                    f"{path.name}: nothing reads {path.suffix or 'a file without a suffix'}",
+                    *plugin_warnings(),
+                ]
+            ),
             f"a file that ends in {_listed(suffixes())}",
-            "convert it to one of these; GeoJSON and GeoTIFF are the easiest to check",
+            _REMEDIES.get(
+                path.suffix.lower(),
+                "convert it to one of these; GeoJSON and GeoTIFF are the easiest to check",
+            ),
         )
     suffix = max(fitting, key=len)
-    if suffix in READERS:
-        return suffix, READERS[suffix]
-    (entry, *_) = (entry for entry in _entries() if entry.name.lower() == suffix)
-    reader = entry.load()
-    return suffix, reader if isinstance(reader, Reader) else Reader(reader)
+    return suffix, READERS.get(suffix) or _from_plugins()[0][suffix]
 
 
 def _check_options(path: Path, suffix: str, reader: Reader, request: Request) -> None:
@@ -241,4 +282,4 @@ def _place(center: object) -> tuple[float, float] | None:
     )
 
 
-__all__ = ["READERS", "read_map", "suffixes"]
+__all__ = ["READERS", "plugin_warnings", "read_map", "suffixes"]

@@ -13,13 +13,8 @@ import numpy as np
 from affine import Affine
 from pyproj import CRS
 
+from evocity.citymap import MAX_PIXELS, MAX_SIDE
 from evocity.errors import MapError
-
-#: Largest side of a map, pixels: the positions in a genome are int16.
-MAX_SIDE = 32767
-
-#: Most pixels of a map or of a raster read: half a gigabyte as float32.
-MAX_PIXELS = 2**27
 
 
 @dataclass(frozen=True)
@@ -141,8 +136,6 @@ def north_up(left: float, top: float, side: float) -> Affine:
 
 
 __all__ = [
-    "MAX_PIXELS",
-    "MAX_SIDE",
     "Footprints",
     "Grid",
     "Reader",

@@ -1,18 +1,21 @@
-"""`write_map`: GeoTIFF, PNG, NPY; whole or not at all."""
+"""`write_map`, `write_field`: GeoTIFF, PNG, NPY; whole or not at all."""
 
 import os
+import unicodedata
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import rasterio
-from PIL import PngImagePlugin
+from PIL import Image, PngImagePlugin
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.files import whole_file
-from evocity.io.picture import render
+from evocity.io.field import Field
+from evocity.io.picture import render, render_field
 from evocity.io.raster import PIXEL_TAG
 from evocity.io.sources import north_up
 
@@ -32,13 +35,26 @@ def write_map(city: CityMap, path: str | os.PathLike) -> None:
     MapError : another suffix, no such folder, or the file cannot be written. Nothing
         half-written is left, and a file that was there stays as it was.
     """
+    _write(city, path, WRITERS)
+
+
+def write_field(field: Field, path: str | os.PathLike) -> None:
+    """Write values on a city's grid; the suffix of ``path`` chooses the format.
+
+    ``.tif``: float32 values with title, unit, reference system and attribution. ``.png``: a
+    picture with a colour scale. ``.npy``: the bare array. Raises as `write_map`.
+    """
+    _write(field, path, FIELD_WRITERS)
+
+
+def _write(what: CityMap | Field, path: str | os.PathLike, writers: dict[str, Callable]) -> None:
     path = Path(path)
-    write = WRITERS.get(path.suffix.lower())
+    write = writers.get(path.suffix.lower())
     if write is None:
         raise MapError(
             f"{path.name}: no map is written as {path.suffix or 'a file without a suffix'}",
-            f"a name that ends in {', '.join(sorted(WRITERS))}",
-            "choose .tif to go on working with the heights, .png to look at them",
+            f"a name that ends in {', '.join(sorted(writers))}",
+            "choose .tif to go on working with the values, .png to look at them",
         )
     if not path.parent.is_dir() or path.is_dir():
         raise MapError(
@@ -48,7 +64,7 @@ def write_map(city: CityMap, path: str | os.PathLike) -> None:
         )
     try:
         with whole_file(path) as temporary:
-            write(city, temporary)
+            write(what, temporary)
     except (OSError, RasterioError) as error:
         raise MapError(
             f"{str(path)!r} cannot be written: {error}",
@@ -58,6 +74,15 @@ def write_map(city: CityMap, path: str | os.PathLike) -> None:
 
 
 def _write_geotiff(city: CityMap, path: Path) -> None:
+    _write_band(city, city.heights, "height above ground", "metre", path)
+
+
+def _write_field_geotiff(field: Field, path: Path) -> None:
+    _write_band(field.city, field.values, field.title, field.unit, path)
+
+
+def _write_band(city: CityMap, values: np.ndarray, title: str, unit: str, path: Path) -> None:
+    """Float32 ``values`` on the grid of ``city``."""
     side = city.metres_per_pixel
     left, top = city.origin or (0.0, city.shape[0] * side)
     with (
@@ -76,32 +101,60 @@ def _write_geotiff(city: CityMap, path: Path) -> None:
             predictor=3,
         ) as target,
     ):
-        target.write(city.heights, 1)
-        target.units = ("metre",)
-        target.set_band_description(1, "height above ground")
+        target.write(values.astype(np.float32, copy=False), 1)
+        target.units = (unit,)
+        target.set_band_description(1, title)
         target.update_tags(
             NAME=city.name,
             ATTRIBUTION=city.attribution,
-            TIFFTAG_COPYRIGHT=city.attribution.encode("ascii", "replace").decode(),
+            TIFFTAG_COPYRIGHT=_ascii(city.attribution),
             TIFFTAG_SOFTWARE="evocity",
             **({} if city.crs else {PIXEL_TAG: repr(side)}),
         )
 
 
+def _ascii(text: str) -> str:
+    """``text`` for the tags of TIFF, which are ASCII: © as (c), é as e."""
+    for sign, letters in {"©": "(c)", "®": "(R)", "–": "-", "—": "-", "’": "'"}.items():
+        text = text.replace(sign, letters)
+    plain = unicodedata.normalize("NFKD", text)
+    return (
+        "".join(c for c in plain if not unicodedata.combining(c))
+        .encode("ascii", "replace")
+        .decode()
+    )
+
+
 def _write_png(city: CityMap, path: Path) -> None:
+    _save_picture(render(city, zoom=_picture_zoom(city)), city, city.name, path)
+
+
+def _write_field_png(field: Field, path: Path) -> None:
+    picture = render_field(field, zoom=_picture_zoom(field.city))
+    _save_picture(picture, field.city, f"{field.city.name}: {field.title}", path)
+
+
+def _picture_zoom(city: CityMap) -> int:
+    return max(1, -(-_PICTURE_SIDE // max(city.shape)))
+
+
+def _save_picture(picture: Image.Image, city: CityMap, title: str, path: Path) -> None:
     about = PngImagePlugin.PngInfo()
-    about.add_itxt("Title", city.name)
+    about.add_itxt("Title", title)
     about.add_itxt("Copyright", city.attribution)
     about.add_itxt("Software", "evocity")
-    zoom = max(1, -(-_PICTURE_SIDE // max(city.shape)))
-    render(city, zoom=zoom).save(path, format="PNG", pnginfo=about)
+    picture.save(path, format="PNG", pnginfo=about)
 
 
 def _write_npy(city: CityMap, path: Path) -> None:
     np.save(path, city.heights, allow_pickle=False)
 
 
-#: The one table of writers.
+def _write_field_npy(field: Field, path: Path) -> None:
+    np.save(path, field.values.astype(np.float32, copy=False), allow_pickle=False)
+
+
+#: The one table of writers of maps.
 WRITERS = {
     ".tif": _write_geotiff,
     ".tiff": _write_geotiff,
@@ -109,4 +162,12 @@ WRITERS = {
     ".npy": _write_npy,
 }
 
-__all__ = ["WRITERS", "write_map"]
+#: The same of fields.
+FIELD_WRITERS = {
+    ".tif": _write_field_geotiff,
+    ".tiff": _write_field_geotiff,
+    ".png": _write_field_png,
+    ".npy": _write_field_npy,
+}
+
+__all__ = ["FIELD_WRITERS", "WRITERS", "write_field", "write_map"]

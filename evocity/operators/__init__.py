@@ -5,21 +5,25 @@ lambda_crossover   every lifs between those of two parents
 mutation           any nucleotide of one parent
 repair             collage repair, used by all of them
 crossing           what they share
+parameters         what their parameters may be
 """
 
 import inspect
 from collections.abc import Mapping, Sequence
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint
 from typing import ClassVar, Protocol
 
 import numpy as np
 
-from evocity.errors import OperatorError
+from evocity.errors import OperatorError, near_miss, shown, told, with_near_miss
 from evocity.genome import Genome
 from evocity.operators.lambda_crossover import LambdaCrossover
 from evocity.operators.mutation import Mutation
+from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
 from evocity.operators.repair import collage_repair
+from evocity.plugins import load_plugins
 
 
 class Operator(Protocol):
@@ -27,6 +31,9 @@ class Operator(Protocol):
 
     ``parents`` is (fewest, most), most None for any number. The call never changes a parent,
     draws from the generator alone, and records ``parent`` and ``source`` of every lifs.
+
+    Where parameters suit some numbers of parents only, a method ``check_count(count)`` raises
+    `OperatorError` for the others.
     """
 
     name: ClassVar[str]
@@ -43,35 +50,77 @@ OPERATORS: Mapping[str, type[Operator]] = {
 
 def operators() -> dict[str, type[Operator]]:
     """All operators by name: the package's, and those of entry points ``evocity.operators``."""
-    found = dict(OPERATORS)
-    for point in entry_points(group="evocity.operators"):
-        found.setdefault(point.name, point.load())
-    return found
+    return OPERATORS | _from_plugins()[0]
+
+
+def plugin_warnings() -> tuple[str, ...]:
+    """One text for each entry point ``evocity.operators`` that could not be loaded."""
+    return _from_plugins()[1]
+
+
+@cache
+def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...]]:
+    """Operators of other packages, and what is wrong with those left out."""
+    found: dict[str, type[Operator]] = {}
+
+    def take(entry: EntryPoint) -> None:
+        kind = entry.load()
+        if not (isinstance(kind, type) and hasattr(kind, "parents") and hasattr(kind, "name")):
+            raise TypeError(f"{shown(kind)} is no class with `name` and `parents`")
+        if entry.name in OPERATORS or entry.name in found:
+            raise ValueError(f"a second operator called {entry.name}")
+        wrong_types(kind, {})  # raises if its annotations cannot be checked
+        found[entry.name] = kind
+
+    return found, load_plugins("evocity.operators", take)
 
 
 def make(name: str, **parameters) -> Operator:
-    """The operator called ``name`` with ``parameters``; `OperatorError` lists what exists."""
-    known = operators()
-    if name not in known:
+    """The operator called ``name`` with ``parameters``.
+
+    Raises `OperatorError`, which lists the operators there are if the name is at fault, else
+    every parameter at fault, with what was found and what is allowed.
+    """
+    exist = operators()
+    if name not in exist:
         raise OperatorError(
-            f"operator {name!r}", f"one of {', '.join(sorted(known))}", "correct the name"
+            "; ".join([f"no operator is called {name!r}", *plugin_warnings()]),
+            f"one of {', '.join(sorted(exist))}",
+            near_miss(name, exist) or "correct the name",
         )
-    accepted = list(inspect.signature(known[name]).parameters)
-    unknown = [key for key in parameters if key not in accepted]
-    if unknown:
-        raise OperatorError(
-            f"{name}: parameters {', '.join(unknown)}",
-            f"among {', '.join(accepted)}",
-            "correct or remove them",
-        )
+    kind = exist[name]
+    accepted = parameters_of(kind)
+    known = {key: value for key, value in parameters.items() if key in accepted}
+    faults: Faults = {
+        key: (shown(value), with_near_miss("is unknown", key, accepted))
+        for key, value in parameters.items()
+        if key not in accepted
+    }
+    remedy = "change these parameters"
+    if faults:
+        remedy += f"; there are {', '.join(accepted)}"
+    faults |= wrong_types(kind, known)
     try:
-        return known[name](**parameters)
-    except (TypeError, ValueError) as error:
-        raise OperatorError(
-            f"{name} with {parameters} ({error})",
-            "parameters of the right types",
-            f"see the docstring of {known[name].__name__}",
-        ) from None
+        operator = kind(**known)
+    except OperatorError as error:
+        if not error.faults:
+            raise
+        faults |= error.faults
+    except Exception as error:  # of another package's operator: ours tell their own faults
+        if not faults:
+            raise OperatorError(
+                f"{name} with {shown(parameters)} raised {told(error)}",
+                "parameters it can be made with",
+                f"see the docstring of {kind.__name__}",
+            ) from error
+    if faults:
+        raise at_fault(name, faults, remedy)
+    return operator
+
+
+def parameters_of(kind: type[Operator]) -> list[str]:
+    """Names of the parameters of a class of operators, in its order."""
+    return list(inspect.signature(kind).parameters)
 
 
 __all__ = [
@@ -83,4 +132,6 @@ __all__ = [
     "collage_repair",
     "make",
     "operators",
+    "parameters_of",
+    "plugin_warnings",
 ]

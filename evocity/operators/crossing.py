@@ -1,16 +1,30 @@
-"""What the operators share: parents on one grid, children put together, parameters checked."""
+"""What the operators share: parents on one grid, children put together."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from evocity.errors import OperatorError
+from evocity.errors import OperatorError, shown
 from evocity.genome import FIELDS, Genome, merged_cities
 from evocity.operators.repair import collage_repair
 
 
-def check_parents(name: str, parents: Sequence[Genome], fewest: int, most: int | None) -> None:
-    """Raise `OperatorError` unless the number suits and all share pavement and pixel size."""
+def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) -> None:
+    """Raise `OperatorError` unless the number of parents suits ``operator``, all share pavement
+    and pixel size, and ``rng`` can be drawn from."""
+    name, (fewest, most) = operator.name, operator.parents
+    if not isinstance(rng, np.random.Generator):
+        raise OperatorError(
+            f"{name}: rng = {shown(rng)}",
+            "a NumPy Generator",
+            "pass numpy.random.default_rng(seed)",
+        )
+    if not isinstance(parents, Sequence):
+        raise OperatorError(
+            f"{name}: parents is a {type(parents).__name__}",
+            "a list of genomes",
+            "put the genomes in square brackets",
+        )
     if len(parents) < fewest or (most is not None and len(parents) > most):
         wanted = (
             f"{fewest}"
@@ -24,6 +38,13 @@ def check_parents(name: str, parents: Sequence[Genome], fewest: int, most: int |
             f"{wanted} parents",
             "pass a list of that many genomes",
         )
+    strange = [type(one).__name__ for one in parents if not isinstance(one, Genome)]
+    if strange:
+        raise OperatorError(
+            f"{name}: parents of type {', '.join(strange)}",
+            "genomes",
+            "encode the maps first: evocity.encode(city).genome",
+        )
     first = parents[0]
     for other in parents[1:]:
         if other.pavement != first.pavement or other.metres_per_pixel != first.metres_per_pixel:
@@ -35,33 +56,6 @@ def check_parents(name: str, parents: Sequence[Genome], fewest: int, most: int |
                 "parents on one pavement",
                 "read the maps with the same pixels and metres_per_pixel, encode with one block",
             )
-
-
-def check_parameters(name: str, faults: Mapping[str, tuple[bool, object, str]]) -> None:
-    """Raise one `OperatorError` naming every parameter whose condition is false.
-
-    ``faults`` maps a parameter to (condition that must hold, its value, what is allowed).
-    """
-    wrong = {key: (value, allowed) for key, (holds, value, allowed) in faults.items() if not holds}
-    if wrong:
-        raise OperatorError(
-            f"{name}: " + ", ".join(f"{key} = {value!r}" for key, (value, _) in wrong.items()),
-            ", ".join(f"{key} {allowed}" for key, (_, allowed) in wrong.items()),
-            "change these parameters",
-        )
-
-
-def repair_faults(repair, reach, domains) -> dict[str, tuple[bool, object, str]]:
-    """Checks of the three repair parameters every operator has, for `check_parameters`."""
-    return {
-        "repair": (repair is None or repair > 0, repair, "above 0 m, or None for no repair"),
-        "reach": (reach is None or reach >= 0, reach, "0 px or more, or None for the whole map"),
-        "domains": (
-            len(domains) > 0 and all(int(m) == m and m >= 2 for m in domains),
-            tuple(domains),
-            "whole multiples of B, 2 or more",
-        ),
-    }
 
 
 def assembled(parents: Sequence[Genome], owner: np.ndarray) -> Genome:

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from evocity.citymap import MAX_SIDE
 from evocity.coding.decode import decode
 from evocity.genome import FIELDS, Genome, merged_cities
-from evocity.operators.crossing import (
-    check_parameters,
-    check_parents,
-    finished,
-    repair_faults,
-)
+from evocity.operators.crossing import check_call, finished
+from evocity.operators.parameters import check_parameters, repair_checks
 
 
 @dataclass(frozen=True)
@@ -45,18 +42,18 @@ class LambdaCrossover:
 
     def __post_init__(self):
         check_parameters(
-            self.name,
+            self,
             {
-                "share": (0 <= self.share <= 1, self.share, "0…1"),
-                "blend": (0 <= self.blend <= 1, self.blend, "0…1"),
-                "grain": (self.grain >= 1, self.grain, "1 block or more"),
-                **repair_faults(self.repair, self.reach, self.domains),
+                "share": (lambda share: 0 <= share <= 1, "0…1"),
+                "blend": (lambda width: 0 <= width <= 1, "0…1"),
+                "grain": (lambda size: 1 <= size <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
+                **repair_checks(),
             },
         )
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         """A child of two ``parents``."""
-        check_parents(self.name, parents, *self.parents)
+        check_call(self, parents, rng)
         lambdas = self._lambdas(parents[0].pavement, rng)
         child = interpolated(*parents, lambdas, rng.random(lambdas.size))
         weight = parents[0].pavement.raster(lambdas.astype(np.float32))

@@ -5,15 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.citymap import BUILT_ABOVE
+from evocity.citymap import BUILT_ABOVE, MAX_SIDE
 from evocity.coding.decode import CollageMap, decode
 from evocity.genome import Genome
-from evocity.operators.crossing import (
-    check_parameters,
-    check_parents,
-    finished,
-    repair_faults,
-)
+from evocity.operators.crossing import check_call, finished
+from evocity.operators.parameters import check_parameters, repair_checks
 
 _RATES = ("sigma", "beta", "x", "y", "dx", "dy", "iso")
 
@@ -58,25 +54,22 @@ class Mutation:
     parents = (1, 1)
 
     def __post_init__(self):
-        rates = {
-            name: (0 <= getattr(self, name) <= 1, getattr(self, name), "0…1") for name in _RATES
-        }
         check_parameters(
-            self.name,
+            self,
             {
-                **rates,
-                "group": (self.group >= 1, self.group, "1 block or more"),
-                "sigma_step": (self.sigma_step >= 0, self.sigma_step, "0 or more"),
-                "beta_step": (self.beta_step >= 0, self.beta_step, "0 m or more"),
-                "move": (self.move >= 0, self.move, "0 px or more"),
-                "stretch": (self.stretch >= 0, self.stretch, "0 blocks or more"),
-                **repair_faults(self.repair, self.reach, self.domains),
+                **dict.fromkeys(_RATES, (lambda rate: 0 <= rate <= 1, "0…1")),
+                "group": (lambda side: 1 <= side <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
+                "sigma_step": (lambda step: 0 <= step <= 1000, "0…1000"),
+                "beta_step": (lambda step: 0 <= step <= 1000, "0…1000 m"),
+                "move": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} px"),
+                "stretch": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} blocks"),
+                **repair_checks(),
             },
         )
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         """A mutant of the one parent."""
-        check_parents(self.name, parents, *self.parents)
+        check_call(self, parents, rng)
         (parent,) = parents
         child, changed = self._mutated(parent, rng)
         intended = np.maximum(CollageMap(child)(decode(parent).attractor), 0)

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evocity.citymap import MAX_SIDE
 from evocity.coding.decode import decode
+from evocity.errors import shown
 from evocity.genome import Genome
 from evocity.operators._kernels import inject
-from evocity.operators.crossing import (
-    assembled,
-    check_parameters,
-    check_parents,
-    finished,
-    repair_faults,
-)
+from evocity.operators.crossing import assembled, check_call, finished
+from evocity.operators.parameters import at_fault, check_parameters, repair_checks
 
 #: The name under which ground laid by the void parent appears among a child's cities.
 VOID = "void"
@@ -61,25 +58,25 @@ class PavementFusion:
     parents = (2, None)
 
     def __post_init__(self):
-        shares = [] if self.fill is None else np.atleast_1d(self.fill)
         check_parameters(
-            self.name,
+            self,
             {
-                "size_min": (self.size_min >= 1, self.size_min, "1 block or more"),
-                "size_max": (self.size_max >= self.size_min, self.size_max, "at least size_min"),
-                "fill": (all(0 <= share <= 1 for share in shares), self.fill, "0…1"),
-                "margin": (0 <= self.margin <= 1, self.margin, "0…1"),
-                "tolerance": (self.tolerance >= 0, self.tolerance, "0 m or more"),
-                **repair_faults(self.repair, self.reach, self.domains),
+                "size_min": (lambda size: size >= 1, "1 block or more"),
+                "size_max": (lambda size: size >= self.size_min, "at least size_min"),
+                "fill": (_are_shares, "0…1, or a list of such shares"),
+                "margin": (lambda margin: 0 <= margin <= 1, "0…1"),
+                "tolerance": (lambda tolerance: tolerance >= 0, "0 m or more"),
+                "positions": (_are_corners, f"pairs (row, column) within ±{MAX_SIDE}, or none"),
+                **repair_checks(),
             },
         )
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         """A child of ``parents``; ``made`` records the fill wanted and reached."""
-        check_parents(self.name, parents, *self.parents)
+        check_call(self, parents, rng)
+        shares = self._shares(len(parents))
         if self.void:
             parents = [*parents, ground(parents[0])]
-        shares = self._shares(len(parents))
         owner, stitched = self._pave(parents, shares, rng)
         reached = np.bincount(owner.ravel(), minlength=len(parents)) / owner.size
         made = {
@@ -104,27 +101,28 @@ class PavementFusion:
     ) -> tuple[np.ndarray, np.ndarray]:
         """What the operator means to lay: the index of each block's parent, int ``(rows,
         columns)``, and the parents' decoded maps cut and pasted so, float32 ``(H, W)``."""
-        check_parents(self.name, parents, *self.parents)
+        check_call(self, parents, rng)
+        shares = self._shares(len(parents))
         if self.void:
             parents = [*parents, ground(parents[0])]
-        return self._pave(parents, self._shares(len(parents)), rng)
+        return self._pave(parents, shares, rng)
+
+    def check_count(self, count: int) -> None:
+        """Raise `OperatorError` unless ``fill`` suits ``count`` parents (and the void)."""
+        self._shares(count)
 
     def _shares(self, count: int) -> np.ndarray:
+        """The share of each of ``count`` parents, then of the void if it takes part."""
+        total = count + self.void
         if self.fill is None:
-            return np.full(count, 1 / count)
+            return np.full(total, 1 / total)
         shares = np.atleast_1d(np.asarray(self.fill, float))
-        if shares.size == 1 and count == 2:
+        if shares.size == 1 and total == 2:
             shares = np.array([1 - shares[0], shares[0]])
-        check_parameters(
-            self.name,
-            {
-                "fill": (
-                    shares.size == count and abs(shares.sum() - 1) < 1e-6,
-                    self.fill,
-                    f"one share for each of {count} parents, summing to 1",
-                )
-            },
-        )
+        if shares.size != total or abs(shares.sum() - 1) >= 1e-6:
+            void = " and the void" if self.void else ""
+            allowed = f"one share for each of {count} parents{void}, summing to 1"
+            raise at_fault(self.name, {"fill": (shown(self.fill), allowed)})
         return shares
 
     def _pave(self, parents, shares, rng) -> tuple[np.ndarray, np.ndarray]:
@@ -162,6 +160,17 @@ class PavementFusion:
         given = np.array(self.positions, np.int64).reshape(-1, 2)
         fits = (given >= 0).all(axis=1) & (given[:, 0] < high) & (given[:, 1] < wide)
         return given[fits, 0].copy(), given[fits, 1].copy()
+
+
+def _are_shares(fill) -> bool:
+    if fill is None:
+        return True
+    shares = fill if isinstance(fill, Sequence) else [fill]
+    return len(shares) > 0 and all(0 <= share <= 1 for share in shares)
+
+
+def _are_corners(positions) -> bool:
+    return positions is None or all(abs(side) <= MAX_SIDE for pair in positions for side in pair)
 
 
 def ground(like: Genome) -> Genome:

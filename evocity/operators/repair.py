@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.decode import decode
-from evocity.coding.encode import domain_pools, with_matches
+from evocity.coding.domains import domain_pools
+from evocity.coding.encode import with_matches
 from evocity.coding.search import best_matches
 from evocity.genome import Genome
 
@@ -49,7 +50,7 @@ def collage_repair(
         if bad.size == 0:
             break
         if pools is None:
-            pools = domain_pools(intended, pavement.block, domains)
+            pools = list(domain_pools(intended, pavement.block, set(domains)))
         matches = best_matches(
             pools,
             wanted[bad],

@@ -1,13 +1,16 @@
 """What a run shows: a self-contained HTML report, and a sheet of pictures.
 
 facts      what a report tells, gathered from a run folder
+failures   why births failed
 pictures   genomes as pictures on one scale of heights; the contact sheet
 plots      scatter plots and curves as inline SVG
 gallery    a card for each individual: picture, measures, lineage
 html       the page
 """
 
+from evocity.report.facts import Facts
+from evocity.report.failures import failures
 from evocity.report.html import write_report
 from evocity.report.pictures import contact_sheet
 
-__all__ = ["contact_sheet", "write_report"]
+__all__ = ["Facts", "contact_sheet", "failures", "write_report"]

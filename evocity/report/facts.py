@@ -1,6 +1,7 @@
 """What a report tells, gathered from a run folder. Nothing in the folder is executed."""
 
 import math
+import sys
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import EvocityError, RunError
+from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
 #: The gallery holds no more individuals than this: the page stays a few megabytes.
@@ -38,11 +40,18 @@ class Aim:
         words = {"max": "more is better", "min": "less is better", "like": "as in one city"}
         return words.get(self.goal, "as its file declares")
 
+    @property
+    def sign(self) -> str:
+        """The goal as a sign: ↑ more, ↓ less, →0.35 a target; nothing if it is unknown."""
+        if self.target is not None:
+            return f"→{self.target:.4g}"
+        return {"max": "↑", "min": "↓"}.get(self.goal, "")
+
     def loss(self, value: float) -> float:
         """Lower is better, as in `evocity.fitness.Objective`; that one needs the measure itself,
         which a stranger's run may not have."""
         if self.target is not None:
-            return abs(value - self.target)
+            return min(abs(float(value) - self.target), sys.float_info.max)
         return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
 
 
@@ -100,13 +109,29 @@ class Facts:
         """The recipe as plain values; empty if its text cannot be read."""
         try:
             return tomllib.loads(self.run.recipe_text)
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             return {}
 
     @property
     def title(self) -> str:
-        name = self.recipe.get("run", {}).get("name")
-        return str(name or self.run.path.resolve().name)
+        """The folder's name: a recipe may have been carried out many times."""
+        return self.run.path.resolve().name
+
+    @property
+    def planned(self) -> int | None:
+        """Generations to be bred after the first population; None if the recipe is unreadable."""
+        section = self.recipe.get("run", {})
+        stated = section.get("generations") if isinstance(section, dict) else None
+        default = RunSection.model_fields["generations"].default if self.recipe else None
+        known = self.overrides.get("run.generations", default if stated is None else stated)
+        return known if isinstance(known, int) else None
+
+    @property
+    def overrides(self) -> dict:
+        """What replaced the recipe's values, as {"run.seed": 8}."""
+        recipe = self.run.provenance.get("recipe")
+        found = recipe.get("overrides") if isinstance(recipe, dict) else None
+        return found if isinstance(found, dict) else {}
 
     @property
     def times(self) -> list[tuple[str, str]]:
@@ -169,6 +194,7 @@ class Facts:
         """Of the last generation the best by each measure in turn, ``count`` in all."""
         rows = {row["id"]: row for row in self.members}
         where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
+        self.run.individuals([one for one in rows if one not in where])  # says who is missing
         by_aim = [
             sorted(rows, key=lambda one: (aim.loss(self.values[where[one], column]), one))
             for column, aim in enumerate(self.aims)

@@ -74,15 +74,16 @@ def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
     birth = one.birth
     losses = [aim.loss(birth.values[aim.name]) for aim in facts.aims]
     keys = json.dumps([place, *losses, -birth.id])
-    front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {one.rank}"
+    name, rank = escape(str(birth.id)), escape(str(one.rank))
+    front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {rank}"
     others = "".join(
-        f"<tr><th>{escape(name)}</th><td>{escape(number(value, unit))}</td></tr>"
-        for name, value, unit in one.others
+        f"<tr><th>{escape(measure)}</th><td>{escape(number(value, unit))}</td></tr>"
+        for measure, value, unit in one.others
     )
     return (
-        f'<figure class="card" id="i{birth.id}" data-rank="{one.rank}" data-keys="{keys}">'
-        f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {birth.id}" '
-        f'width="{one.city.shape[1]}"><figcaption><h3>{birth.id} <small>{front}</small></h3>'
+        f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}">'
+        f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {name}" '
+        f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{front}</small></h3>'
         f'<table>{_rows(facts, birth.values)}<tbody class="others">{others}</tbody></table>'
         f"{_lineage(facts, one)}</figcaption></figure>"
     )
@@ -100,7 +101,9 @@ def _lineage(facts: Facts, one: Shown) -> str:
     birth = one.birth
     here = {shown.birth.id for shown in facts.shown}
     links = ", ".join(
-        f'<a href="#i{parent}">{parent}</a>' if parent in here else str(parent)
+        f'<a href="#i{escape(str(parent))}">{escape(str(parent))}</a>'
+        if parent in here
+        else escape(str(parent))
         for parent in birth.parents
     )
     made = json.dumps(dict(birth.made), ensure_ascii=False, default=str)
@@ -119,8 +122,8 @@ def _lineage(facts: Facts, one: Shown) -> str:
     )
     return (
         f'<div class="bar">{"".join(parts)}</div><p class="lineage">{shares}</p>'
-        f'<p class="lineage" title="{escape(made)}">born in generation {birth.generation}, '
-        f"{came}</p>"
+        f'<p class="lineage" title="{escape(made)}">born in generation '
+        f"{escape(str(birth.generation))}, {came}</p>"
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.report.facts import Aim, Facts
+from evocity.report.failures import failures, shortened
 from evocity.report.gallery import city_key, gallery, number, parents
 from evocity.report.pictures import common_scale, scale_colours
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
@@ -58,7 +59,7 @@ def write_report(run_folder: str | os.PathLike) -> Path:
 
 def _page(facts: Facts) -> str:
     highest = common_scale(facts)
-    attribution = escape(facts.run.header.attribution)
+    attribution = _text(facts.run.header.attribution)
     sections = [
         ("Parents", parents(facts, highest)),
         ("The front", _front(facts)),
@@ -68,8 +69,10 @@ def _page(facts: Facts) -> str:
         ("Settings", _settings(facts)),
         ("Attribution", f"<p>{attribution or 'The source maps state none.'}</p>"),
     ]
-    body = "".join(f"<section><h2>{title}</h2>{inside}</section>" for title, inside in sections)
-    title, script = escape(facts.title), _asset("report.js")
+    body = "".join(
+        f"<section><h2>{_text(title)}</h2>{inside}</section>" for title, inside in sections
+    )
+    title, script = _text(facts.title), _asset("report.js")
     policy = _POLICY.format(b64encode(sha256(script.encode()).digest()).decode())
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -82,6 +85,11 @@ def _page(facts: Facts) -> str:
     )
 
 
+def _text(value) -> str:
+    """Whatever a stranger's run holds, as text of the page."""
+    return escape(str(value))
+
+
 def _asset(name: str) -> str:
     return (_HERE / name).read_text(encoding="utf-8")
 
@@ -90,20 +98,26 @@ def _summary(facts: Facts) -> str:
     status = facts.run.status()
     header = facts.run.header
     figures = [
-        ("generations", f"{status['generation']}"),
-        ("births", f"{status['births']}"),
-        ("failed", f"{status['failures']}"),
+        ("generations", _text(status["generation"])),
+        ("births", _text(status["births"])),
+        ("failed", _text(status["failures"]) + _reasons(facts)),
         ("on the front", f"{len(facts.front)} of {len(facts.members)}"),
-        ("hypervolume", number(status["hypervolume"]) + _gain(facts)),
-        ("seed", f"{header.seed}"),
+        ("hypervolume", _text(number(status["hypervolume"])) + _gain(facts)),
+        ("seed", _text(header.seed)),
     ]
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
     return (
-        f"<p>{escape(' × '.join(header.cities))}, {header.width} × {header.height} px of "
-        f"{header.metres_per_pixel:g} m, range blocks of {header.block} px</p>"
+        f"<p>{_text(' × '.join(header.cities))}, {_text(header.width)} × {_text(header.height)} px "
+        f"of {header.metres_per_pixel:g} m, range blocks of {_text(header.block)} px</p>"
         f'<dl class="figures">{items}</dl>{state}'
     )
+
+
+def _reasons(facts: Facts) -> str:
+    kinds = failures(facts.run)
+    told = "; ".join(f"{kind.count} {kind.status}: {shortened(kind.error, 60)}" for kind in kinds)
+    return f" <small>{_text(told)}</small>" if told else ""
 
 
 def _gain(facts: Facts) -> str:
@@ -160,6 +174,7 @@ def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
     losses = np.array(
         [[aim.loss(v) for v in facts.values[where, i]] for i, aim in enumerate(facts.aims)]
     )
+    losses /= np.maximum(np.abs(losses).max(axis=1, keepdims=True), 1e-300)  # no sum overflows
     centred = losses - losses.mean(axis=1, keepdims=True)
     length = np.maximum(np.sqrt((centred**2).sum(axis=1)), 1e-300)
     correlation = (centred / length[:, None]) @ (centred / length[:, None]).T
@@ -235,7 +250,7 @@ def _births(facts: Facts) -> str:
     )
     by_operator = [(name, count, failed[name], living[name]) for name, count in born.most_common()]
     counted = Counter(status)
-    errors = Counter(text.splitlines()[0] for text in births["error"].to_pylist() if text)
+    errors = Counter(shortened(text) for text in births["error"].to_pylist() if text)
     return (
         '<div class="tables">'
         + _table(("status", "births"), [(s, counted[s]) for s in STATUSES])
@@ -274,9 +289,16 @@ def _settings(facts: Facts) -> str:
         + _table(("measure", "unit", "what is wanted"), measures)
         + (_table(("event", "when, UTC"), facts.times[-12:]) if facts.times else "")
         + "</div>"
-        + f'<h3>Recipe, as given</h3><pre class="recipe">{escape(facts.run.recipe_text)}</pre>'
+        + f"<h3>Recipe, as given</h3>{_replaced(facts)}"
+        + f'<pre class="recipe">{_text(facts.run.recipe_text)}</pre>'
         + f"<details><summary>Provenance</summary>{_table(('', ''), rows)}</details>"
     )
+
+
+def _replaced(facts: Facts) -> str:
+    """What the command line put in place of the recipe's values."""
+    rows = [(key, _plainly(value)) for key, value in facts.overrides.items()]
+    return _table(("replaced on the command line", "by"), rows) if rows else ""
 
 
 def _plainly(value) -> str:
@@ -288,8 +310,8 @@ def _plainly(value) -> str:
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence]) -> str:
-    head = "".join(f"<th>{escape(str(heading))}</th>" for heading in headings)
+    head = "".join(f"<th>{_text(heading)}</th>" for heading in headings)
     body = "".join(
-        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{_text(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -62,12 +62,14 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     highest = common_scale(facts)
     cells: list = [(city, [city.name, "parent"]) for city in parents]
     cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
-    cells += [(one.city, _caption(one)) for one in chosen]
+    cells += [(one.city, _caption(facts, one)) for one in chosen]
     return _sheet(facts, cells, highest, columns)
 
 
-def _caption(one: Shown) -> list[str]:
-    values = [f"{name} {value:.4g}" for name, value in one.birth.values.items()]
+def _caption(facts: Facts, one: Shown) -> list[str]:
+    values = [
+        f"{aim.name} {one.birth.values[aim.name]:.4g} {aim.unit}".rstrip() for aim in facts.aims
+    ]
     return [f"individual {one.birth.id}", *values]
 
 

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 12, 46  # of the drawing's edge, px
+
+
+_LARGEST = 1e300  # the scale of an axis needs differences and their logarithms
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,10 @@ class Dots:
 def scatter(
     layers: Sequence[Dots], x: Axis, y: Axis, *, width: int = 420, height: int = 340
 ) -> str:
-    """Points over two axes, later layers above earlier ones. Not finite points are left out."""
+    """Points over two axes, later layers above earlier ones. Points that are not finite, or
+    beyond `_LARGEST`, are left out."""
+    layers = [replace(dots, x=_drawable(dots.x), y=_drawable(dots.y)) for dots in layers]
+    x, y = _without_far_target(x), _without_far_target(y)
     frame = _Frame(
         np.concatenate([dots.x for dots in layers]),
         np.concatenate([dots.y for dots in layers]),
@@ -45,8 +51,10 @@ def scatter(
 
 
 def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> str:
-    """One value a generation, from 0 on, as a line; gaps where a value is not finite."""
-    heights = np.array([math.nan if value is None else value for value in values], dtype=float)
+    """One value a generation, from 0 on, as a line; gaps where a value is not finite, or beyond
+    `_LARGEST`."""
+    heights = _drawable([math.nan if value is None else value for value in values])
+    y = _without_far_target(y)
     frame = _Frame(np.arange(len(heights)), heights, (width, height), (None, y.target))
     frame.ticks_x = [tick for tick in frame.ticks_x if tick == int(tick)]
     kept = [
@@ -59,6 +67,16 @@ def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 2
         px, py = kept[-1].split(",")
         line += f'<circle class="front" cx="{px}" cy="{py}" r="3"/>'
     return frame.drawing(Axis("generation"), y, line)
+
+
+def _drawable(values) -> np.ndarray:
+    values = np.asarray(values, dtype=float)
+    return np.where(np.abs(values) <= _LARGEST, values, math.nan)
+
+
+def _without_far_target(axis: Axis) -> Axis:
+    far = axis.target is not None and not abs(axis.target) <= _LARGEST
+    return replace(axis, target=None) if far else axis
 
 
 class _Frame:

@@ -77,19 +77,19 @@ def next_population(recipe: Recipe, generation: int, living: Sequence[Individual
     """The children of one generation: operator by weight, parents by tournament."""
     names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
     weights = np.array([recipe.operators[name].weight for name in names])
-    built = {name: recipe.operator(name) for name in names}
+    by_name = {name: recipe.operator(name) for name in names}
     ids, ranks, crowding = zip(*((one.id, one.rank, one.crowding) for one in living), strict=True)
     plans = []
     for slot in range(recipe.run.population):
         rng = generator(recipe.run.seed, generation, slot)
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]
-        count = entry.parents or built[name].parents[0]
+        count = entry.parents or by_name[name].parents[0]
         chosen = tournament(ids, ranks, crowding, count, rng)
         plans.append(
             Plan(
                 generation * recipe.run.population + slot,
-                built[name],
+                by_name[name],
                 tuple(ids[i] for i in chosen),
                 tuple(living[i].genome for i in chosen),
                 rng,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 
-from evocity.errors import RunError
+from evocity.errors import RecipeError, RunError
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.breeding import Individual, Plan, first_population, next_population
@@ -68,6 +68,12 @@ class Search:
         workers: int | None = None,
         progress: Callable[[str], None] | None = None,
     ):
+        if not isinstance(recipe, Recipe):
+            raise RecipeError(
+                f"a search by a {type(recipe).__name__}",
+                "a Recipe",
+                "read one first: evocity.read_recipe(path or bundled name)",
+            )
         if out is not None:
             refuse_existing(out)
         self.recipe, self.out = recipe, out
@@ -98,7 +104,8 @@ class Search:
 
         ``generations`` replaces the recipe's number. Raises `RunError` if the recipe, a
         source map or a measure's source changed since and ``accept_changes`` is False (the
-        message names what changed), or if the change cannot be had in one run.
+        message names what changed; no changed file is executed before), if the change cannot
+        be had in one run, or if the run has more generations already.
         """
         taken = resuming.take_up(path, generations, accept_changes)
         search = cls(taken.prepared.recipe, None, workers, progress)
@@ -203,6 +210,8 @@ class Search:
             summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
             for key in ("number", "population", "seconds_left"):
                 del summary[key]
+            if not math.isfinite(generation.hypervolume):  # JSON has no infinity
+                summary["hypervolume"] = None
             self._writer.write_generation(
                 generation.number, births, self._population.members, summary
             )
@@ -245,7 +254,6 @@ class Search:
         self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
     def _start_pool(self) -> None:
-        self._began = time.perf_counter()
         setup = self._prepared.setup
         if self._worker_count == 0:
             self._pool = Here(setup)
@@ -260,7 +268,7 @@ class Search:
         if self._ended or self._closed:
             return
         self._ended = True
-        if self.finished:
+        if self.finished and (error is None or isinstance(error, GeneratorExit)):
             self._event("finish", generation=self._next - 1)
             return
         reason = {KeyboardInterrupt: "interrupted", GeneratorExit: "left", type(None): "left"}
@@ -295,8 +303,11 @@ class Search:
 
     def _generation(self, births: int) -> Generation:
         now = time.perf_counter()
-        done = self._next + 1 - self._first
-        left = self.recipe.run.generations - self._next
+        done = self._next - self._first
+        if done == 0:  # workers start and kernels load: no measure for the others
+            one, self._began = now - self._generation_began, now
+        else:
+            one = (now - self._began) / done
         return Generation(
             number=self._next,
             births=self._births,
@@ -304,7 +315,7 @@ class Search:
             hypervolume=self._population.hypervolume,
             best=self._population.best,
             evaluations_per_second=births / max(now - self._generation_began, 1e-9),
-            seconds_left=(now - self._began) / done * left,
+            seconds_left=one * (self.recipe.run.generations - self._next),
             population=list(self._population.living),
         )
 
@@ -320,7 +331,8 @@ class Search:
             f"{len(failed)} of {count} births of generation {self._next - 1} failed ({said}); "
             f"the first: {failed[0].error}",
             f"at most {limit:.0%} (evaluation.max_failures), and somebody alive",
-            "correct the measure or the operator; the births written down tell each failure",
+            "correct the measure or the operator and start a new run; the births written down "
+            "tell each failure",
         )
 
 

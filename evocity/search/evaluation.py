@@ -3,11 +3,12 @@
 import contextlib
 import multiprocessing
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import context
+from multiprocessing import context, forkserver, resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -101,9 +102,8 @@ class Workers:
                 text = f"no result after {self._timeout:g} s"
                 outcomes[index] = Outcome("timeout", text, float(self._timeout))
             except ProcessExpired as error:
-                outcomes[index] = Outcome(
-                    "died", f"the worker ended with exit code {error.exitcode}"
-                )
+                code = 0 if error.exitcode == _ENDED_BY_ITSELF else error.exitcode
+                outcomes[index] = Outcome("died", f"the worker ended with exit code {code}")
             except (RuntimeError, CancelledError):
                 raise
             except Exception as error:
@@ -126,7 +126,11 @@ class Workers:
             self._pool = None
 
 
-class _NeverZero:
+#: Told in place of exit code 0, and no exit code of any system.
+_ENDED_BY_ITSELF = 1 << 40
+
+
+class _Worker:
     """A worker ends only because a job ended it, so exit code 0 is a death like any other.
 
     pebble would take it for a regular end and let the job run into its deadline.
@@ -135,11 +139,13 @@ class _NeverZero:
     @property
     def exitcode(self) -> int | None:
         code = super().exitcode
-        return 256 if code == 0 else code
+        return _ENDED_BY_ITSELF if code == 0 else code
 
 
-class _SpawnedWorker(_NeverZero, context.SpawnProcess):
-    pass
+class _SpawnedWorker(_Worker, context.SpawnProcess):
+    def start(self) -> None:
+        with _deaf_to_ctrl_c():
+            super().start()
 
 
 class _SpawnContext(context.SpawnContext):
@@ -148,7 +154,7 @@ class _SpawnContext(context.SpawnContext):
 
 if "forkserver" in multiprocessing.get_all_start_methods():
 
-    class _ForkedWorker(_NeverZero, context.ForkServerProcess):
+    class _ForkedWorker(_Worker, context.ForkServerProcess):
         pass
 
     class _ForkServerContext(context.ForkServerContext):
@@ -156,12 +162,42 @@ if "forkserver" in multiprocessing.get_all_start_methods():
 
 
 def _context() -> context.BaseContext:
-    """A fork server with everything imported on Linux, so that a replaced worker starts at once."""
+    """A fork server with everything imported on Linux, so that a replaced worker starts at once.
+
+    Returns when it has: an interrupt until then finds no pool half started.
+    """
     if not sys.platform.startswith("linux"):
         return _SpawnContext()
     chosen = _ForkServerContext()
     chosen.set_forkserver_preload(["evocity.search.warm"])
+    with _deaf_to_ctrl_c():
+        forkserver.ensure_running()
+    first = chosen.Process(target=_nothing, daemon=True)
+    first.start()
+    first.join()
     return chosen
+
+
+def _nothing() -> None:
+    pass
+
+
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """What is started within never gets the terminal's SIGINT: the main process stops it.
+
+    Workers and their fork server would else tell, from the first moment on, where in their
+    imports they were. On Windows there is nothing to inherit.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # it would let the signal in again when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -32,7 +32,7 @@ def ranks_and_crowding(losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     crowding = np.zeros(len(losses))
     for front in np.unique(ranks):
         where = np.flatnonzero(ranks == front)
-        crowded = [_Crowded(kind, row) for row in losses[where].tolist()]
+        crowded = [_Crowded(kind, row) for row in _without_overflow(losses[where]).tolist()]
         emo.assignCrowdingDist(crowded)
         crowding[where] = [one.fitness.crowding_dist for one in crowded]
     return ranks, crowding
@@ -75,16 +75,24 @@ class Hypervolume:
     """
 
     def __init__(self, first: np.ndarray):
-        self._best = first.min(axis=0)
-        ranges = np.ptp(first, axis=0)
-        self._ranges = np.where(ranges > 0, ranges, 1.0)
-        self._reference = np.ptp(first, axis=0) / self._ranges + 0.1
+        # Halves throughout, the same to the bit: the range of two huge values would overflow.
+        self._best = 0.5 * first.min(axis=0)
+        ranges = np.ptp(0.5 * first, axis=0)
+        self._ranges = np.where(ranges > 0, ranges, 0.5)
+        self._reference = ranges / self._ranges + 0.1
 
     def __call__(self, losses: np.ndarray) -> float:
-        scaled = (losses - self._best) / self._ranges
+        """At least 0; not finite where a loss is too far below those of the first population."""
+        with np.errstate(over="ignore"):
+            scaled = (0.5 * losses - self._best) / self._ranges
         if scaled.shape[1] == 1:
             return float(max(self._reference[0] - scaled.min(), 0.0))
         return float(moocore.hypervolume(np.ascontiguousarray(scaled), ref=self._reference))
+
+
+def _without_overflow(losses: np.ndarray) -> np.ndarray:
+    """Losses for crowding distances, which are shares of their range: huge ones made smaller."""
+    return losses * 2.0**-64 if np.abs(losses).max(initial=0) > 1e290 else losses
 
 
 def _ranks(losses: np.ndarray) -> np.ndarray:

@@ -1,7 +1,9 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from evocity import fitness, io, store
@@ -12,6 +14,9 @@ from evocity.operators.pavement_fusion import VOID
 from evocity.search.recipe import Recipe, resolved
 from evocity.search.worker import Setup
 from evocity.store import Header, Source
+
+#: Besides the .shp itself, what of a Shapefile decides the map that is read.
+_SHAPEFILE = (".dbf", ".shx", ".prj")
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,9 @@ class Prepared:
         return Setup(self.header, measures)
 
     def losses(self, values) -> tuple[float, ...]:
-        """Losses, lower is better, of raw ``values`` (measure -> number)."""
-        return tuple(one.loss(values[one.measure.name]) for one in self.objectives)
+        """Losses, lower is better and always finite, of raw ``values`` (measure -> number)."""
+        losses = (one.loss(values[one.measure.name]) for one in self.objectives)
+        return tuple(min(loss, sys.float_info.max) for loss in losses)
 
 
 def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Prepared:
@@ -49,11 +55,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     for parent in recipe.parents:
         tell(f"reading {parent.map}")
         city = read_parent(recipe, parent.map, parent)
-        taken = [other.name for other in cities]
-        if city.name in taken or city.name == VOID:
-            number = sum(name.startswith(city.name) for name in taken) + 1
-            city = city.replace(city.heights, name=f"{city.name}-{number}")
-        cities.append(city)
+        name = free_name(city.name, [other.name for other in cities])
+        cities.append(city if name == city.name else city.replace(city.heights, name=name))
     same_grid(cities)
     code = recipe.genome
     genomes = []
@@ -70,6 +73,12 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     header = _header(recipe, cities)
     sources = [Source(city, header.adopt(g)) for city, g in zip(cities, genomes, strict=True)]
     return Prepared(recipe, sources, objectives_of(recipe), header)
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """``name``, or the first of ``name-2``, ``name-3``, … that no other city has."""
+    others = (f"{name}-{number}" for number in count(2))
+    return next(free for free in chain([name], others) if free not in taken and free != VOID)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -102,6 +111,7 @@ def objectives_of(recipe: Recipe, targets: dict | None = None) -> list[fitness.O
 def provenance_of(prepared: Prepared) -> dict:
     """What `provenance.json` records, besides the header."""
     recipe = prepared.recipe
+    likes = [entry.like for entry in recipe.fitness for _ in entry.measures]
     return store.environment() | {
         "seed": recipe.run.seed,
         "recipe": {
@@ -114,7 +124,8 @@ def provenance_of(prepared: Prepared) -> dict:
                 "name": source.name,
                 "map": parent.map,
                 "hash": store.hash_of_map(source.city),
-                "file": file_hash(recipe, parent.map),
+                "genome": source.genome.digest,
+                "file": file_hash(recipe.folder, parent.map),
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
@@ -125,21 +136,32 @@ def provenance_of(prepared: Prepared) -> dict:
                 "hash": one.measure.source_hash,
                 "goal": one.goal,
                 "target": one.target,
+                "like": like,
+                "like_file": None if like is None else file_hash(recipe.folder, like),
             }
-            for one in prepared.objectives
+            for one, like in zip(prepared.objectives, likes, strict=True)
         ],
     }
 
 
-def file_hash(recipe: Recipe, name: str) -> str | None:
-    """Hash of a map's file; None for a bundled one, which changes only with a release."""
-    path = resolved(recipe.folder, name)
+def file_hash(folder: Path, name: str) -> str | None:
+    """Hash of a map's file, with those that make a Shapefile whole; None for a bundled city,
+    which changes only with a release. ``folder`` is the recipe's."""
+    path = resolved(folder, name)
     if path == name:
         return None
+    path = Path(path)
     try:
-        return store.hash_of_file(Path(path))
+        return store.hash_of_file(path, *_companions(path))
     except OSError as error:
         raise MapError(f"{path} cannot be read: {error.strerror}", "a map", "check it") from None
+
+
+def _companions(path: Path) -> list[Path]:
+    if path.suffix.lower() != ".shp":
+        return []
+    beside = (one for one in path.parent.iterdir() if one.stem == path.stem)
+    return sorted(one for one in beside if one.suffix.lower() in _SHAPEFILE)
 
 
 def _header(recipe: Recipe, cities: list[CityMap]) -> Header:

@@ -8,8 +8,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from evocity.errors import RecipeError
-from evocity.search.recipe import FitnessEntry, Parent, Recipe, across_sections
+from evocity.errors import RecipeError, near_miss, shown, with_near_miss
+from evocity.search.agreement import across_sections
+from evocity.search.recipe import FitnessEntry, Parent, Recipe
 
 _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
 
@@ -47,7 +48,7 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> 
         raise RecipeError(
             f"no recipe can be read at {path}: {error.strerror}",
             f"a TOML file, or one of {', '.join(recipes())}",
-            "check the path",
+            near_miss(path.name, recipes()) or "check the path",
         ) from None
     sections = {"workers": "evaluation"}
     changes = {
@@ -65,9 +66,19 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     """
     try:
         raw = tomllib.loads(text)
+    except RecursionError:
+        raise RecipeError(
+            f"{name} is nested too deeply",
+            "a TOML file",
+            "put lists in lists only where a key takes them",
+        ) from None
     except tomllib.TOMLDecodeError as error:
         raise RecipeError(
             f"{name} is not TOML: {error}", "a TOML file", "correct that line"
+        ) from None
+    except ValueError:  # the text of it speaks of Python
+        raise RecipeError(
+            f"{name} holds a number of thousands of digits", "numbers of use", "shorten it"
         ) from None
     for key, value in overrides.items():
         section, entry = key.split(".")
@@ -136,17 +147,18 @@ _PHRASES = {
 def _fault(error: Mapping, raw: Mapping) -> tuple[str, str, str]:
     """(key, found, allowed) of one of pydantic's errors."""
     kind, details = error["type"], error.get("ctx", {})
-    location = [part for part in error["loc"] if _in_raw(part)]
+    location = [part for part in error["loc"] if kind == "extra_forbidden" or _in_raw(part)]
     key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
     if kind == "evocity":
         return key, details["found"], details["allowed"]
     if kind == "missing":
         return key, "missing", "it is required"
     if kind == "extra_forbidden":
-        return key, "unknown key", ", ".join(_keys_at(location[:-1]))
+        allowed = _keys_at(location[:-1])
+        return key, with_near_miss("unknown key", location[-1], allowed), ", ".join(allowed)
     if kind in _PHRASES:
-        return key, _shown(error["input"]), _PHRASES[kind].format(**details)
-    return key, _shown(error["input"]), _TYPES.get(kind, error["msg"])
+        return key, shown(error["input"]), _PHRASES[kind].format(**details)
+    return key, shown(error["input"]), _TYPES.get(kind, error["msg"])
 
 
 def _in_raw(part) -> bool:
@@ -162,8 +174,3 @@ def _keys_at(location: list) -> list[str]:
     if not (isinstance(model, type) and issubclass(model, BaseModel)):
         model = next(m for m in get_args(model) if isinstance(m, type))
     return list(model.model_fields)
-
-
-def _shown(value) -> str:
-    text = repr(value)
-    return text if len(text) < 60 else text[:57] + "…"

@@ -1,12 +1,9 @@
 """What a recipe may say: the models of its sections, checked by pydantic.
 
-Every model refuses unknown keys. `evocity.search.reading` turns a TOML file into a `Recipe`.
+Every model refuses unknown keys; `evocity.search.agreement` has the checks between sections.
+`evocity.search.reading` turns a TOML file into a `Recipe`.
 """
 
-import inspect
-import math
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,8 +19,10 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from evocity import io, operators
-from evocity.errors import EvocityError
+from evocity import fitness, io, operators
+from evocity.citymap import MAX_SIDE
+from evocity.coding.search import available_cores
+from evocity.errors import EvocityError, FitnessError, shown, with_near_miss
 from evocity.fitness import Measure, Objective, get, load_file
 
 
@@ -41,10 +40,19 @@ def resolved(folder: Path, name: str) -> str:
     return name if name in io.cities() else str((folder / Path(name).expanduser()).resolve())
 
 
+def _some_path(name: str, info: ValidationInfo) -> str:
+    """``name``, if this machine can look whether there is such a file."""
+    try:
+        Path(resolved(info.context["folder"], name)).is_file()
+    except (OSError, RuntimeError, ValueError):  # too long, of an unknown user, with a NUL
+        raise fault(f"{shown(name)} can be no path", "a file, relative to the recipe") from None
+    return name
+
+
 def _existing_map(name: str, info: ValidationInfo) -> str:
-    if name not in io.cities() and not Path(resolved(info.context["folder"], name)).is_file():
+    if not Path(resolved(info.context["folder"], name)).is_file() and name not in io.cities():
         raise fault(
-            f"{name!r} is no file and no bundled city",
+            with_near_miss(f"{shown(name)} is no file and no bundled city", name, io.cities()),
             f"a map file, relative to the recipe, or one of {', '.join(io.cities())}",
         )
     return name
@@ -56,9 +64,18 @@ def _some_text(text: str) -> str:
     return text
 
 
+def _lon_lat(center: list[float]) -> list[float]:
+    if len(center) != 2 or abs(center[0]) > 180 or abs(center[1]) >= 90:
+        raise fault(
+            f"{center}", "exactly 2 numbers: longitude within ±180°, then latitude within ±90°"
+        )
+    return center
+
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-MapName = Annotated[str, AfterValidator(_existing_map)]
+FileName = Annotated[str, AfterValidator(_some_path)]
+MapName = Annotated[FileName, AfterValidator(_existing_map)]
 
 
 class Section(BaseModel):
@@ -70,7 +87,7 @@ class Section(BaseModel):
 class RunSection(Section):
     """``[run]``. ``generations`` are bred after the first population, which is generation 0."""
 
-    name: Annotated[str, AfterValidator(_some_text)] = "run"
+    name: Annotated[str, Field(max_length=100), AfterValidator(_some_text)] = "run"
     seed: int = Field(0, ge=0, lt=2**63)
     population: int = Field(64, ge=2, le=1_000_000)
     generations: int = Field(100, ge=0, le=99_999_999)
@@ -79,8 +96,12 @@ class RunSection(Section):
 class MapSection(Section):
     """``[map]``: the window every map is read at."""
 
-    pixels: int = Field(256, ge=8, le=32_767)
+    pixels: int = Field(256, ge=8, le=MAX_SIDE)
     metres_per_pixel: Positive = 2.0
+
+
+#: Cities of a recipe, and parents of one birth: `Genome` counts them in a byte.
+MOST_PARENTS = 256
 
 
 class Parent(Section):
@@ -88,18 +109,22 @@ class Parent(Section):
 
     map: MapName
     name: str | None = None
-    center: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    center: Annotated[list[Finite], AfterValidator(_lon_lat)] | None = None
     layer: str | None = None
     default_height: Positive = 6.0
     height_scale: Positive | None = None
 
 
 class GenomeSection(Section):
-    """``[genome]``: how the sources are encoded."""
+    """``[genome]``: how the sources are encoded. ``domains`` named twice count once."""
 
     block: int = Field(4, ge=2, le=64)
-    domains: list[Annotated[int, Field(ge=2)]] = Field([2], min_length=1)
-    reach: Annotated[int, Field(ge=0)] | Literal["all"] = 24
+    domains: Annotated[
+        list[Annotated[int, Field(ge=2)]],
+        Field(min_length=1),
+        AfterValidator(lambda domains: list(dict.fromkeys(domains))),
+    ] = [2]
+    reach: Annotated[int, Field(ge=0, le=MAX_SIDE)] | Literal["all"] = 24
     sigma_max: Annotated[float, Field(gt=0, lt=1)] = 0.9
 
     @property
@@ -112,15 +137,13 @@ class OperatorEntry(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
 
-    weight: float = Field(1.0, ge=0, allow_inf_nan=False)
-    parents: int | None = Field(None, ge=1)
+    weight: float = Field(1.0, ge=0, le=1_000_000, allow_inf_nan=False)
+    parents: int | None = Field(None, ge=1, le=MOST_PARENTS)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        return {
-            key: None if value == "none" or (key, value) == ("reach", "all") else value
-            for key, value in (self.model_extra or {}).items()
-        }
+        """As TOML has them: "none", and reach = "all", stand for None."""
+        return dict(self.model_extra or {})
 
 
 def _entry(value: Any) -> Any:
@@ -133,7 +156,7 @@ class FitnessEntry(Section):
     """``[[fitness]]``: a measure by name, or those of a file, and what is wanted of them."""
 
     name: str | None = None
-    file: str | None = None
+    file: FileName | None = None
     goal: Literal["max", "min"] | None = None
     target: Finite | None = None
     like: MapName | None = None
@@ -167,7 +190,11 @@ class FitnessEntry(Section):
         if self.file is None:
             if self.name is None:
                 raise fault("neither name nor file", "one of them")
-            return [get(self.name)]
+            try:
+                return [get(self.name)]
+            except FitnessError as error:
+                known = [measure.name for measure in fitness.measures()]
+                raise fault(with_near_miss(error.found, self.name, known), error.expected) from None
         measures = load_file(resolved(folder, self.file))
         names = [measure.name for measure in measures]
         if self.name is None:
@@ -175,7 +202,8 @@ class FitnessEntry(Section):
                 raise fault(f"a target for all of {', '.join(names)}", "name = one of them")
             return measures
         if self.name not in names:
-            raise fault(f"name = {self.name!r}", f"one of {', '.join(names)}")
+            found = with_near_miss(f"name = {self.name!r}", self.name, names)
+            raise fault(found, f"one of {', '.join(names)}")
         return [measures[names.index(self.name)]]
 
 
@@ -206,7 +234,7 @@ class Recipe(Section):
 
     run: RunSection = RunSection()
     map: MapSection = MapSection()
-    parents: list[Parent] = Field(min_length=1, max_length=256)
+    parents: list[Parent] = Field(min_length=1, max_length=MOST_PARENTS)
     genome: GenomeSection = GenomeSection()
     operators: dict[
         str,
@@ -254,8 +282,7 @@ class Recipe(Section):
         """``workers``, or the cores this process may use."""
         if self.evaluation.workers is not None:
             return self.evaluation.workers
-        affinity: Callable | None = getattr(os, "sched_getaffinity", None)
-        return len(affinity(0)) if affinity else os.cpu_count() or 1
+        return available_cores()
 
     def operator(self, name: str, **changes):
         """The operator ``name`` with the recipe's parameters, other than ``changes``.
@@ -263,75 +290,19 @@ class Recipe(Section):
         Its ``reach`` and ``domains`` are those of ``[genome]`` unless it has its own.
         """
         entry = self.operators.get(name, OperatorEntry())
-        return built(name, entry, self.genome, **changes)
+        return operator_of(name, entry.parameters, self.genome, **changes)
 
 
-def built(name: str, entry: OperatorEntry, genome: GenomeSection | None, **changes):
-    """An operator from its entry. Raises `OperatorError`."""
+def operator_of(name: str, parameters: dict, genome: GenomeSection | None, **changes):
+    """The operator ``name`` with the ``parameters`` of its entry. Raises `OperatorError`."""
+    parameters = {
+        key: None if value == "none" or (key, value) == ("reach", "all") else value
+        for key, value in parameters.items()
+    }
     kind = operators.operators().get(name)
     shared = {}
     if kind is not None and genome is not None:
-        accepted = inspect.signature(kind).parameters
+        accepted = operators.parameters_of(kind)
         common = {"reach": genome.reach_pixels, "domains": tuple(genome.domains)}
         shared = {key: value for key, value in common.items() if key in accepted}
-    return operators.make(name, **(shared | entry.parameters | changes))
-
-
-def across_sections(raw: dict) -> list[tuple[str, str, str]]:
-    """Faults (key, found, allowed) between sections, as far as ``raw`` is well-formed."""
-    faults = []
-    pixels, block, domains = (
-        _of(raw, "map", "pixels", 256),
-        _of(raw, "genome", "block", 4),
-        _of(raw, "genome", "domains", [2]),
-    )
-    if _whole(pixels) and _whole(block) and block > 1 and pixels > 0:
-        if pixels % block:
-            low = pixels // block * block
-            fits = f"a multiple of genome.block = {block}, for example {low or block}"
-            faults.append(("map.pixels", str(pixels), fits))
-        listed = isinstance(domains, list) and domains and all(map(_whole, domains))
-        if listed and min(domains) * block > pixels:
-            found = f"{domains} · {block} px"
-            faults.append(("genome.domains", found, f"domain blocks within {pixels} px"))
-    entries = raw.get("operators")
-    if isinstance(entries, dict):
-        faults += _operator_faults(entries)
-    return faults
-
-
-def _operator_faults(entries: dict) -> list[tuple[str, str, str]]:
-    known, faults, weights = operators.operators(), [], []
-    for name, value in entries.items():
-        key = f"operators.{name}"
-        if name not in known:
-            faults.append((key, "unknown operator", ", ".join(sorted(known))))
-            continue
-        table = value if isinstance(value, dict) else {"weight": value}
-        weight = table.get("weight", 1.0)
-        weights.append(weight if isinstance(weight, int | float) else math.nan)
-        try:
-            entry = OperatorEntry.model_construct(
-                _fields_set=None,
-                **{k: v for k, v in table.items() if k not in ("weight", "parents")},
-            )
-            built(name, entry, None)
-        except EvocityError as error:
-            faults.append((key, error.found, error.expected))
-        fewest, most = known[name].parents
-        count = table.get("parents", fewest)
-        if _whole(count) and not fewest <= count <= (count if most is None else most):
-            allowed = f"{fewest} or more" if most is None else f"{fewest} to {most}"
-            faults.append((f"{key}.parents", str(count), allowed))
-    if weights and all(weight == 0 for weight in weights):
-        faults.append(("operators", "all weights are 0", "at least one weight above 0"))
-    return faults
-
-
-def _of(raw: dict, section: str, key: str, default):
-    part = raw.get(section, {})
-    return part.get(key, default) if isinstance(part, dict) else default
-
-
-def _whole(value) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return operators.make(name, **(shared | parameters | changes))

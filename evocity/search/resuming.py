@@ -1,20 +1,30 @@
-"""Taking a run up again: what changed since, and who lived last."""
+"""Taking a run up again: what changed since, and who lived last.
+
+What changed is found out before any file of the user's own is executed.
+"""
 
 import os
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from evocity import store
-from evocity.errors import EvocityError, RunError
+from evocity import fitness, store
+from evocity.errors import EvocityError, FitnessError, RunError
 from evocity.search.preparation import Prepared, file_hash, objectives_of, provenance_of
 from evocity.search.reading import recipe_of
-from evocity.search.recipe import Recipe
-from evocity.store import Birth, Run, RunWriter, open_run
+from evocity.search.recipe import Recipe, RunSection, resolved
+from evocity.store import Birth, Run, RunWriter, Source, open_run
+
+#: A change of these may change the births; it is noted, not refused.
+_NOTED_VERSIONS = ("evocity", "numpy", "numba")
 
 
 @dataclass(frozen=True)
 class TakenUp:
-    """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far."""
+    """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far.
+
+    ``changes``: in words, what differs from the start.
+    """
 
     prepared: Prepared
     writer: RunWriter
@@ -29,9 +39,8 @@ class TakenUp:
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
     """Reopen the run in ``path``. Raises `RunError` as `Search.resume` says."""
     run = open_run(path)
-    recipe = _recipe(run, generations)
     try:
-        changes = _changes(run, recipe)
+        changes = _changes(run)
         if changes and not accept_changes:
             raise RunError(
                 f"{run.path}: changed since the run began: {'; '.join(changes)}",
@@ -39,18 +48,22 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
                 "undo the change, or confirm it with --accept-changes (accept_changes=True): "
                 "the living then keep the values they were given",
             )
+        recipe = _recipe(run, generations)
+        _refuse_another_run(run, recipe)
+        notes = _notes(run, recipe)
         targets = None
         if not changes:
             noted = run.provenance["fitness"]
             targets = {one["name"]: one["target"] for one in noted if one["goal"] == "like"}
         objectives = objectives_of(recipe, targets)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        sources = _sources(run, recipe)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
             f"{run.path}: provenance.json lacks a part ({error!r})",
             "a provenance as `evocity run` writes it",
             "bring the file back from a copy",
         ) from None
-    prepared = Prepared(recipe, run.sources(), objectives, run.header)
+    prepared = Prepared(recipe, sources, objectives, run.header)
     writer = RunWriter.reopen(path)
     try:
         fresh = provenance_of(prepared)
@@ -69,35 +82,80 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
                 raise RunError(
                     f"{run.path}: nobody lives in generation {whole[-1]}",
                     "parents to breed from",
-                    "correct what made all births fail, and start a new run",
+                    "correct what made all births fail, and start a new run with the recipe",
                 )
     except BaseException:
         writer.close()
         raise
-    return TakenUp(prepared, writer, first, living, len(whole), births, failures, changes)
+    return TakenUp(prepared, writer, first, living, len(whole), births, failures, changes + notes)
 
 
 def _recipe(run: Run, generations: int | None) -> Recipe:
-    try:
-        noted = run.provenance["recipe"]
-        overrides = dict(noted["overrides"])
-        folder = Path(noted["folder"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise RunError(
-            f"{run.path}: provenance.json does not tell the recipe ({error!r})",
-            "a provenance as `evocity run` writes it",
-            "bring the file back from a copy",
-        ) from None
+    """The run's recipe; its own measures are executed."""
+    overrides = dict(run.provenance["recipe"]["overrides"])
     if generations is not None:
         overrides["run.generations"] = generations
-    return recipe_of(run.recipe_text, folder, overrides, name=f"{run.path}/recipe.toml")
+    return recipe_of(run.recipe_text, _folder(run), overrides, name=f"{run.path}/recipe.toml")
 
 
-def _changes(run: Run, recipe: Recipe) -> list[str]:
-    """What differs from the start. Raises `RunError` if one run cannot have it."""
-    header, changes = run.header, []
-    if store.hash_of_text(recipe.text) != run.provenance["recipe"]["hash"]:
+def _folder(run: Run) -> Path:
+    return Path(run.provenance["recipe"]["folder"])
+
+
+def _changes(run: Run) -> list[str]:
+    """What differs from the start, by the hashes in the provenance; nothing is executed."""
+    provenance, folder = run.provenance, _folder(run)
+    changes = []
+    if store.hash_of_text(run.recipe_text) != provenance["recipe"]["hash"]:
         changes.append("the recipe")
+    for one in provenance["maps"]:
+        if _file_hash(folder, one["map"]) != one["file"]:
+            changes.append(f"the map {one['map']} (the run keeps its own copy)")
+    likes = {one["like"]: one["like_file"] for one in provenance["fitness"] if one.get("like")}
+    changes += [
+        f"the map {like}, which cities shall be like"
+        for like, before in likes.items()
+        if _file_hash(folder, like) != before
+    ]
+    own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
+    changes += [
+        f"the source of the measure {one['name']}"
+        for one in provenance["fitness"]
+        if _source_hash(one, own) != one["hash"]
+    ]
+    strange = own - {one["file"] for one in provenance["fitness"]}
+    return changes + [f"the measures of {file}" for file in sorted(strange)]
+
+
+def _entries(run: Run) -> list[dict]:
+    """The ``[[fitness]]`` of the recipe; none if its text is at fault, which reading it tells."""
+    try:
+        listed = tomllib.loads(run.recipe_text).get("fitness")
+    except (ValueError, RecursionError):
+        return []
+    return [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
+
+
+def _file_hash(folder: Path, name: str) -> str | None:
+    try:
+        return file_hash(folder, name)
+    except EvocityError:
+        return "missing"
+
+
+def _source_hash(noted: dict, own: set[str]) -> str:
+    """Hash of a measure's source now; ``own`` are the files that the recipe loads."""
+    try:
+        if noted["file"] in own:
+            return store.hash_of_file(noted["file"])
+        return fitness.get(noted["name"]).source_hash
+    except (OSError, FitnessError):
+        return "missing"
+
+
+def _refuse_another_run(run: Run, recipe: Recipe) -> None:
+    """Raise `RunError` for what one run cannot have changed."""
+    header = run.header
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
         "run.population": (header.population, recipe.run.population),
@@ -118,20 +176,45 @@ def _changes(run: Run, recipe: Recipe) -> list[str]:
                 f"{key} as the run began: its births would not be comparable",
                 "undo the change, or start a new run with the new recipe",
             )
-    for parent, noted in zip(recipe.parents, run.provenance["maps"], strict=True):
-        try:
-            now = file_hash(recipe, parent.map)
-        except EvocityError:
-            now = "missing"
-        if now != noted["file"]:
-            changes.append(f"the map {parent.map} (the run keeps its own copy)")
-    noted = {one["name"]: one for one in run.provenance["fitness"]}
-    changes += [
-        f"the source of the measure {measure.name}"
-        for measure in recipe.measures
-        if measure.source_hash != noted[measure.name]["hash"]
-    ]
-    return changes
+    done = len(run.generations) - 1
+    if recipe.run.generations < done:
+        raise RunError(
+            f"{run.path}: generations = {recipe.run.generations}, but {done} are done",
+            f"{done} or more: a run loses none of its generations",
+            "ask for more, or leave the number out to keep what the run was started with",
+        )
+
+
+def _notes(run: Run, recipe: Recipe) -> list[str]:
+    """Changes that need no confirmation: how many generations, and the versions in use."""
+    provenance = run.provenance
+    stated = tomllib.loads(run.recipe_text).get("run", {})
+    stated = stated.get("generations", RunSection.model_fields["generations"].default)
+    before = provenance["recipe"]["overrides"].get("run.generations", stated)
+    noted, now = provenance.get("versions", {}), store.environment()["versions"]
+    pairs = [("run.generations", before, recipe.run.generations)]
+    pairs += [(name, noted.get(name), now[name]) for name in _NOTED_VERSIONS]
+    return [f"{key} was {old} and is now {new}" for key, old, new in pairs if old != new]
+
+
+def _sources(run: Run, recipe: Recipe) -> list[Source]:
+    """The source cities, if they are those the run began with; `RunError` if not."""
+    sources = run.sources()
+    found = ""
+    if len(sources) != len(recipe.parents):
+        found = f"holds {len(sources)} cities of {len(recipe.parents)}"
+    else:
+        for source, noted in zip(sources, run.provenance["maps"], strict=True):
+            now = store.hash_of_map(source.city), source.genome.digest
+            if now != (noted["hash"], noted.get("genome", now[1])):
+                found = f"holds another map or genome of {source.name}"
+    if found:
+        raise RunError(
+            f"{run.path / 'sources'} {found}",
+            "the source cities as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return sources
 
 
 def _values(run: Run, generation: int) -> list[Birth]:

@@ -2,10 +2,12 @@
 
 The fork server imports it once, so that a worker which replaces a dead one is ready at once;
 elsewhere each worker does before its first job. Without it the first individual of every
-worker would spend about two seconds of its deadline on loading.
+worker would spend seconds of its deadline on loading. Kernels of another block than the usual
+one are loaded by each worker, see `warm_up`.
 """
 
 import contextlib
+from functools import cache
 
 import numpy as np
 
@@ -16,17 +18,36 @@ from evocity.operators import OPERATORS
 from evocity.search.worker import Evaluator, Setup
 from evocity.store import Header
 
-
-def _toy(seed: int) -> CityMap:
-    lots = np.random.default_rng(seed).integers(0, 4, (16, 16)) * 6.0
-    return CityMap(lots.repeat(4, 0).repeat(4, 1)[1:-3, 2:-2], 2.0, name=f"toy {seed}")
+_USUAL_BLOCK = 4
 
 
-def _warm_up() -> None:
-    genomes = [encode(_toy(seed), block=4, threads=1).genome for seed in (1, 2)]
+@cache
+def warm_up(block: int) -> None:
+    """Load every kernel that breeding and evaluation with range blocks of ``block`` px call.
+
+    Never raises: what cannot be warmed shows itself, with its text, in the first birth that
+    needs it.
+    """
+    with contextlib.suppress(Exception):
+        _breed_toys(block)
+
+
+def _toy(seed: int, block: int) -> CityMap:
+    """Of 15 × 15 range blocks, fewer large ones, with lots that do not lie on their grid."""
+    blocks = min(15, max(3, 96 // block))
+    side = blocks * block
+    lots = np.random.default_rng(seed).integers(0, 4, (side // 4 + 2, side // 4 + 2)) * 6.0
+    heights = lots.repeat(4, 0).repeat(4, 1)[1 : 1 + side, 2 : 2 + side]
+    return CityMap(heights, 2.0, name=f"toy {seed}")
+
+
+def _breed_toys(block: int) -> None:
+    genomes = [
+        encode(_toy(seed, block), block=block, reach=2 * block, threads=1).genome for seed in (1, 2)
+    ]
     pavement, cities = genomes[0].pavement, ("toy 1", "toy 2")
     header = Header(
-        pavement.height, pavement.width, 4, 2.0, 0.9, cities, "", None, None, 0, 2, "", ()
+        pavement.height, pavement.width, block, 2.0, 0.9, cities, "", None, None, 0, 2, "", ()
     )
     own = tuple((measure.name, None) for measure in fitness.measures() if _ours(measure))
     evaluator = Evaluator(Setup(header, own))
@@ -40,6 +61,4 @@ def _ours(measure: fitness.Measure) -> bool:
     return measure.function.__module__.startswith("evocity.")
 
 
-# What cannot be warmed shows itself, with its text, in the first birth that needs it.
-with contextlib.suppress(Exception):
-    _warm_up()
+warm_up(_USUAL_BLOCK)

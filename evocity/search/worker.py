@@ -22,6 +22,9 @@ from evocity.errors import EvocityError, FitnessError
 from evocity.genome import Genome
 from evocity.store import Header
 
+#: An error's text in the log is no longer.
+MOST_LETTERS = 2000
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -33,13 +36,22 @@ class Setup:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How breeding or evaluating one individual ended; ``status`` as in `evocity.store`."""
+    """How breeding or evaluating one individual ended; ``status`` as in `evocity.store`.
+
+    ``error`` becomes one line of at most `MOST_LETTERS`, whatever a measure raised.
+    """
 
     status: str
     error: str | None = None
     seconds: float = 0.0
     values: Mapping[str, float] = field(default_factory=dict)
     genome: Genome | None = None
+
+    def __post_init__(self):
+        if self.error is not None:
+            line = " ".join(self.error.split()).encode(errors="replace").decode()
+            line = line if len(line) <= MOST_LETTERS else line[: MOST_LETTERS - 1] + "…"
+            object.__setattr__(self, "error", line)
 
 
 class Evaluator:
@@ -98,7 +110,8 @@ def install(setup: Setup) -> None:
     # What a measure prints must not get into the main process's standard output.
     os.dup2(2, 1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    importlib.import_module("evocity.search.warm")  # nothing to do where the fork server did
+    # what the fork server warmed already is not done again
+    importlib.import_module("evocity.search.warm").warm_up(setup.header.block)
     try:
         _evaluator = Evaluator(setup)
     except Exception as error:  # told by each call, so that the pool does not restart for ever

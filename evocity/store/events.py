@@ -5,6 +5,10 @@ import os
 from datetime import UTC, datetime
 from pathlib import Path
 
+from pydantic_core import from_json
+
+from evocity.store.parts import open_to_append, read_bytes
+
 
 def append_event(path: Path, event: str, **details) -> None:
     """Add a line and flush it. A line cut short by a crash is closed off first."""
@@ -12,8 +16,8 @@ def append_event(path: Path, event: str, **details) -> None:
         {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **details},
         ensure_ascii=False,
     )
-    with open(path, "ab+") as file:
-        if file.tell():
+    with open_to_append(path) as file:
+        if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)
             if file.read(1) != b"\n":
                 file.write(b"\n")
@@ -23,11 +27,11 @@ def append_event(path: Path, event: str, **details) -> None:
 
 
 def read_events(path: Path) -> list[dict]:
-    """All whole lines, oldest first; what was cut short is left out. Raises OSError."""
+    """All whole lines, oldest first; what was cut short is left out. Raises OSError, `RunError`."""
     events = []
-    for line in path.read_bytes().splitlines():
+    for line in read_bytes(path).splitlines():
         try:
-            event = json.loads(line)
+            event = from_json(line)
         except ValueError:
             continue
         if isinstance(event, dict):

@@ -1,15 +1,31 @@
 """Where things lie in a run folder, and which file holds which generation."""
 
+import contextlib
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
+
+from evocity.store.parts import plain_file, plain_folder
 
 #: Generations of single files that are merged into one segment.
 SEGMENT = 64
 
 BIRTHS, MEMBERSHIP = "births", "membership"
 
-_NAME = re.compile(r"(?:generation-(\d{8})|segment-(\d{8})-(\d{8}))\.parquet")
+_NAME = re.compile(r"(?:generation-(\d{8})|segment-(\d{8})-(\d{8}))\.parquet", re.ASCII)
+
+# The temporary names that `evocity.files.whole_file` gives to the parts of a run.
+_UNFINISHED = re.compile(
+    r"\.(?:(?:generation-\d{8}|segment-\d{8}-\d{8})-[0-9a-f]{8}\.parquet"
+    r"|recipe-[0-9a-f]{8}\.toml|provenance-[0-9a-f]{8}\.json|report-[0-9a-f]{8}\.html)",
+    re.ASCII,
+)
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether ``path`` is named as a part of a run is until it is whole."""
+    return _UNFINISHED.fullmatch(path.name) is not None
 
 
 @dataclass(frozen=True, order=True)
@@ -39,13 +55,35 @@ class Folder:
         return self.root / kind / f"segment-{first:08d}-{last:08d}.parquet"
 
     def files(self, kind: str) -> list[Piece]:
-        """All whole Parquet files of ``kind``, overlapping ones too."""
+        """All whole Parquet files of ``kind``, overlapping ones too. Raises `RunError` for a
+        link, or what else is no plain file."""
         found = []
-        for path in (self.root / kind).iterdir():
-            if match := _NAME.fullmatch(path.name):
+        with os.scandir(plain_folder(self.root / kind)) as entries:
+            for entry in entries:
+                match = _NAME.fullmatch(entry.name)
+                if not match:
+                    continue
+                if not entry.is_file(follow_symlinks=False):
+                    with contextlib.suppress(FileNotFoundError):  # merged in this moment
+                        plain_file(Path(entry.path))
+                    continue
                 single, first, last = match.groups()
-                found.append(Piece(int(single or first or 0), int(single or last or 0), path))
+                piece = Piece(int(single or first), int(single or last), Path(entry.path))
+                if single or (
+                    piece.first % SEGMENT == 0 and piece.last - piece.first + 1 == SEGMENT
+                ):
+                    found.append(piece)
         return sorted(found)
+
+    def unfinished(self) -> list[Path]:
+        """Files that a crash left before they were whole."""
+        places = (self.root, *(plain_folder(self.root / kind) for kind in (BIRTHS, MEMBERSHIP)))
+        return [
+            path
+            for place in places
+            for path in place.iterdir()  # a run itself may be reached through a link
+            if is_unfinished(path)
+        ]
 
     def pieces(self, kind: str) -> list[Piece]:
         """Files that together hold each generation once, in order.

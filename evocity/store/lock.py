@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from evocity.errors import RunError
+from evocity.store.parts import open_to_append
 
 if os.name == "nt":
     import msvcrt
@@ -26,7 +27,7 @@ class Lock:
     """
 
     def __init__(self, path: Path):
-        self._file = open(path, "a+b")  # noqa: SIM115
+        self._file = open_to_append(path)
         try:
             _take(self._file)
         except (BlockingIOError, PermissionError):

@@ -5,12 +5,15 @@ import json
 
 import pyarrow.parquet as pq
 
+from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, Piece
 from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN
 
 #: How every Parquet file of a run is written.
 COMPRESSION = {"compression": "zstd", "compression_level": 3, "use_dictionary": True}
+
+KINDS = (BIRTHS, MEMBERSHIP)
 
 
 def write_single(table, path) -> None:
@@ -25,7 +28,7 @@ def merge(folder: Folder) -> None:
     Streams one generation at a time, so that memory does not grow with the segment. A crash
     at any point is harmless: readers prefer segments, and the next call deletes the leftovers.
     """
-    for kind in (BIRTHS, MEMBERSHIP):
+    for kind in KINDS:
         singles = {p.first: p for p in folder.files(kind) if p.path.name.startswith("generation-")}
         for first in sorted({g - g % SEGMENT for g in singles}):
             block = [singles.get(g) for g in range(first, first + SEGMENT)]
@@ -38,14 +41,33 @@ def merge(folder: Folder) -> None:
 
 
 def drop_leftovers(folder: Folder, last: int) -> None:
-    """Delete what lies beyond the last whole generation, and files never finished."""
-    for kind in (BIRTHS, MEMBERSHIP):
-        for piece in folder.files(kind):
+    """Delete the generation a crash cut short after ``last``, the last whole one, and files
+    never finished.
+
+    A crash leaves one such generation at most. Raises `RunError`, and deletes nothing, if more
+    follows: then a file was lost, and what is behind it is worth keeping.
+    """
+    beyond = {kind: [p for p in folder.files(kind) if p.last > last] for kind in KINDS}
+    after = max((piece.last for pieces in beyond.values() for piece in pieces), default=last)
+    if after > last + 1:
+        lost = [
+            folder.single(kind, last + 1).relative_to(folder.root)
+            for kind in KINDS
+            if folder.last_generation(kind) == last
+        ]
+        raise RunError(
+            f"{folder.root}: {' and '.join(map(str, lost))} is missing, but generations up to "
+            f"{after} follow",
+            "the births and the membership of every generation, without a gap",
+            "bring the file back from a copy; to breed those generations again instead, take "
+            "the later files out of births/ and membership/",
+        )
+    for pieces in beyond.values():
+        for piece in pieces:
             if piece.first > last:
                 _remove(piece.path)
-    for place in (folder.root, folder.root / BIRTHS, folder.root / MEMBERSHIP):
-        for path in place.glob(".*-????????.*"):
-            _remove(path)
+    for path in folder.unfinished():
+        _remove(path)
 
 
 def _write_segment(block: list[Piece], target) -> None:

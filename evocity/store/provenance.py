@@ -40,9 +40,12 @@ def hash_of_text(text: str) -> str:
     return hashlib.blake2b(text.replace("\r\n", "\n").encode(), digest_size=16).hexdigest()
 
 
-def hash_of_file(path: str | os.PathLike) -> str:
-    """Hexadecimal hash of a file's bytes. Raises OSError."""
-    return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).hexdigest()
+def hash_of_file(*paths: str | os.PathLike) -> str:
+    """Hexadecimal hash of a file's bytes, or of several one after the other. Raises OSError."""
+    state = hashlib.blake2b(digest_size=16)
+    for path in paths:
+        state.update(Path(path).read_bytes())
+    return state.hexdigest()
 
 
 def hash_of_map(city: CityMap) -> str:

@@ -14,14 +14,19 @@ import pyarrow.parquet as pq
 from evocity.errors import EvocityError, RunError
 from evocity.genome import Genome
 from evocity.store.events import read_events
-from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
+from evocity.store.parts import read_bytes, read_json
 from evocity.store.schema import (
     ABOUT_GENERATIONS,
     ABOUT_RUN,
+    MEMBERSHIP_SCHEMA,
     Birth,
     Header,
     births_of,
+    births_schema,
+    check_rows,
     check_version,
+    summaries_of,
 )
 from evocity.store.sources import Source, read_sources
 
@@ -48,15 +53,14 @@ class Run:
     def __init__(self, path: str | os.PathLike):
         self.path = Path(path)
         self._folder = Folder(self.path)
-        if not self._folder.provenance.is_file():
+        if not os.path.lexists(self._folder.provenance):
             raise RunError(
                 f"no run at {self.path}",
                 "a folder written by `evocity run`, with provenance.json in it",
                 "check the name, or start a run: evocity run RECIPE --out FOLDER",
             )
         with self._readable(self._folder.provenance):
-            text = self._folder.provenance.read_text(encoding="utf-8")
-            self.provenance: dict = json.loads(text)
+            self.provenance: dict = read_json(self._folder.provenance)
             check_version(self.provenance["schema_version"], self.path)
             self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
 
@@ -67,7 +71,7 @@ class Run:
     def recipe_text(self) -> str:
         """The recipe, as given."""
         with self._readable(self._folder.recipe):
-            return self._folder.recipe.read_bytes().decode()
+            return read_bytes(self._folder.recipe).decode()
 
     @property
     def generations(self) -> range:
@@ -89,10 +93,18 @@ class Run:
     def individuals(self, ids: Sequence[int]) -> list[Birth]:
         """The births with these ``ids``, genomes included, in the order given."""
         found: dict[int, Birth] = {}
+        born = range(len(self.generations) * self.header.population)
+        unborn = [identifier for identifier in ids if identifier not in born]
+        if unborn:
+            raise RunError(
+                f"{self.path}: no individual {unborn[0]}",
+                f"an id from 0 to {born[-1]}" if born else "a run with a whole generation",
+                "see the births' `id` column",
+            )
         for generation in sorted({identifier // self.header.population for identifier in ids}):
             table = self.births(generation)
-            wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
             with self._readable(self.path):
+                wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
                 births = births_of(table.filter(wanted), self.header)
             found |= {birth.id: birth for birth in births}
         missing = [identifier for identifier in ids if identifier not in found]
@@ -130,9 +142,8 @@ class Run:
         summaries = self._with_pieces(
             lambda: [self._summaries(piece.path) for piece in self._folder.pieces(MEMBERSHIP)]
         )
-        together = {int(g): about for piece in summaries for g, about in piece.items()}
-        with self._readable(self.path):
-            return [{"generation": g} | together[g] for g in self.generations if g in together]
+        together = {g: about for piece in summaries for g, about in piece.items()}
+        return [{"generation": g} | together[g] for g in self.generations if g in together]
 
     def status(self) -> dict:
         """Where the run is now, in plain JSON values.
@@ -147,11 +158,11 @@ class Run:
                 return None, {}
             pieces = self._folder.pieces(MEMBERSHIP)
             piece = next(p for p in pieces if p.first <= whole[-1] <= p.last)
-            return whole[-1], self._summaries(piece.path)[str(whole[-1])]
+            return whole[-1], self._summaries(piece.path)[whole[-1]]
 
         generation, about = self._with_pieces(last_summary)
-        states = [e.get("event") for e in self.events()]
-        states = [s for s in states if s in ("start", "resume", "stop", "finish")]
+        told = [e.get("event") for e in self.events()]
+        states = [s for s in told if s in ("start", "resume", "stop", "finish")]
         return {
             "generation": generation,
             "births": about.get("births", 0),
@@ -182,13 +193,7 @@ class Run:
                     else range(max(piece.first, generation), min(piece.last, generation) + 1)
                 )
                 if wanted:
-                    with pq.ParquetFile(piece.path) as file:
-                        Header.from_json(file.schema_arrow.metadata[ABOUT_RUN], piece.path)
-                        if piece.first == piece.last:  # without rows it has no row group
-                            tables.append(file.read(columns=columns))
-                        else:
-                            groups = [g - piece.first for g in wanted]
-                            tables.append(file.read_row_groups(groups, columns=columns))
+                    tables.append(self._rows(kind, piece, wanted, columns))
             return tables
 
         tables = self._with_pieces(read)
@@ -198,13 +203,31 @@ class Run:
                 "at least one",
                 "wait for the first generation to end",
             )
-        plain = [table.replace_schema_metadata(None) for table in tables]
-        joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
-        return joined.replace_schema_metadata(tables[-1].schema.metadata)
+        with self._readable(self.path):
+            plain = [table.replace_schema_metadata(None) for table in tables]
+            joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
+            return joined.replace_schema_metadata(tables[-1].schema.metadata)
 
-    def _summaries(self, path: Path) -> dict:
-        with pq.ParquetFile(path) as file:
-            return json.loads(file.metadata.metadata[ABOUT_GENERATIONS])
+    def _rows(self, kind: str, piece: Piece, wanted: range, columns) -> pa.Table:
+        """Generations ``wanted`` of a file, once its header and columns are those of the run."""
+        expected = births_schema(self.header) if kind == BIRTHS else MEMBERSHIP_SCHEMA
+        with self._readable(piece.path, gone_is_damage=False), pq.ParquetFile(piece.path) as file:
+            schema = file.schema_arrow
+            if Header.from_json(schema.metadata[ABOUT_RUN], piece.path) != self.header:
+                raise ValueError("it belongs to another run")
+            if not schema.equals(expected):
+                raise ValueError(f"its columns are not those of {kind}")
+            if piece.first == piece.last:  # without rows it has no row group
+                table = file.read(columns=columns)
+            else:
+                groups = [g - piece.first for g in wanted]
+                table = file.read_row_groups(groups, columns=columns)
+            check_rows(table)
+            return table
+
+    def _summaries(self, path: Path) -> dict[int, dict]:
+        with self._readable(path, gone_is_damage=False), pq.ParquetFile(path) as file:
+            return summaries_of(file.metadata.metadata[ABOUT_GENERATIONS])
 
     def _with_pieces(self, read: Callable):
         for attempt in range(_ATTEMPTS):
@@ -224,10 +247,11 @@ class Run:
             if isinstance(error, FileNotFoundError) and not gone_is_damage:
                 raise
             expected = (OSError, pa.ArrowException, EvocityError)
-            damage = (KeyError, ValueError, TypeError, AttributeError, IndexError, StopIteration)
+            damage = (LookupError, ValueError, TypeError, AttributeError, StopIteration)
+            damage += (ArithmeticError, RecursionError, MemoryError)
             if not isinstance(error, expected + damage):
                 raise
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            reason = "; ".join(map(str.strip, str(error).splitlines()[:3]))
             raise RunError(
                 f"{what} is damaged or not part of a run ({type(error).__name__}: {reason})",
                 "a run folder as `evocity run` writes it",

@@ -1,12 +1,18 @@
 """What a row of `births` and of `membership` holds, to and from Arrow tables."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
+from typing import Annotated
 
 import numpy as np
 import pyarrow as pa
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic_core import from_json
 
+from evocity.citymap import MAX_PIXELS
 from evocity.errors import RunError
 from evocity.genome import FIELDS, Genome, Pavement
 
@@ -23,6 +29,20 @@ ABOUT_GENERATIONS = b"evocity.generations"
 
 _WORD = pa.dictionary(pa.int32(), pa.string())
 
+# Of a stranger's file nothing is taken for granted: neither types nor bounds.
+_STRICT = ConfigDict(strict=True, extra="forbid")
+
+
+def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) < len(names):
+        raise ValueError("a name twice")
+    return names
+
+
+_Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
+
 
 @dataclass(frozen=True)
 class Header:
@@ -33,19 +53,21 @@ class Header:
     generation · population + slot.
     """
 
-    height: int
-    width: int
-    block: int
-    metres_per_pixel: float
-    sigma_max: float
-    cities: tuple[str, ...]
+    height: _Side
+    width: _Side
+    block: _Side
+    metres_per_pixel: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    sigma_max: Annotated[float, Field(gt=0)]
+    cities: Annotated[_Names, Field(max_length=256)]
     attribution: str
-    origin: tuple[float, float] | None
+    origin: tuple[_Finite, _Finite] | None
     crs: str | None
-    seed: int
-    population: int
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    population: Annotated[int, Field(ge=1, le=2**31)]
     recipe_hash: str
-    measures: tuple[str, ...]
+    measures: _Names
+
+    __pydantic_config__ = _STRICT
 
     @property
     def pavement(self) -> Pavement:
@@ -69,13 +91,42 @@ class Header:
 
     @classmethod
     def from_json(cls, text: str | bytes, path) -> "Header":
-        """Raises `RunError` for another schema version, ValueError or TypeError for damage."""
-        about = json.loads(text)
+        """Raises `RunError` for another schema version; KeyError, TypeError, ValueError or
+        `GenomeError` for damage."""
+        about = from_json(text)
         check_version(about.pop("schema_version"), path)
-        about["sigma_max"] = float("inf") if about["sigma_max"] is None else about["sigma_max"]
-        for name in ("cities", "measures", "origin"):
-            about[name] = None if about[name] is None else tuple(about[name])
-        return cls(**about)
+        about["sigma_max"] = math.inf if about["sigma_max"] is None else about["sigma_max"]
+        header = _header_model().validate_json(json.dumps(about))
+        if header.height * header.width > MAX_PIXELS:
+            raise ValueError(f"a map of {header.height} × {header.width} px")
+        header.pavement  # noqa: B018  raises where block and sides do not fit
+        return header
+
+
+@cache
+def _header_model() -> TypeAdapter:
+    return TypeAdapter(Header)
+
+
+class Summary(BaseModel):
+    """What a generation's membership file tells besides its rows; all of it may be lacking."""
+
+    model_config = _STRICT
+
+    births: int = Field(0, ge=0)
+    failures: int = Field(0, ge=0)
+    hypervolume: _Finite | None = None
+    best: dict[str, _Finite] = Field(default_factory=dict)
+    evaluations_per_second: _Finite | None = None
+
+
+_SUMMARIES = TypeAdapter(dict[str, Summary])
+
+
+def summaries_of(text: str | bytes) -> dict[int, dict]:
+    """Generation -> what its summary states. Raises ValueError for anything else."""
+    checked = _SUMMARIES.validate_json(text)
+    return {int(number): about.model_dump(exclude_unset=True) for number, about in checked.items()}
 
 
 @dataclass(frozen=True)
@@ -113,6 +164,22 @@ class Member:
     crowding: float
 
 
+#: Columns of a membership file.
+MEMBERSHIP_SCHEMA = pa.schema(
+    [
+        ("generation", pa.int32()),
+        ("slot", pa.int32()),
+        ("id", pa.int64()),
+        ("rank", pa.int32()),
+        ("crowding", pa.float64()),
+    ]
+)
+
+_NEVER_NULL = frozenset(
+    ("generation", "id", "parents", "operator", "made", "status", "seconds", "feasible")
+) | frozenset(MEMBERSHIP_SCHEMA.names)
+
+
 def births_schema(header: Header) -> pa.Schema:
     """Columns of a births file; ``genome`` is the digest, ``made`` a JSON document."""
     lifs = len(header.pavement)
@@ -134,6 +201,15 @@ def births_schema(header: Header) -> pa.Schema:
         ),
     ]
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
+
+
+def check_rows(table: pa.Table) -> None:
+    """Raise ValueError if a ``table`` read from a file lacks a value that every row has."""
+    for name in set(table.column_names) & _NEVER_NULL:
+        if table[name].null_count:
+            raise ValueError(f"a row without {name}")
+    if "status" in table.column_names and not set(table["status"].to_pylist()) <= set(STATUSES):
+        raise ValueError(f"a status other than {', '.join(STATUSES)}")
 
 
 def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
@@ -176,7 +252,7 @@ def genome_of(row: Mapping, header: Header) -> Genome:
         attribution=header.attribution,
         origin=header.origin,
         crs=header.crs,
-        made=json.loads(row["made"].as_py()),
+        made=dict(from_json(row["made"].as_py())),
     )
 
 
@@ -186,6 +262,8 @@ def births_of(table: pa.Table, header: Header) -> list[Birth]:
     for index in range(len(table)):
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.measures}
+        if row["status"].as_py() == "ok":
+            _check_ok(row, values)
         births.append(
             Birth(
                 **{
@@ -195,10 +273,17 @@ def births_of(table: pa.Table, header: Header) -> list[Birth]:
                 parents=tuple(row["parents"].as_py()),
                 values={name: value for name, value in values.items() if value is not None},
                 genome=genome_of(row, header) if row["genome"].is_valid else None,
-                made=json.loads(row["made"].as_py()),
+                made=dict(from_json(row["made"].as_py())),
             )
         )
     return births
+
+
+def _check_ok(row: Mapping, values: Mapping) -> None:
+    if not row["genome"].is_valid or None in values.values():
+        raise ValueError(f"individual {row['id']} without a genome or a value, though it is ok")
+    if not all(map(math.isfinite, values.values())):
+        raise ValueError(f"individual {row['id']} with a value that is not finite, though it is ok")
 
 
 def membership_table(
@@ -206,18 +291,9 @@ def membership_table(
 ) -> pa.Table:
     """Arrow table of one generation's members; ``summary`` travels in its metadata."""
     members = list(members)
-    schema = pa.schema(
-        [
-            ("generation", pa.int32()),
-            ("slot", pa.int32()),
-            ("id", pa.int64()),
-            ("rank", pa.int32()),
-            ("crowding", pa.float64()),
-        ],
-        metadata={
-            ABOUT_RUN: header.to_json(),
-            ABOUT_GENERATIONS: json.dumps({str(generation): dict(summary)}, allow_nan=False),
-        },
+    summaries = json.dumps({str(generation): dict(summary)}, allow_nan=False)
+    schema = MEMBERSHIP_SCHEMA.with_metadata(
+        {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
     )
     columns = [[getattr(m, name) for m in members] for name in schema.names[1:]]
     return pa.table(

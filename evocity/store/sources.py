@@ -6,10 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from evocity.citymap import CityMap
 from evocity.files import whole_file
 from evocity.genome import Genome, read_genome
+from evocity.store.parts import plain_file, plain_folder, read_bytes
+
+_DESCRIBED = re.compile(r"(\d{2,3})-[A-Za-z0-9_-]*\.json", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,19 @@ class Source:
     @property
     def name(self) -> str:
         return self.city.name
+
+
+class _About(BaseModel):
+    """What describes a map's heights; `CityMap` checks the numbers."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    name: str
+    metres_per_pixel: float
+    attribution: str
+    origin: tuple[float, float] | None
+    crs: str | None
+    height_rules: dict[str, int]
 
 
 def write_sources(folder: Path, sources: list[Source]) -> None:
@@ -45,11 +62,12 @@ def write_sources(folder: Path, sources: list[Source]) -> None:
 
 
 def read_sources(folder: Path) -> list[Source]:
-    """Raises what reading damaged files raises: OSError, ValueError, KeyError, EvocityError."""
-    sources = []
-    for described in sorted(folder.glob("[0-9][0-9]-*.json")):
-        about = json.loads(described.read_text(encoding="utf-8"))
-        heights = np.load(described.with_suffix(".npy"), allow_pickle=False)
-        genome = read_genome(described.with_suffix(".genome.parquet"))
-        sources.append(Source(CityMap(heights, about.pop("metres_per_pixel"), **about), genome))
-    return sources
+    """Raises what reading damaged files raises: OSError, ValueError, MemoryError, EvocityError."""
+    sources = {}
+    for path in plain_folder(folder).iterdir():
+        if match := _DESCRIBED.fullmatch(path.name):
+            about = _About.model_validate_json(read_bytes(path))
+            heights = np.load(plain_file(path.with_suffix(".npy")), allow_pickle=False)
+            genome = read_genome(plain_file(path.with_suffix(".genome.parquet")))
+            sources[int(match[1])] = Source(CityMap(heights, **about.model_dump()), genome)
+    return [sources[number] for number in sorted(sources)]

@@ -1,7 +1,9 @@
 """`RunWriter`: a run folder being written, one whole generation at a time."""
 
+import contextlib
 import json
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +13,7 @@ from pathlib import Path
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.events import append_event
-from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder
+from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
 from evocity.store.merge import drop_leftovers, merge, write_single
 from evocity.store.run import open_run
@@ -65,21 +67,29 @@ class RunWriter:
         """
         path = Path(path).absolute()
         refuse_existing(path)
+        _clear_unfinished(path)
         hidden = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
         folder = Folder(hidden)
+        lock = None
         try:
+            hidden.mkdir(parents=True)
+            lock = Lock(folder.lock)
             for place in (hidden / BIRTHS, hidden / MEMBERSHIP, folder.sources):
-                place.mkdir(parents=True)
+                place.mkdir()
             with whole_file(folder.recipe) as temporary:
                 temporary.write_bytes(recipe_text.encode())
             _write_provenance(folder, provenance, header)
             write_sources(folder.sources, list(sources))
             folder.events.touch()
-            folder.lock.touch()
             refuse_existing(path)
+            if os.name == "nt":  # there a folder with an open file in it cannot be renamed
+                lock.release()
             hidden.rename(path)
             folder = Folder(path)
-            return cls(folder, header, Lock(folder.lock))
+            if os.name == "nt":
+                lock = Lock(folder.lock)
+            writer, lock = cls(folder, header, lock), None
+            return writer
         except OSError as error:
             raise RunError(
                 f"the run folder {path} cannot be written: {error.strerror or error}",
@@ -87,20 +97,25 @@ class RunWriter:
                 "free space, or choose another folder with --out",
             ) from error
         finally:
+            if lock is not None:
+                lock.release()
             shutil.rmtree(hidden, ignore_errors=True)
 
     @classmethod
     def reopen(cls, path: str | os.PathLike) -> "RunWriter":
-        """Take up the run in ``path`` after its last whole generation; the rest is deleted.
+        """Take up the run in ``path`` after its last whole generation; what a crash left of
+        the next one is deleted.
 
-        Raises `RunError` if it is no run, is damaged, or another process writes it.
+        Raises `RunError` if it is no run, is damaged, lacks a generation in the middle, or
+        another process writes it.
         """
         run = open_run(path)
         folder = Folder(Path(path).absolute())
         writer = cls(folder, run.header, Lock(folder.lock))
         try:
+            whole = run.generations
             with writer._explained():
-                drop_leftovers(folder, len(run.generations) - 1)
+                drop_leftovers(folder, len(whole) - 1)
                 merge(folder)
         except BaseException:
             writer.close()
@@ -152,6 +167,24 @@ class RunWriter:
                 "a run folder that stays in place, on a disk with space",
                 f"free space or bring it back, then: evocity resume {self.path}",
             ) from error
+
+
+def _clear_unfinished(path: Path) -> None:
+    """Delete the hidden folders that killed processes left when they created the run ``path``:
+    those named as `RunWriter.create` does, with a run's parts alone, that nobody holds."""
+    ours = re.compile(re.escape(f".{path.name}-") + "[0-9a-f]{8}")
+    model = Folder(path)
+    parts = {BIRTHS, MEMBERSHIP, model.sources.name, model.recipe.name, model.provenance.name}
+    parts |= {model.events.name, model.lock.name}
+    with contextlib.suppress(OSError):
+        for hidden in path.parent.iterdir():
+            if not ours.fullmatch(hidden.name) or hidden.is_symlink():
+                continue
+            with contextlib.suppress(OSError, RunError):  # in use, or no folder: left alone
+                left = {part.name for part in hidden.iterdir() if not is_unfinished(part)}
+                if model.lock.name in left <= parts:
+                    Lock(hidden / model.lock.name).release()
+                    shutil.rmtree(hidden)
 
 
 def _write_provenance(folder: Folder, provenance: Mapping, header: Header) -> None:

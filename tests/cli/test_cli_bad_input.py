@@ -3,12 +3,17 @@
 import json
 import os
 
+import click
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from cli_tools import AT_2_M, call, refused, write_town
 from PIL import Image
 
+from evocity.cli.common import told
+from evocity.cli.run import run
+from evocity.errors import EvocityError, RecipeError
 from evocity.genome import read_genome
 
 
@@ -75,7 +80,7 @@ def of_the_moon(folder):
 
 
 def of_no_pixel_size(folder):
-    return write_town(folder / "a.npy"), "metres_per_pixel"
+    return write_town(folder / "a.npy"), "--metres-per-pixel"
 
 
 def of_a_missing_genome(folder):
@@ -138,23 +143,105 @@ def test_a_genome_of_another_schema_version_is_refused(tmp_path, genome_file):
         (("--block", 1), "block"),
         (("--block", 5), "multiples of 5"),
         (("--domains", "1"), "domains"),
-        (("--reach", -3), "reach"),
-        (("--sigma-max", 0), "sigma_max"),
-        (("--sigma-max", "nan"), "sigma_max"),
+        (("--reach", -3), "--reach -3\n  expected: a whole number of pixels, or all"),
+        (("--sigma-max", 0), "--sigma-max 0"),
+        (("--sigma-max", "nan"), "--sigma-max nan"),
         (("--pixels", 0), "pixels"),
         (("--pixels", 10**9), "pixels"),
-        (("--metres-per-pixel", -2), "metres_per_pixel"),
-        (("--default-height", -1), "default_height"),
-        (("--height-scale", 2), "height_scale"),
-        (("--layer", "roofs"), "layer"),
-        (("--center", 4.8, 98), "center"),
-        (("--center", 99.0, 0.0), "lyon-1er"),
+        (("--metres-per-pixel", -2), "--metres-per-pixel -2"),
+        (("--default-height", -1), "--default-height -1"),
+        (("--height-scale", 2), "leave --height-scale out"),
+        (("--layer", "roofs"), "leave --layer out"),
+        (("--center", 4.8, 98), "--center 4.8 98.0"),
+        (("--center", 99.0, 0.0), "for example --center 4.83"),
     ],
 )
 def test_an_option_out_of_bounds_is_refused(tmp_path, options, says):
     small = () if "--pixels" in options else ("--pixels", 32)
     words = ("encode", "lyon-1er", *small, *options, "-o", tmp_path / "g.parquet")
     refused(tmp_path, *words, says=says)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "says"),
+    [(410, "--pixels 408 or --block 5"), (41, "give --pixels 40\n"), (6, "--block 3")],
+)
+def test_options_that_suit_the_block_are_named(tmp_path, pixels, says):
+    words = ("encode", "lyon-1er", "--pixels", pixels, "-o", tmp_path / "g.parquet")
+    message = refused(tmp_path, *words, says=says)
+    option, value = message.split("give ")[1].split(" or ")[-1].split()
+    call(*words, option, value)  # what is named does
+
+
+@click.command()
+@click.option("--layer", help="a name")
+@click.option("--center", nargs=2)
+@click.option("--metres-per-pixel")
+@click.option("--reach")
+@click.option("--accept-changes", is_flag=True)
+def _command():
+    """Has options."""
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name the layer with layer=", "name the layer with --layer"),
+        ("for example center=(4.83, 45.7)", "for example --center 4.83 45.7"),
+        ("center = (4.8, 98.0)", "--center 4.8 98.0"),
+        ("leave center= out: pixels= then cuts", "leave --center out: pixels= then cuts"),
+        ("a: metres_per_pixel = 2.0", "a: --metres-per-pixel 2.0"),
+        ("metres_per_pixel=, metres", "--metres-per-pixel, metres"),
+        ("64, or None for the whole map", "64, or all for the whole map"),
+        ("with --accept-changes (accept_changes=True): go", "with --accept-changes: go"),
+        ("raised ValueError: one\n  two", "raised ValueError: one two"),
+        ("genome.reach = 4", "genome.reach = 4"),
+    ],
+)
+def test_messages_name_options_for_keywords(text, expected):
+    assert told(EvocityError("found", "right", text), _command).endswith(f"to do: {expected}")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name the layer with layer=", "name the layer with layer in [[parents]]"),
+        ("for example center=(4.83, 45.7)", "for example center = [4.83, 45.7] in [[parents]]"),
+        ("the same pixels= and x", "the same pixels in [map] and x"),
+        ("64, or None for the whole map", "64, or nothing for the whole map"),
+    ],
+)
+def test_messages_of_a_run_name_keys_of_its_recipe(text, expected):
+    assert told(EvocityError("found", "right", text), run).endswith(f"to do: {expected}")
+
+
+def test_the_faults_of_a_recipe_keep_their_lines():
+    assert "\n  run.seed" in told(RecipeError("1 fault:\n  run.seed", "right", "do"), _command)
+
+
+def test_what_is_no_genome_is_called_what_it_is(tmp_path):
+    table = pa.table({"geometry": [b""]}).replace_schema_metadata({"geo": "{}"})
+    pq.write_table(table, tmp_path / "buildings.parquet")
+    pq.write_table(pa.table({"a": [1]}), tmp_path / "plain.parquet")
+    output = ("-o", tmp_path / "m.tif")
+    for words in (("decode", *output), ("score",)):
+        named = (words[0], tmp_path / "buildings.parquet", *words[1:])
+        message = refused(tmp_path, *named, says="buildings.parquet is GeoParquet")
+        assert "export GeoPackage or GeoJSON" in message
+    words = ("decode", tmp_path / "plain.parquet", *output)
+    refused(tmp_path, *words, says="plain.parquet is Parquet, but no genome")
+    words = ("encode", tmp_path / "buildings.parquet", "-o", tmp_path / "g.parquet")
+    refused(tmp_path, *words, says="of GeoParquet, export GeoPackage or GeoJSON")
+    message = refused(tmp_path, "decode", "lyon-1er", *output, says="lyon-1er is a map")
+    assert "evocity encode lyon-1er" in message
+    refused(tmp_path, "decode", write_town(tmp_path / "a.npy"), *output, says="a.npy is a map")
+    refused(tmp_path, "decode", tmp_path, *output, says="a folder, not that of a run")
+
+
+def test_an_id_means_nothing_without_a_run(tmp_path, genome_file):
+    refused(tmp_path, "score", genome_file, "--id", 3, says="no run folder")
+    refused(tmp_path, "show", "lyon-1er", "--id", 3, "-o", tmp_path / "p.png", says="no run")
+    refused(tmp_path, "decode", tmp_path, "--id", 3, "-o", tmp_path / "m.tif", says="no run at")
 
 
 @pytest.mark.parametrize(
@@ -214,6 +301,11 @@ def test_an_unknown_measure_is_refused_and_all_are_listed(tmp_path):
         ("import evocity\n@evocity.fitness(goal='max')\ndef gsi(city): return 1", "gsi"),
         ("import evocity\n@evocity.fitness(goal='max')\ndef f_raises(city): 1 / 0", "ZeroDivision"),
         ("import evocity\n@evocity.fitness(goal='max')\ndef f_none(city): pass", "None"),
+        (
+            "import evocity\n@evocity.fitness(goal='max')\n"
+            "def f_told(city): raise ValueError('one\\n\\n  two')",
+            "ValueError: one two on lyon-1er",
+        ),
     ],
 )
 def test_a_bad_file_of_measures_is_refused(tmp_path, text, says):

@@ -6,7 +6,7 @@ import math
 import click
 import numpy as np
 import pytest
-from cli_tools import AT_2_M, call, write_town
+from cli_tools import AT_2_M, call, refused, write_town
 from PIL import Image
 
 import evocity
@@ -42,6 +42,7 @@ def test_the_commands_are_these():
         "encode",
         "decode",
         "score",
+        "autosimilarity",
         "show",
         "cities",
         "fitness list",
@@ -82,6 +83,15 @@ def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):
         "uniform": made.uniform,
         "pairs": made.pairs,
     }
+
+
+def test_encode_fits_the_attractor(tmp_path, town_file):
+    path = tmp_path / "g.parquet"
+    result = call("encode", town_file, *AT_2_M, "--fit", "-o", path)
+    assert "attractor fitted" in result.stdout
+    made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2), fit=True)
+    assert evocity.read_genome(path) == made.genome
+    assert evocity.read_genome(path).made == made.genome.made
 
 
 def test_encode_in_words(tmp_path, town_file):
@@ -200,6 +210,78 @@ def test_cities_tells_every_name_and_attribution():
     lines = call("cities").stdout.splitlines()[1:]
     assert [line.split()[0] for line in lines] == evocity.cities()
     assert all("©" in line or "Source:" in line for line in lines)
+
+
+def test_cities_tell_which_have_no_heights():
+    told = json.loads(call("cities", "--json").stdout)
+    assert list(told) == evocity.cities()
+    lines = {line.split()[0]: line for line in call("cities").stdout.splitlines()}
+    for name, about in told.items():
+        rules = evocity.read_map(name).height_rules
+        assert about == {
+            "attribution": evocity.io.attribution_of(name),
+            "buildings": sum(rules.values()),
+            "without_height": rules.get("default", 0),
+        }
+        assert f" {about['buildings']} " in lines[name]
+    assert " all " in lines["villeurbanne-gratte-ciel"]
+    assert " none " in lines["lyon-1er"]
+
+
+def test_fitness_list_loads_files_of_the_users_own(tmp_path):
+    own = tmp_path / "own_for_list.py"
+    own.write_text(
+        "import evocity\n"
+        "print('loading')\n"
+        "@evocity.fitness(goal='min', unit='m')\n"
+        "def lowest_for_list(city):\n"
+        "    'How low it is.'\n"
+        "    return city.heights.min()\n"
+    )
+    result = call("fitness", "list", own)
+    assert "loading" not in result.stdout
+    (line,) = [s for s in result.stdout.splitlines() if s.startswith("lowest_for_list")]
+    assert line.split()[1:3] == ["min", "m"]
+    assert line.endswith("How low it is.")
+    refused(tmp_path, "fitness", "list", tmp_path / "missing.py", says="no Python file")
+
+
+def test_invented_heights_are_told_in_one_line(tmp_path):
+    small = ("villeurbanne-gratte-ciel", "--pixels", 64)
+    for words in (
+        ("score", *small, "--fitness", "gsi", "--json"),
+        ("show", *small, "-o", tmp_path / "v.png"),
+        ("encode", *small, "-o", tmp_path / "v.parquet"),
+        ("autosimilarity", *small, "-o", tmp_path / "v.npy"),
+    ):
+        (line,) = call(*words).stderr.splitlines()
+        count = line.split(": ")[2].split()[0]
+        assert f"{count} of {count} buildings have no height in the source: 6 m taken" in line
+        assert line.endswith("; --default-height says otherwise")
+    (line,) = call("score", *small, "--default-height", 9).stderr.splitlines()
+    assert line.endswith("9 m taken")
+    assert call("score", "lyon-1er", "--pixels", 64, "--json").stderr == ""
+
+
+def test_a_window_that_is_mostly_empty_is_told():
+    words = ("score", "lyon-1er", "--fitness", "gsi", "--metres-per-pixel", 4)
+    (line,) = call(*words).stderr.splitlines()
+    assert "of 256 × 256 px" in line
+    assert "--center" in line
+    assert call(*words[:-1], 2).stderr == ""
+
+
+def test_a_bound_of_one_or_more_is_warned_of(tmp_path, town_file):
+    words = ("encode", town_file, *AT_2_M, "-o", tmp_path / "g.parquet", "--sigma-max")
+    assert "may diverge" in call(*words, 1.2).stderr
+    assert call(*words, 0.95).stderr == ""
+
+
+def test_decoded_pictures_say_so(tmp_path, genome_file):
+    for words in (("show", genome_file), ("decode", genome_file)):
+        call(*words, "-o", tmp_path / "p.png")
+        with Image.open(tmp_path / "p.png") as picture:
+            assert picture.info["Title"] == "town, decoded"
 
 
 def test_fitness_list_tells_every_measure():

@@ -7,7 +7,7 @@ from cli_tools import call, contents, refused, write_recipe, write_town
 from PIL import Image
 
 import evocity
-from evocity.cli.searching import LiveLine, LogLines, progress_line
+from evocity.cli.searching import LiveLine, LogLines, goal_signs, progress_line
 from evocity.errors import MapError, RunError
 from evocity.search import Generation
 
@@ -100,7 +100,18 @@ def test_all_faults_of_a_recipe_are_told_at_once(tmp_path):
     recipe = write_recipe(tmp_path, run="population = 1", evaluation='workers = "two"')
     words = ("run", recipe, "--seed", -4, "--out", tmp_path / "run")
     message = refused(tmp_path, *words, says="3 faults")
-    assert all(key in message for key in ("run.population", "evaluation.workers", "run.seed"))
+    assert all(key in message for key in ("run.population", "evaluation.workers", "--seed -4"))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("generations", -3), ("population", 1), ("seed", -1), ("workers", -1), ("workers", 5000)],
+)
+def test_a_fault_of_the_command_line_is_not_the_recipes(tmp_path, recipe, option, value):
+    words = ("run", recipe, f"--{option}", value, "--out", tmp_path / "run")
+    message = refused(tmp_path, *words, says="the command line is at fault")
+    assert f"--{option} {value}; allowed:" in message
+    assert recipe.name not in message
 
 
 def test_a_recipe_that_is_none_is_refused(tmp_path):
@@ -166,8 +177,72 @@ def test_status_tells_where_a_run_is(finished):
     assert told["finished"] is True
     assert set(told["best"]) == {"alignment", "gsi"}
     text = call("status", finished).stdout
-    assert "best alignment" in text
-    assert "18" in text
+    (generation,) = [line for line in text.splitlines() if line.startswith("generation")]
+    assert generation.split()[1] == "2/2"
+    goals = {"best alignment": "(more is better)", "best gsi": "(0.35 is wanted)"}
+    for line in text.splitlines():
+        if line.startswith("best"):
+            assert line.endswith(goals.pop(" ".join(line.split()[:2])))
+    assert goals == {}
+    (front,) = [line.split()[1:] for line in text.splitlines() if line.startswith("front")]
+    run = evocity.open_run(finished)
+    members = run.members(run.generations[-1]).to_pylist()
+    assert [int(one) for one in front] == sorted(m["id"] for m in members if m["rank"] == 0)
+
+
+def test_one_individual_of_a_run_leaves_it(tmp_path, finished):
+    front = call("status", finished).stdout.split("front")[1].split()[0]
+    city = evocity.decode(evocity.open_run(finished).genome(int(front))).city
+    call("decode", finished, "--id", front, "-o", tmp_path / "bred.tif")
+    bred = evocity.read_map(tmp_path / "bred.tif")
+    assert (bred.heights == city.heights).all()
+    assert bred.name == f"run, individual {front}"
+    told = json.loads(call("score", finished, "--id", front, "--fitness", "gsi", "--json").stdout)
+    assert told == {"gsi": pytest.approx(evocity.fitness.get("gsi")(city))}
+    call("show", finished, "--id", front, "-o", tmp_path / "bred.png")
+    call("show", tmp_path / "bred.tif", "-o", tmp_path / "same.png")
+    with Image.open(tmp_path / "bred.png") as one, Image.open(tmp_path / "same.png") as other:
+        assert one.info["Title"] == f"run, individual {front}"
+        assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("words", [("decode", "-o", "m.tif"), ("score",)])
+def test_a_run_without_an_id_says_where_ids_are(tmp_path, finished, words):
+    output = [tmp_path / word if "." in word else word for word in words[1:]]
+    message = refused(tmp_path, words[0], finished, *output, says="--id N")
+    assert f"evocity status {finished}" in message
+    assert str(finished / "report.html") in message
+    example = message.split("for example --id ")[1].split(",")[0]
+    call("score", finished, "--id", example, "--fitness", "gsi")
+    refused(tmp_path, "encode", finished, "-o", tmp_path / "g.parquet", says="that of a run")
+    refused(tmp_path, words[0], finished, "--id", 9999, *output, says="from 0 to 17")
+
+
+OWN_SOMETIMES = """import evocity
+@evocity.fitness(goal="min", unit="m")
+def sometimes(city):
+    highest = float(city.heights.max())
+    if int(10 * city.heights.sum()) % 3 == 0:
+        raise ValueError("no taste\\n  for mixtures")
+    return highest
+"""
+
+
+def test_failures_are_told_at_the_end_and_by_status(tmp_path):
+    (tmp_path / "own_sometimes.py").write_text(OWN_SOMETIMES, encoding="utf-8")
+    fitness = 'file = "own_sometimes.py"\n[[fitness]]\nname = "gsi"\ntarget = 0.3'
+    recipe = write_recipe(tmp_path, fitness=fitness, evaluation="workers = 0\nmax_failures = 1.0")
+    result = call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
+    (told,) = [line for line in result.stderr.splitlines() if line.startswith("failed: ")]
+    count = evocity.open_run(tmp_path / "run").status()["failures"]
+    assert told.startswith(f"failed: {count} error, such as: sometimes (")
+    assert "ValueError: no taste for mixtures" in told
+    assert "sometimes" in result.stderr.split("best ")[1].split("↓")[0]
+    assert "→0.3" in result.stderr
+    text = call("status", tmp_path / "run").stdout
+    assert told.removeprefix("failed: ") in text
+    again = call("resume", tmp_path / "run")
+    assert told in again.stderr
 
 
 def test_show_draws_a_run(tmp_path, finished):
@@ -278,10 +353,49 @@ def test_a_report_that_fails_loses_nothing(tmp_path, recipe, searching, monkeypa
 
 
 def test_the_line_of_progress():
-    assert progress_line(generation(3), 9) == (
+    assert progress_line(generation(3), 9, {"gsi": "→0.35"}) == (
         "generation 3/9 · 12 births · 1 failed · 3.0 evaluations/s · hypervolume 1.25 · "
-        "best gsi 0.5 · 0:01:01 left"
+        "best gsi 0.5 →0.35 · 0:01:01 left"
     )
+
+
+def test_the_signs_of_goals(tmp_path):
+    fitness = "\n[[fitness]]\n".join(
+        ['name = "alignment"', 'name = "crumbs"', 'name = "gsi"\nlike = "lyon-1er"',
+         'name = "fsi"\ngoal = "min"', 'name = "mean_height"\ntarget = 12.0']
+    )  # fmt: skip
+    signs = goal_signs(evocity.read_recipe(write_recipe(tmp_path, fitness=fitness)))
+    assert signs == {
+        "alignment": "↑",
+        "crumbs": "↓",
+        "gsi": "→lyon-1er",
+        "fsi": "↓",
+        "mean_height": "→12",
+    }
+
+
+def test_invented_heights_of_parents_are_told(tmp_path):
+    parents = 'map = "lyon-1er"\n[[parents]]\nmap = "villeurbanne-gratte-ciel"'
+    recipe = write_recipe(tmp_path, parents=parents)
+    words = ("run", recipe, "--generations", 0, "--out")
+    lines = call(*words, tmp_path / "run").stderr.splitlines()
+    (note,) = [line for line in lines if "no height" in line]
+    assert "villeurbanne-gratte-ciel: 5 of 5 buildings have no height" in note
+    assert "6 m taken; default_height in its [[parents]] says otherwise" in note
+    recipe.write_text(recipe.read_text().replace('-ciel"', '-ciel"\ndefault_height = 9.0'))
+    lines = call(*words, tmp_path / "more").stderr.splitlines()
+    (note,) = [line for line in lines if "no height" in line]
+    assert note.endswith("9 m taken")
+
+
+def test_a_parent_that_is_mostly_empty_is_told(tmp_path):
+    parents = 'map = "lyon-1er"\n[[parents]]\nmap = "new-york-west-village"'
+    wide = "pixels = 64\nmetres_per_pixel = 30.0"
+    recipe = write_recipe(tmp_path, parents=parents, map=wide)
+    lines = call("run", recipe, "--generations", 0, "--out", tmp_path / "run").stderr.splitlines()
+    notes = [line for line in lines if "of 64 × 64 px" in line]
+    assert [note.split()[1] for note in notes] == ["lyon-1er:", "new-york-west-village:"]
+    assert all(note.endswith("[map], choose another window") for note in notes)
 
 
 def test_a_terminal_gets_one_live_line(capsys):

@@ -133,6 +133,12 @@ def test_a_decoding_cut_short_says_so(encoding):
         ({"reach": -1}, "reach"),
         ({"sigma_max": 0}, "sigma_max"),
         ({"domains": (1,), "reach": -1}, "domains.*reach"),
+        ({"domains": 2}, "domains = 2"),
+        ({"domains": (2.0,)}, "domains"),
+        ({"block": 4.0}, "block = 4.0"),
+        ({"block": "4"}, "block = '4'"),
+        ({"reach": "all"}, "reach = 'all'"),
+        ({"sigma_max": "0.9"}, "sigma_max"),
     ],
 )
 def test_parameters_at_fault_are_named(town, parameters, word):
@@ -152,3 +158,32 @@ def test_psnr(town):
     assert psnr(town, off) == pytest.approx(20 * np.log10(town.heights.max()))
     with pytest.raises(MapError):
         psnr(town, CityMap(np.zeros((4, 4)), 2.0))
+
+
+def test_names_in_place_of_maps_and_genomes_are_told_apart(town, encoding):
+    with pytest.raises(GenomeError, match=r"a str to encode(.|\n)*read_map"):
+        encode("lyon-1er")
+    with pytest.raises(GenomeError, match=r"a CityMap to decode(.|\n)*encode"):
+        decode(town)
+
+
+def test_a_size_named_twice_is_searched_once(town, encoding):
+    assert encode(town, domains=(2, 2)).pairs == encoding.pairs
+
+
+@pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"tolerance": np.nan}, {"max_iterations": 0}])
+def test_decoding_without_an_end_is_refused(encoding, wrong):
+    with pytest.raises(GenomeError, match="tolerance"):
+        decode(encoding.genome, **wrong)
+
+
+def test_many_extents_cost_no_more_memory(encoding, town):
+    """Every lifs with an extent of its own: few layers, and the same map as block by block."""
+    genome, rng = encoding.genome, np.random.default_rng(0)
+    able = ~genome.uniform
+    dx, dy = (np.where(able, 4 * rng.integers(2, 12, able.size), 0) for _ in range(2))
+    x, y = np.minimum(genome.x, 64 - dx), np.minimum(genome.y, 64 - dy)
+    mixed = genome.replace(dx=dx, dy=dy, x=x, y=y)
+    collage = CollageMap(mixed)
+    assert collage(town.heights) == pytest.approx(naive.collage(mixed, town.heights), abs=1e-4)
+    assert len(collage._layers) <= 9

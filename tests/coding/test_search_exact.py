@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from evocity import isometries
 from evocity.coding import best_correlations, encode
-from evocity.coding.domains import d4_matrix, domain_pool
-from evocity.coding.encode import domain_pools
+from evocity.coding.domains import d4_matrix, domain_pool, domain_pools
 from evocity.coding.search import best_matches
+from evocity.coding.shapes import same_shape
 from evocity.genome import Pavement
 
 SIDE = 16
@@ -146,3 +147,41 @@ def test_correlations_against_the_naive_twin(other_town, reach):
     true_rho2, true_uniform = naive.best_correlations(heights, reach=reach)
     assert np.array_equal(uniform, true_uniform)
     assert rho2 == pytest.approx(true_rho2, abs=1e-5)
+
+
+def test_blocks_of_one_shape_are_grouped():
+    rng = np.random.default_rng(8)
+    shapes = rng.integers(0, 3, (5, 4, 4)) * 3.3
+    images = [
+        sign * isometries.apply(int(rng.integers(8)), shape) + level
+        for shape in shapes
+        for sign, level in ((1, 0), (1, 3), (-1, 12))
+    ]
+    of, first = same_shape(np.array(images))
+    assert np.array_equal(of[first], np.arange(len(first)))
+    truth = np.arange(len(images)) // 3
+    for i, j in np.ndindex(len(of), len(of)):
+        if of[i] == of[j]:  # rounding may keep equal shapes apart, but never joins others
+            assert truth[i] == truth[j]
+    whole, _ = same_shape(np.round(np.array(images) / 3.3).astype(int))
+    assert len(np.unique(whole)) == 5
+
+
+@pytest.mark.parametrize("memory", [1, 30_000, 1 << 30])
+def test_bands_of_domains_do_not_change_the_matches(town, memory):
+    heights, pavement = town.heights, Pavement(*town.shape, 4)
+    blocks = pavement.blocks(heights)
+    found = [
+        best_matches(
+            domain_pools(heights, 4, (2, 3), memory=size),
+            blocks,
+            pavement.corners,
+            reach=reach,
+            sigma_max=0.9,
+        )
+        for reach in (10, None)
+        for size in (memory, 1 << 40)
+    ]
+    for banded, whole in (found[:2], found[2:]):
+        for name in ("multiple", "y", "x", "iso", "sigma", "beta", "gain"):
+            assert np.array_equal(getattr(banded, name), getattr(whole, name))

@@ -325,7 +325,7 @@ class Entry:
 @pytest.fixture
 def plugins(monkeypatch):
     def install(*entries):
-        monkeypatch.setattr(registry, "entry_points", lambda group: entries)
+        monkeypatch.setattr("evocity.plugins.entry_points", lambda group: entries)
         registry.plugin_warnings.cache_clear()
 
     yield install
@@ -366,7 +366,7 @@ def test_plugins_are_found_and_broken_ones_only_told(plugins):
 
 def test_plugins_are_looked_for_under_the_documented_group(plugins, monkeypatch):
     asked = []
-    monkeypatch.setattr(registry, "entry_points", lambda group: asked.append(group) or ())
+    monkeypatch.setattr("evocity.plugins.entry_points", lambda group: asked.append(group) or ())
     registry.plugin_warnings.cache_clear()
     measures()
     assert asked == ["evocity.fitness"]

@@ -426,9 +426,19 @@ def test_a_misspelt_city(wrong):
         bundled.attribution_of(wrong)
 
 
-def test_a_reader_from_another_package(tmp_path, monkeypatch):
+@pytest.fixture
+def plugins(monkeypatch):
+    def install(*entries):
+        monkeypatch.setattr("evocity.plugins.entry_points", lambda group: entries)
+        reading._from_plugins.cache_clear()
+
+    yield install
+    reading._from_plugins.cache_clear()
+
+
+def test_a_reader_from_another_package(tmp_path, plugins):
     class Entry:
-        name = ".asc"
+        name, value = ".asc", "afar:read"
 
         def load(self):
             return lambda path, request: Grid(np.full((4, 4), float(path.read_text())))
@@ -442,10 +452,25 @@ def test_a_reader_from_another_package(tmp_path, monkeypatch):
 
             return Reader(read, content="JSON", takes=frozenset())
 
-    monkeypatch.setattr(reading, "_entries", lambda: [Entry(), Other()])
+    class Broken(Entry):
+        name = ".dwg"
+
+        def load(self):
+            raise ImportError("its library is missing")
+
+    class Clash(Entry):
+        name = ".png"
+
+    plugins(Broken(), Clash(), Entry(), Other())
     (tmp_path / "a.asc").write_text("7")
     assert (read_map(tmp_path / "a.asc", metres_per_pixel=3).heights == 7).all()
     (tmp_path / "a.city.xyz").write_text("{}")
     with pytest.raises(MapError, match="no building"):
         read_map(tmp_path / "a.city.xyz")
     assert {".asc", ".city.xyz"} <= set(reading.suffixes())
+    broken, clash = reading.plugin_warnings()
+    assert "plugin .dwg (afar:read) not loaded: ImportError: its library is missing" in broken
+    assert "a second reader of .png" in clash
+    (tmp_path / "a.dwg").write_text("7")
+    with pytest.raises(MapError, match=r"nothing reads \.dwg; .*its library is missing"):
+        read_map(tmp_path / "a.dwg")

@@ -10,7 +10,7 @@ from pyproj import CRS, Transformer
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.io import WRITERS, read_map, write_map
+from evocity.io import WRITERS, attribution_of, cities, read_map, write_map
 from evocity.io.picture import GROUND, PAPER, ramp, render, scale_end
 
 
@@ -277,3 +277,15 @@ def test_a_picture_shows_the_map_and_thanks_its_source(shape, zoom):
     dark = [(np.asarray(picture).sum(axis=2) < 600).sum() for picture in (full, silent)]
     assert dark[0] > dark[1]  # the attribution is printed
     assert (np.asarray(full)[0] == PAPER).all()
+
+
+@pytest.mark.parametrize("name", [*cities(), None])
+def test_the_copyright_of_a_geotiff_is_ascii(tmp_path, name):
+    text = "© Ünë’s – é" if name is None else attribution_of(name)
+    write_map(CityMap(np.ones((4, 4)), 2.0, attribution=text), tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif") as source:
+        told = source.tags()
+    assert told["ATTRIBUTION"] == text
+    assert told["TIFFTAG_COPYRIGHT"].isascii()
+    assert "?" not in told["TIFFTAG_COPYRIGHT"]
+    assert ("(c)" in told["TIFFTAG_COPYRIGHT"]) == ("©" in text)

@@ -205,6 +205,12 @@ def test_wrong_parents_are_refused(genomes, name):
     operator = make(name)
     with pytest.raises(OperatorError, match="parents"):
         operator([], np.random.default_rng(0))
+    with pytest.raises(OperatorError, match="parents of type str"):
+        operator(["lyon-1er"] * operator.parents[0], np.random.default_rng(0))
+    with pytest.raises(OperatorError, match="parents is a Genome"):
+        operator(genomes[0], np.random.default_rng(0))
+    with pytest.raises(OperatorError, match=r"(?s)rng = 7.*default_rng\(seed\)"):
+        operator(parents_for(operator, genomes), 7)
     small = encode(draw_town(4, side=32)).genome
     if operator.parents[0] > 1:
         with pytest.raises(OperatorError, match="one pavement"):
@@ -217,7 +223,9 @@ def test_wrong_parents_are_refused(genomes, name):
         ("pavment_fusion", {}, "pavement_fusion"),
         ("mutation", {"rate": 1}, "rate"),
         ("mutation", {"sigma": -0.1, "group": 0}, "sigma = -0.1, group = 0"),
-        ("mutation", {"sigma": "much"}, "right types"),
+        ("mutation", {"sigma": "much"}, "sigma = 'much'"),
+        ("mutation", {"sgima": 0.5}, "did you mean sigma"),
+        ("mutatoin", {}, "did you mean mutation"),
         ("pavement_fusion", {"size_min": 9, "size_max": 3}, "size_max"),
         ("pavement_fusion", {"fill": 1.5}, "fill"),
         ("pavement_fusion", {"repair": 0}, "repair"),

@@ -15,10 +15,11 @@ from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import RunError
 from evocity.io.picture import render
-from evocity.report import contact_sheet, write_report
+from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
+from evocity.report.failures import shortened
 from evocity.report.html import pairs_to_show
-from evocity.report.pictures import data_uri, map_uri
+from evocity.report.pictures import _caption, data_uri, map_uri
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
 
 SIDE, BLOCK = 32, 4
@@ -252,6 +253,55 @@ def test_any_number_of_measures(tmp_path, count):
     assert page.svg == pairs + 1 + count  # the front; hypervolume; the best of each
     if count > 1:
         assert len(set(pairs_to_show(Facts(open_run(folder))))) == pairs
+
+
+def test_why_births_failed_stands_beside_their_number(tmp_path):
+    fails = {"fails": lambda generation, slot: slot % 3 == 2, "error": "gsi is nan:\n  no houses"}
+    folder = make_run(tmp_path / "run", **fails)
+    words = Page(write_report(folder).read_text("utf-8")).words
+    assert words[words.index("failed") + 1 :][:2] == ["2 ", "6 error: gsi is nan: no houses"]
+    (kind,) = failures(open_run(folder))
+    assert (kind.status, kind.count, kind.error) == ("error", 6, "gsi is nan: no houses")
+    assert failures(open_run(make_run(tmp_path / "sound"))) == []
+
+
+def test_a_long_reason_is_shortened():
+    assert shortened("a " * 200, most=9) == "a a a a …"
+    assert shortened("as it is") == "as it is"
+
+
+def test_what_replaced_the_recipe_stands_beside_it(tmp_path, usual):
+    noted = {"recipe": {"overrides": {"run.seed": 8, "run.generations": 40}}}
+    folder = make_run(tmp_path / "second", provenance=noted)
+    facts = Facts(open_run(folder))
+    assert facts.planned == 40
+    page = Page(write_report(folder).read_text("utf-8"))
+    assert page.words[page.words.index("run.seed") + 1] == "8"
+    assert "replaced on the command line" in page.words
+    assert "replaced on the command line" not in Page(usual[1]).words
+
+
+def test_a_report_is_called_as_its_folder(tmp_path):
+    facts = Facts(open_run(make_run(tmp_path / "a run-2")))
+    assert facts.title == "a run-2"
+    assert "a run-2" in Page(write_report(facts.run.path).read_text("utf-8")).words
+
+
+@pytest.mark.parametrize(
+    ("recipe", "planned"),
+    [("[run]\ngenerations = 7\n", 7), ("[map]\n", 100), ("no toml", None), ("run = 3", 100)],
+)
+def test_generations_planned_are_the_recipes(tmp_path, recipe, planned):
+    assert Facts(open_run(make_run(tmp_path / "run", recipe=recipe))).planned == planned
+
+
+def test_captions_of_the_contact_sheet_have_units(tmp_path):
+    facts = Facts(open_run(make_run(tmp_path / "run", measures=("mean_height", "gsi"))))
+    first, height, gsi = _caption(facts, facts.best(1)[0])
+    assert first.startswith("individual ")
+    assert height.startswith("mean_height ")
+    assert height.endswith(" m")
+    assert re.fullmatch(r"gsi [\d.]+", gsi)
 
 
 def test_one_generation(tmp_path):

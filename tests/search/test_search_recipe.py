@@ -2,6 +2,7 @@
 
 import pytest
 
+from evocity import operators
 from evocity.errors import RecipeError
 from evocity.search import read_recipe, recipes
 
@@ -37,7 +38,7 @@ def test_all_faults_at_once(toy):
             "parents[1].map",
             "operators.mutation.weight",
             "operators.mutagen",
-            "operators.pavement_fusion",
+            "operators.pavement_fusion.sise",
             "fitness[1]",
             "grid",
         ]
@@ -49,6 +50,8 @@ def test_all_faults_at_once(toy):
     assert "2 or more" in told
     assert "montpellier-pas-du-loup" in told
     assert "run, map, parents" in told
+    for near in ("seed", "mutation", "autosimilarity"):
+        assert f"did you mean {near}?" in told
 
 
 @pytest.mark.parametrize(
@@ -62,7 +65,30 @@ def test_all_faults_at_once(toy):
         ("timeout = 30.0", "timeout = 0", "evaluation.timeout"),
         ("max_failures = 0.5", "max_failures = 2", "evaluation.max_failures"),
         ("mutation = 2", "mutation = inf", "operators.mutation.weight"),
-        ("mutation = 2", "mutation = { weight = 2, sigma = -0.5 }", "operators.mutation"),
+        ("mutation = 2", "mutation = { weight = 2, sigma = -0.5 }", "operators.mutation.sigma"),
+        ("mutation = 2", "mutation = { sigma = true }", "operators.mutation.sigma"),
+        ("mutation = 2", "mutation = { move = 2.5 }", "operators.mutation.move"),
+        ("mutation = 2", "mutation = { iso = nan }", "operators.mutation.iso"),
+        ("mutation = 2", "mutation = { repair = true }", "operators.mutation.repair"),
+        ("mutation = 2", "mutation = 1e308", "operators.mutation.weight"),
+        ("size_max = 6", "fill = [0.2, 0.3, 0.5]", "operators.pavement_fusion.fill"),
+        ("size_max = 6", "fill = 0.3, parents = 3", "operators.pavement_fusion.fill"),
+        ("size_max = 6", "fill = 0.3, void = true", "operators.pavement_fusion.fill"),
+        ("size_max = 6", "fill = []", "operators.pavement_fusion.fill"),
+        ("size_max = 6", "positions = [[1, 2, 3]]", "operators.pavement_fusion.positions"),
+        ("size_max = 6", "parents = 10000000000", "operators.pavement_fusion.parents"),
+        ("size_max = 6", "parents = 1", "operators.pavement_fusion.parents"),
+        ('map = "left.npy"', 'map = "left.npy"\ncenter = [100.0]', "parents[0].center"),
+        ('map = "left.npy"', 'map = "left.npy"\ncenter = [100.0, 95.0]', "parents[0].center"),
+        ('map = "left.npy"', 'map = "~nouser/left.npy"', "parents[0].map"),
+        ('map = "left.npy"', 'map = "a\\u0000b"', "parents[0].map"),
+        ('map = "left.npy"', f'map = "{"x" * 400}"', "parents[0].map"),
+        ('file = "toys.py"', 'file = "~nouser/toys.py"', "fitness[0].file"),
+        ("[[fitness]]", "[genome]\nreach = 40000\n[[fitness]]", "genome.reach"),
+        ("seed = 3", f"seed = 0x{'f' * 5000}", "run.seed"),
+        ("[run]", "'x[' = 1\n[run]", "x["),
+        ("[run]", "int = 1\n[run]", "int"),
+        ("pixels = 64", f"pixels = 0x{'f' * 5000}", "map.pixels"),
         ("mutation = 2", "mutation = { parents = 2 }", "operators.mutation.parents"),
         ("mutation = 2", "mutation = 'often'", "operators.mutation"),
         ('file = "toys.py"', 'file = "none.py"', "fitness[0]"),
@@ -98,6 +124,12 @@ def test_files_that_are_no_recipe(tmp_path):
     (tmp_path / "bad.toml").write_text("[run\n")
     with pytest.raises(RecipeError, match="not TOML"):
         read_recipe(tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_text("a = " + 5000 * "[")
+    with pytest.raises(RecipeError, match="nested too deeply"):
+        read_recipe(tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_text("a = " + 5000 * "9")
+    with pytest.raises(RecipeError, match="thousands of digits"):
+        read_recipe(tmp_path / "bad.toml")
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(RecipeError, match="UTF-8"):
         read_recipe(tmp_path / "bad.toml")
@@ -115,6 +147,59 @@ def test_operators_take_the_genomes_reach(toy):
     recipe = read_recipe(replaced(toy(), "[[fitness]]", "[genome]\nreach = 'all'\n[[fitness]]"))
     assert recipe.operator("mutation").reach is None
     assert recipe.operator("pavement_fusion").size_max == 6
+
+
+def test_a_misspelt_key_hides_no_wrong_type_beside_it(toy):
+    found = faults(
+        replaced(toy(), "mutation = 2", 'mutation = { weigth = 2, sigma = "x", parents = 2 }')
+    )
+    assert [line.split(":")[0] for line in found] == [
+        f"operators.mutation.{key}" for key in ("weigth", "parents", "sigma")
+    ]
+    assert "did you mean weight?; allowed: weight, parents, sigma" in found[0]
+    assert "'x'; allowed: a finite number" in found[2]
+
+
+def test_an_operators_own_parameters_reach_it_as_python_has_them(toy):
+    given = "fill = [0.2, 0.3, 0.5], void = true, positions = [[1, 2]], repair = 'none'"
+    fusion = read_recipe(replaced(toy(), "size_max = 6", given)).operator("pavement_fusion")
+    assert (fusion.fill, fusion.positions, fusion.repair) == ([0.2, 0.3, 0.5], [[1, 2]], None)
+
+
+def test_a_domain_size_named_twice_counts_once(toy):
+    path = replaced(toy(), "[[fitness]]", "[genome]\ndomains = [3, 2, 3]\n[[fitness]]")
+    recipe = read_recipe(path)
+    assert recipe.genome.domains == [3, 2]
+    assert recipe.operator("mutation").domains == (3, 2)
+
+
+def test_cities_that_are_nearly_bundled(toy):
+    (line,) = faults(replaced(toy(), "left.npy", "lyon-ler"))
+    assert "did you mean lyon-1er?" in line
+
+
+def test_without_a_number_of_workers_all_cores_that_may_be_used_work(toy, monkeypatch):
+    recipe = read_recipe(replaced(toy(), "workers = 2", ""))
+    monkeypatch.setattr("evocity.search.recipe.available_cores", lambda: 3)
+    assert recipe.worker_count == 3
+
+
+def test_a_broken_plugin_is_told_where_its_operator_is_missed(toy, monkeypatch):
+    class Broken:
+        name, value = "splice", "afar:Splice"
+
+        def load(self):
+            raise ImportError("its library is missing")
+
+    monkeypatch.setattr("evocity.plugins.entry_points", lambda group: [Broken()])
+    operators._from_plugins.cache_clear()
+    try:
+        assert read_recipe(toy()).operator("mutation")
+        (line,) = faults(replaced(toy(), "mutation = 2", "splice = 2"))
+    finally:
+        operators._from_plugins.cache_clear()
+    assert line.startswith("operators.splice: unknown operator")
+    assert "plugin splice (afar:Splice) not loaded: ImportError: its library is missing" in line
 
 
 @pytest.mark.parametrize("name", recipes())

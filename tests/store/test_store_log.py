@@ -144,6 +144,10 @@ def test_a_run_is_read_while_it_is_written(writer):
     assert json.dumps(run.status())
     with pytest.raises(RunError, match="no individual 3"):
         run.genome(3)
+    for unborn in (99999, -1):
+        told = f"(?s)no individual {unborn}.*an id from 0 to {6 * len(run.generations) - 1}\n"
+        with pytest.raises(RunError, match=told):
+            run.genome(unborn)
     with pytest.raises(RunError, match="no generation 3"):
         run.births(3)
 

@@ -1,0 +1,129 @@
+"""What was named on the command line: a map, a genome, a run, or one individual of a run?"""
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.common import converged, note_reading
+from evocity.errors import EvocityError
+
+id_option = click.option(
+    "--id",
+    "identifier",
+    type=int,
+    metavar="N",
+    show_default="none",
+    help="Of a run folder: which individual, by the number its report and `status` give it.",
+)
+
+
+def is_genome(source: str) -> bool:
+    """Whether a file is meant to be a genome: Parquet by its name or by its first bytes."""
+    path = Path(source)
+    if path.suffix.lower() == ".parquet":
+        return True
+    with contextlib.suppress(OSError, ValueError):
+        if path.is_file():
+            with open(path, "rb") as file:
+                return file.read(4) == b"PAR1"
+    return False
+
+
+def is_run(source: str) -> bool:
+    """Whether ``source`` is the folder of a run."""
+    with contextlib.suppress(OSError, ValueError):
+        return (Path(source) / "provenance.json").is_file()
+    return False
+
+
+def genome_of(source: str, identifier: int | None):
+    """The genome in a file, or of the individual ``identifier`` of a run folder."""
+    if is_run(source) or (identifier is not None and Path(source).is_dir()):
+        return _individual(source, identifier)
+    if identifier is not None:
+        raise EvocityError(
+            f"--id {identifier} with {source}, which is no run folder",
+            "--id with the folder of a run",
+            "leave --id out, or name the run's folder",
+        )
+    if not is_genome(source) and (_is_map(source) or Path(source).is_dir()):
+        kind = "a folder, not that of a run" if Path(source).is_dir() else "a map"
+        raise EvocityError(
+            f"{source} is {kind}",
+            "a genome file, or a run folder with --id",
+            f"a map becomes a genome by: evocity encode {source} -o GENOME.parquet"
+            if kind == "a map"
+            else "name a genome file in it, or another folder",
+        )
+    return evocity.read_genome(source)
+
+
+def city_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
+    """The map in a map file, of a bundled name, or the one a genome decodes to.
+
+    ``reading``: options of `evocity.read_map`; a genome, from a file or a run, takes none.
+    """
+    if identifier is None and not is_genome(source) and not is_run(source):
+        city = evocity.read_map(source, **reading)
+        note_reading(city, reading)
+        return city
+    what = f"the genome {source}" if is_genome(source) else f"the run {source}"
+    refuse_reading(what, reading)
+    return decoded(genome_of(source, identifier), source, identifier)
+
+
+def decoded(genome, source: str, identifier: int | None):
+    """The map that a ``genome`` from ``source`` stands for, called what it is."""
+    name = source if identifier is None else f"{source} --id {identifier}"
+    city = converged(evocity.decode(genome), name).city
+    return city.replace(city.heights, name=decoded_name(city.name, source, identifier))
+
+
+def decoded_name(name: str, source: str, identifier: int | None) -> str:
+    """What a decoded map is called in pictures and tables."""
+    if identifier is None:
+        return f"{name}, decoded"
+    return f"{Path(source).resolve().name}, individual {identifier}"
+
+
+def refuse_reading(what: str, reading: Mapping[str, object]) -> None:
+    """Raise if there are options of reading a map with ``what`` is none."""
+    if reading:
+        given = ", ".join("--" + key.replace("_", "-") for key in reading)
+        raise EvocityError(
+            f"{given} with {what}",
+            "no options of reading: a genome knows its own size and heights",
+            f"leave {given} out, or encode the map again with it",
+        )
+
+
+def _individual(folder: str, identifier: int | None):
+    run = evocity.open_run(folder)
+    last = run.generations[-1:]
+    if identifier is not None:
+        born = len(run.generations) * run.header.population
+        if 0 <= identifier < born:
+            return run.genome(identifier)
+        raise EvocityError(
+            f"{folder} has no individual {identifier}",
+            f"a number from 0 to {born - 1}" if born else "a run with a whole generation",
+            f"see `evocity status {folder}`",
+        )
+    front = [row["id"] for g in last for row in run.members(g).to_pylist() if row["rank"] == 0]
+    example = f"; for example --id {front[0]}, of the last front" if front else ""
+    raise EvocityError(
+        f"{folder} is a run, with many genomes",
+        "--id N, the number of one individual",
+        f"find it above the pictures of {Path(folder) / 'report.html'}, or in "
+        f"`evocity status {folder}`{example}",
+    )
+
+
+def _is_map(source: str) -> bool:
+    from evocity.io import suffixes
+
+    name = source.lower()
+    return source in evocity.cities() or any(name.endswith(suffix) for suffix in suffixes())

@@ -1,0 +1,41 @@
+"""Why births of a run failed, in few words."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from evocity.store import STATUSES, Run
+
+
+@dataclass(frozen=True)
+class Failure:
+    """``count`` births that ended with one ``status``; ``error``: what the first of them told."""
+
+    status: str
+    count: int
+    error: str
+
+    def __str__(self) -> str:
+        return f"{self.count} {self.status}" + (f", such as: {self.error}" if self.error else "")
+
+
+def failures(run: Run) -> list[Failure]:
+    """One a status but ``ok`` that occurs, in the order of `STATUSES`.
+
+    Raises `RunError` if the run has no whole generation yet, or is damaged.
+    """
+    births = run.births(columns=["status", "error"])
+    status, errors = births["status"].to_pylist(), births["error"].to_pylist()
+    counted = Counter(status)
+    first: dict[str, str] = {}
+    for kind, error in zip(status, errors, strict=True):
+        first.setdefault(kind, shortened(error or ""))
+    return [Failure(s, counted[s], first[s]) for s in STATUSES if s != "ok" and counted[s]]
+
+
+def shortened(text: str, most: int = 160) -> str:
+    """``text`` on one line of at most ``most`` letters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else line[: most - 1] + "…"
+
+
+__all__ = ["Failure", "failures", "shortened"]

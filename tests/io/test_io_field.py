@@ -1,0 +1,73 @@
+"""Values on a city's grid: what is written is what is read."""
+
+import numpy as np
+import pytest
+import rasterio
+from PIL import Image
+from towns import draw_town
+
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.io import FIELD_WRITERS, WRITERS, Field, write_field
+from evocity.io.picture import render_field
+
+
+@pytest.fixture
+def field():
+    town = draw_town(3, side=40)
+    city = CityMap(
+        town.heights, 2.0, name="ville", attribution="© IGN", origin=(10, 50), crs="EPSG:2154"
+    )
+    values = np.random.default_rng(4).random(city.shape, dtype=np.float32)
+    return Field(city, values, "share of light", "light", "%")
+
+
+def test_fields_are_written_wherever_maps_are():
+    assert set(FIELD_WRITERS) == set(WRITERS)
+
+
+def test_geotiff_keeps_values_place_and_words(tmp_path, field):
+    write_field(field, tmp_path / "field.tif")
+    with rasterio.open(tmp_path / "field.tif") as file:
+        np.testing.assert_array_equal(file.read(1), field.values)
+        assert file.bounds == (10, -30, 90, 50)
+        assert file.crs.to_epsg() == 2154
+        assert (file.descriptions, file.units) == (("share of light",), ("%",))
+        assert file.tags()["ATTRIBUTION"] == "© IGN"
+
+
+def test_npy_is_the_bare_array(tmp_path, field):
+    write_field(field, tmp_path / "field.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "field.npy"), field.values)
+
+
+def test_picture_has_title_and_attribution(tmp_path, field):
+    write_field(field, tmp_path / "field.png")
+    with Image.open(tmp_path / "field.png") as picture:
+        assert picture.text["Title"] == "ville: share of light"
+        assert picture.text["Copyright"] == "© IGN"
+
+
+def test_larger_values_are_darker():
+    values = np.linspace(0, 0.04, 48 * 48, dtype=np.float32).reshape(48, 48)
+    city = CityMap(np.zeros((48, 48)), 2.0)
+    drawn = render_field(Field(city, values, "", ""))
+    left = top = 2 * 11  # a small sheet's margin
+    top += int(2.4 * 11)
+    fabric = np.asarray(drawn.convert("L"), int)[top : top + 48, left : left + 48]
+    lines = fabric.mean(axis=1)
+    assert (np.diff(lines) <= 0).all()
+    assert lines[0] - lines[-1] > 150
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-9, 1.0, 1234.0])
+def test_one_value_everywhere_can_be_drawn(value):
+    city = CityMap(np.zeros((8, 8)), 2.0)
+    picture = render_field(Field(city, np.full((8, 8), value, np.float32), "v", "v"), zoom=3)
+    assert picture.width > 24
+
+
+def test_another_suffix_is_refused(tmp_path, field):
+    with pytest.raises(MapError, match=r"choose \.tif"):
+        write_field(field, tmp_path / "field.jpg")
+    assert not list(tmp_path.iterdir())
