@@ -66,6 +66,8 @@ class Evaluator:
         start = time.perf_counter()
         try:
             genome = self.header.adopt(operator(parents, rng))
+        except KeyboardInterrupt:  # the user's own, when everything runs in one process
+            raise
         except BaseException as error:
             return Outcome("error", _told(error), time.perf_counter() - start)
         return Outcome("ok", None, time.perf_counter() - start, genome=genome)
@@ -91,6 +93,8 @@ class Evaluator:
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", _told(error))
+            except KeyboardInterrupt:
+                raise
             except BaseException as error:
                 return ended("error", f"{name}: {_told(error)}")
             values[name] = float(value)
@@ -141,7 +145,9 @@ def _measure(name: str, file: str | None):
 def _told(error: BaseException) -> str:
     """One line: type, message, and where in the user's code."""
     if isinstance(error, EvocityError):
-        return f"{error.found} (expected: {error.expected})"
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
+        text = f"{error.found} (expected: {error.expected})"
+    else:
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+        text = f"{type(error).__name__}: {error}{place}"
+    return " ".join(text.split())
