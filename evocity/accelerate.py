@@ -1,7 +1,8 @@
 """The one place where numba is configured: every kernel of the package is compiled by `kernel`.
 
-No fast-math: the same genome must decode to the same bits in every process. Kernels release
-the interpreter lock, so threads may run them side by side, and are cached on disk.
+No fast-math: the same genome must decode to the same bits in every process. (One kernel of the
+search may fuse a·b + c, see evocity.coding._kernels: what depends on it is settled in float64.)
+Kernels release the interpreter lock, so threads may run them side by side, and are cached on disk.
 """
 
 from numba import njit

@@ -1,7 +1,11 @@
 """Two toy towns of 64², measures that cost nothing, and recipes made of them."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
+
+from evocity.fitness import registry
 
 MEASURES = """
 import hashlib, os, time
@@ -50,6 +54,13 @@ def town(seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     lots = np.where(rng.random((16, 16)) < 0.5, rng.integers(3, 20, (16, 16)), 0)
     return lots.repeat(4, 0).repeat(4, 1).astype(np.float32)[:64, :64]
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    """What a test loads from files is not known to the next."""
+    with patch.dict(registry._from_files):
+        yield
 
 
 @pytest.fixture

@@ -1,0 +1,203 @@
+"""Taking a run up again: what changed is told before anything is executed or lost."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from test_search_run import run
+
+from evocity import store
+from evocity.errors import RecipeError, RunError
+from evocity.report import contact_sheet, write_report
+from evocity.search import Search, read_recipe
+from evocity.search.nsga2 import Hypervolume, ranks_and_crowding
+from evocity.search.preparation import file_hash, free_name
+from evocity.search.worker import MOST_LETTERS, Outcome
+from evocity.store import open_run
+
+
+def test_a_changed_measure_is_not_executed_before_it_is_confirmed(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=0)
+    trace = tmp_path / "executed"
+    with open(tmp_path / "toys.py", "a") as file:
+        file.write(f"\nopen({str(trace)!r}, 'w').close()\n")
+    with pytest.raises(RunError, match="source of the measure spread; the source of the measure"):
+        Search.resume(out)
+    assert not trace.exists()
+    Search.resume(out, workers=0, accept_changes=True).close()
+    assert trace.exists()
+
+
+def test_a_measure_the_provenance_does_not_know_is_not_executed(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=0)
+    path = out / "provenance.json"
+    path.write_text(path.read_text().replace("toys.py", "others.py"))
+    with pytest.raises(RunError, match=r"the measures of .*toys\.py"):
+        Search.resume(out)
+
+
+def test_the_city_to_be_like_is_watched(toy, tmp_path):
+    recipe = toy()
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "left.npy"))
+    recipe.write_text(recipe.read_text() + '[[fitness]]\nname = "gsi"\nlike = "model.npy"\n')
+    out = tmp_path / "run"
+    run(recipe, out, workers=0, generations=0)
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy"))
+    with pytest.raises(RunError, match=r"the map model\.npy, which cities shall be like"):
+        Search.resume(out)
+
+
+def test_the_runs_own_copies_of_the_maps_are_checked(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=0)
+    (own,) = (out / "sources").glob("00-*.npy")
+    np.save(own, np.load(own) + 1)
+    with pytest.raises(RunError, match="another map or genome of left"):
+        Search.resume(out, accept_changes=True)
+
+
+def test_what_needs_no_confirmation_is_noted(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=1)
+    path = out / "provenance.json"
+    now = store.environment()["versions"]["numba"]
+    path.write_text(path.read_text().replace(f'"numba": "{now}"', '"numba": "0.1"'))
+    Search.resume(out, generations=2, workers=0).close()
+    (noted,) = [e for e in open_run(out).events() if e["event"] == "resume"]
+    assert noted["changes"] == [
+        "run.generations was 1 and is now 2",
+        f"numba was 0.1 and is now {now}",
+    ]
+
+
+def test_fewer_generations_than_are_done_are_refused(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=2)
+    before = (out / "provenance.json").read_bytes(), (out / "events.jsonl").read_bytes()
+    with pytest.raises(RunError, match="generations = 1, but 2 are done"):
+        Search.resume(out, generations=1)
+    assert before == ((out / "provenance.json").read_bytes(), (out / "events.jsonl").read_bytes())
+
+
+def test_a_run_whose_last_generation_fails_is_not_finished(toy, tmp_path):
+    recipe = toy("@evocity.fitness(goal='max')\ndef broken(city):\n    raise OSError('a\\nb')\n")
+    with pytest.raises(RunError, match="of generation 0 failed"):
+        run(recipe, tmp_path / "run", workers=0, generations=0)
+    log = open_run(tmp_path / "run")
+    assert log.events()[-1]["event"] == "stop"
+    assert not log.status()["finished"]
+    assert {text.count("\n") for text in log.births()["error"].to_pylist()} == {0}
+
+
+def test_a_shapefile_is_more_than_one_file(tmp_path):
+    parts = [tmp_path / f"town.{suffix}" for suffix in ("shp", "dbf", "shx", "prj")]
+    for path in parts:
+        path.write_text(path.name)
+    seen = {file_hash(tmp_path, "town.shp")}
+    for path in parts:
+        path.write_text("changed")
+        seen.add(file_hash(tmp_path, "town.shp"))
+    assert len(seen) == 5
+    (tmp_path / "town.shp.xml").write_text("no part of the map")
+    assert file_hash(tmp_path, "town.shp") in seen
+
+
+def test_names_of_parents_are_all_different():
+    names: list[str] = []
+    for name in ("a", "a-3", "a", "a", "a-3"):
+        names.append(free_name(name, names))
+    assert names == ["a", "a-3", "a-2", "a-4", "a-3-2"]
+
+
+def test_a_runs_name_fits_a_folder(toy):
+    recipe = toy()
+    recipe.write_text(recipe.read_text().replace('name = "toy"', f'name = "{"x" * 101}"'))
+    with pytest.raises(RecipeError, match=r"run\.name"):
+        read_recipe(recipe)
+
+
+@pytest.mark.parametrize("text", ["one\n  two\r\nthree", "\ud800", "long " * 1000])
+def test_an_error_is_one_line_that_can_be_written(text):
+    told = Outcome("error", text).error
+    assert len(told.encode().splitlines()) == 1
+    assert len(told) <= MOST_LETTERS
+
+
+HUGE = """
+@evocity.fitness(goal="max")
+def huge(city):
+    return 1e308 if number(city) % 2 else -1e308
+
+@evocity.fitness(goal="max")
+def sudden(city):
+    return 1e-300 * (number(city) % 5) if number(city) % 7 else 1e308
+"""
+
+
+def test_huge_values_do_not_end_a_run(toy, tmp_path):
+    out = tmp_path / "run"
+    numbers = [one.number for one in run(toy(HUGE, population=12), out, workers=0)]
+    assert numbers == [0, 1, 2, 3]
+    state = open_run(out).status()
+    assert state["finished"]
+    assert state["best"]["huge"] == 1e308
+    assert write_report(out).is_file()
+    assert contact_sheet(open_run(out)).size[0] > 0
+    assert "Infinity" not in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_huge_losses_are_ranked_and_measured():
+    losses = np.array([[1e308, -1e308], [0.0, 0.0], [-1e308, 1e308], [1e308, 1e308]])
+    ranks, crowding = ranks_and_crowding(losses)
+    assert ranks.tolist() == [0, 0, 0, 1]
+    assert not np.isnan(crowding).any()
+    assert Hypervolume(losses)(losses) == pytest.approx(Hypervolume(losses / 1e308)(losses / 1e308))
+
+
+def test_a_worker_that_ends_by_itself_is_told_with_its_own_code(toy, tmp_path):
+    recipe = toy(
+        "@evocity.fitness(goal='max')\n"
+        "def leaving(city):\n"
+        "    if number(city) % 3 == 0:\n        os._exit(0)\n"
+        "    return 1.0\n",
+        population=12,
+        generations=0,
+        max_failures=1.0,
+    )
+    run(recipe, tmp_path / "run", workers=1)
+    errors = {e for e in open_run(tmp_path / "run").births()["error"].to_pylist() if e}
+    assert errors == {"the worker ended with exit code 0"}
+
+
+@pytest.mark.long
+def test_the_deadline_is_not_spent_on_loading_kernels(toy, tmp_path):
+    recipe = toy(population=8, generations=1, timeout=0.5)
+    recipe.write_text(recipe.read_text() + "[genome]\nblock = 8\n")
+    run(recipe, tmp_path / "run", workers=4)
+    assert set(open_run(tmp_path / "run").births()["status"].to_pylist()) == {"ok"}
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("delay", [0.0, 0.5, 2.0])
+def test_ctrl_c_while_workers_start_is_one_line(toy, tmp_path, delay):
+    out = tmp_path / "run"
+    words = [sys.executable, "-m", "evocity", "run", toy(generations=1000), "--out", out]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not out.exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    time.sleep(delay)
+    os.killpg(process.pid, signal.SIGINT)
+    told = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert "Traceback" not in told
+    assert told.splitlines()[-1].startswith("Stopped.")
+    shutil.rmtree(out)
