@@ -150,4 +150,6 @@ def _told(error: BaseException) -> str:
         frames = traceback.extract_tb(error.__traceback__)
         place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
         text = f"{type(error).__name__}: {error}{place}"
-    return " ".join(text.split())
+    line = " ".join(text.split())
+    # a lone surrogate, as in the name of a strange file, cannot be written down
+    return line.encode(errors="replace").decode()[:MOST_LETTERS]

@@ -7,7 +7,7 @@ import pytest
 
 from evocity import fitness
 from evocity.coding import encode
-from evocity.search.worker import Evaluator, Setup
+from evocity.search.worker import MOST_LETTERS, Evaluator, Setup
 
 MEASURE = """
 import evocity
@@ -37,6 +37,13 @@ def test_an_error_of_many_lines_is_told_in_one(evaluator, town):
     assert outcome.status == "error"
     assert "first second third" in outcome.error
     assert len(outcome.error.splitlines()) == 1
+
+
+def test_an_error_that_cannot_be_written_down_or_never_ends(evaluator, town):
+    body = 'raise ValueError(chr(0xD800) + "x" * 10_000)'
+    told = evaluator(body).evaluate(encode(town).genome).error
+    assert told.encode()
+    assert len(told) == MOST_LETTERS
 
 
 def test_nan_is_invalid_and_not_an_error(evaluator, town):
