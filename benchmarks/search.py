@@ -24,7 +24,7 @@ from evocity import isometries
 from evocity.accelerate import kernel
 from evocity.coding.domains import domain_pools
 from evocity.coding.search import best_matches, pairs_compared
-from evocity.genome import Pavement
+from evocity.pavement import Pavement
 
 CAP = np.float32(0.9)
 

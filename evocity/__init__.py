@@ -15,8 +15,9 @@ _ROOMS = {
     "citymap": ["CityMap"],
     "coding": ["decode", "encode"],
     "errors": ["EvocityError"],
-    "genome": ["Genome", "Pavement", "read_genome"],
+    "genome": ["Genome", "read_genome"],
     "io": ["cities", "read_map", "write_map"],
+    "pavement": ["Pavement"],
     "search": ["Recipe", "Search", "read_recipe"],
     "store": ["open_run"],
 }

@@ -16,7 +16,7 @@ OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / roo
 
 # Which room may import which; CONTRIBUTING.md draws it.
 BELOW_ALL = {"errors", "plugins", "files", "accelerate"}
-CORE = {"citymap", "genome", "isometries"}
+CORE = {"citymap", "genome", "isometries", "pavement"}
 BREEDING = CORE | {"coding", "operators", "fitness", "store", "io"}
 MAY_IMPORT = {
     "errors": set(),
@@ -26,7 +26,8 @@ MAY_IMPORT = {
     "data": set(),
     "citymap": set(),
     "isometries": set(),
-    "genome": {"citymap", "isometries"},
+    "pavement": set(),
+    "genome": {"citymap", "isometries", "pavement"},
     "io": {"citymap"},
     "coding": CORE,
     "operators": CORE | {"coding"},

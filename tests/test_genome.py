@@ -8,7 +8,8 @@ import pytest
 
 from evocity.coding import encode
 from evocity.errors import GenomeError
-from evocity.genome import FIELDS, NUCLEOTIDES, Pavement, merged_cities, read_genome
+from evocity.genome import FIELDS, NUCLEOTIDES, merged_cities, read_genome
+from evocity.pavement import Pavement
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,8 @@ from evocity.coding._kernels import (
     spread_means,
 )
 from evocity.errors import GenomeError
-from evocity.genome import Genome, Pavement
+from evocity.genome import Genome
+from evocity.pavement import Pavement
 
 #: Heights beyond this are taken as proof of divergence, metres.
 _SKY = 1e7

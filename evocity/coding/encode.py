@@ -15,7 +15,8 @@ from evocity.coding.fit import fit_attractor
 from evocity.coding.quality import psnr
 from evocity.coding.search import Matches, best_matches, pairs_compared
 from evocity.errors import GenomeError
-from evocity.genome import Genome, Pavement
+from evocity.genome import Genome
+from evocity.pavement import Pavement
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from pydantic_core import from_json
 
 from evocity.citymap import MAX_PIXELS
 from evocity.errors import RunError
-from evocity.genome import FIELDS, Genome, Pavement
+from evocity.genome import FIELDS, Genome
+from evocity.pavement import Pavement
 
 #: Version of a run folder's layout and columns. Raised by one with every change a reader
 #: must know of.

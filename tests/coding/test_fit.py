@@ -15,7 +15,8 @@ from evocity.coding import CollageMap, decode, encode, fit_attractor, psnr
 from evocity.coding._kernels import spread_means
 from evocity.coding.fit import AttractorError
 from evocity.errors import GenomeError, MapError
-from evocity.genome import Genome, Pavement, read_genome
+from evocity.genome import Genome, read_genome
+from evocity.pavement import Pavement
 
 
 def draw_genome(seed: int, block: int = 4, rows: int = 5, columns: int = 7, sigma_max=0.8):

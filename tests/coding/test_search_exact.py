@@ -12,7 +12,7 @@ from evocity.coding import best_correlations, encode
 from evocity.coding.domains import d4_matrix, domain_pool, domain_pools
 from evocity.coding.search import best_matches
 from evocity.coding.shapes import same_shape
-from evocity.genome import Pavement
+from evocity.pavement import Pavement
 
 SIDE = 16
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from evocity.citymap import CityMap
 from evocity.errors import RunError
-from evocity.genome import NUCLEOTIDES, Genome, Pavement
+from evocity.genome import NUCLEOTIDES, Genome
+from evocity.pavement import Pavement
 from evocity.store import Birth, Header, Member, RunWriter, Source, merge, open_run
 from evocity.store import layout as layout_module
 from evocity.store.schema import STATUSES, births_of, births_table
