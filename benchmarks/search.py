@@ -22,8 +22,8 @@ from _machine import description
 import evocity
 from evocity import isometries
 from evocity.accelerate import kernel
-from evocity.coding.domains import domain_pools
 from evocity.coding.search import best_matches, pairs_compared
+from evocity.coding.search.domains import domain_pools
 from evocity.pavement import Pavement
 
 CAP = np.float32(0.9)

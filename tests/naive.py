@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.search import TIE
+from evocity.coding.search.matches import TIE
 
 
 def box_means(heights, tall, wide):
@@ -25,7 +25,6 @@ def shrunk(heights, y, x, tall, wide, block):
 def candidates(heights, block, corner, domains, reach, range_block, sigma_max):
     """Yield (gain, (multiple, y, x, iso), σ, β) of every domain and isometry, in tie order."""
     height, width = heights.shape
-    centred = range_block.astype(float) - range_block.mean(dtype=float)
     for multiple in sorted(domains):
         rows, columns = height - multiple * block + 1, width - multiple * block + 1
         for y, x in itertools.product(range(rows), range(columns)):
@@ -33,15 +32,22 @@ def candidates(heights, block, corner, domains, reach, range_block, sigma_max):
                 continue
             domain = shrunk(heights, y, x, multiple, multiple, block)
             flat = domain - domain.mean()
-            energy = (flat**2).sum()
-            if energy < 1e-10 * heights.max() ** 2:
+            if (flat**2).sum() < 1e-10 * heights.max() ** 2:
                 continue
-            for iso in range(8):
-                p = (centred * isometries.apply(iso, flat)).sum()
-                s = min(abs(p) / energy, sigma_max)
-                sigma = s if p >= 0 else -s
+            for iso, (gain, sigma) in enumerate(gains(range_block, domain, sigma_max)):
                 beta = range_block.mean(dtype=float) - sigma * domain.mean()
-                yield s * (2 * abs(p) - s * energy), (multiple, y, x, iso), sigma, beta
+                yield gain, (multiple, y, x, iso), sigma, beta
+
+
+def gains(range_block, domain, sigma_max):
+    """Energy explained and σ under each of the 8 isometries, |σ| at most ``sigma_max``."""
+    centred = range_block.astype(float) - range_block.mean(dtype=float)
+    flat = domain - domain.mean()
+    energy = (flat**2).sum()
+    for iso in range(8):
+        p = (centred * isometries.apply(iso, flat)).sum()
+        s = min(abs(p) / energy, sigma_max)
+        yield s * (2 * abs(p) - s * energy), s if p >= 0 else -s
 
 
 def best_match(heights, block, corner, domains, reach, range_block, sigma_max):
@@ -194,3 +200,37 @@ def autosimilarity_maps(heights, block, extents):
         held = errors[top : y + 1, left : x + 1]
         mean[y, x], least[y, x] = held.mean(), held.min()
     return mean, least, {extent: found.mean() for extent, found in every.items()}
+
+
+def closest_neighbourhood(heights, block, corners, candidates, rings=16, domain_heights=None):
+    """Ring after ring, whole squares cut from maps that are NaN beyond their borders."""
+    others = heights if domain_heights is None else domain_heights
+    least_seen = (1e-6 * max(heights.max(), others.max())) ** 2
+    chosen = []
+    for i, (top, left) in enumerate(zip(*corners, strict=True)):
+        error = dict.fromkeys(range(candidates.starts[i], candidates.starts[i + 1]), 0.0)
+        compared = 0
+        for k in range(1, rings + 1):
+            side = block + 2 * k
+            on_ring = np.ones((side, side), bool)
+            on_ring[1:-1, 1:-1] = False
+            around = np.pad(heights.astype(float), k, constant_values=np.nan)
+            ring = around[top : top + side, left : left + side][on_ring]
+            compared += np.isfinite(ring).sum()
+            means = {}
+            for c in error:
+                m, y, x = candidates.multiple[c], candidates.y[c], candidates.x[c]
+                around = np.pad(others.astype(float), m * k, constant_values=np.nan)
+                square = isometries.apply(int(candidates.iso[c]), shrunk(around, y, x, m, m, side))
+                brought = candidates.sigma[c] * square[on_ring] + candidates.beta[c]
+                squares = (brought - ring) ** 2
+                if np.isfinite(squares).any():
+                    means[c] = np.nanmean(squares)
+            if not means:
+                break
+            error = {c: error[c] + np.isfinite(ring).sum() * means[c] for c in means}
+            least = min(error.values())
+            limit = least + 1e-9 * least + least_seen * compared
+            error = {c: e for c, e in error.items() if e <= limit}
+        chosen.append(min(error, default=-1))
+    return np.array(chosen)

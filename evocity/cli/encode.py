@@ -83,9 +83,19 @@ Examples:
     is_flag=True,
     help="Refine σ and β until the decoded map is closest: a higher PSNR, a second or two more.",
 )
+@click.option(
+    "--topological",
+    type=float,
+    metavar="SHARE",
+    show_default="the first of equals",
+    help="Of domain blocks whose error is within this share of the best, take the one in the "
+    "likest surroundings; 0 decides ties alone.",
+)
 @map_options
 @json_option
-def encode(map, output: Path, block, domains, reach, sigma_max, fit, reading, as_json) -> None:
+def encode(
+    map, output: Path, block, domains, reach, sigma_max, fit, topological, reading, as_json
+) -> None:
     """Code MAP as a fractal genome.
 
     MAP is a file or the name of a bundled district. Reads GeoJSON, GeoPackage, Shapefile, OSM
@@ -111,6 +121,7 @@ def encode(map, output: Path, block, domains, reach, sigma_max, fit, reading, as
             reach=reach,
             sigma_max=sigma_max,
             fit=fit,
+            topological=topological,
             progress=progress,
         )
     psnr = encoding.psnr  # decodes: a code that diverges is told before anything is written

@@ -17,16 +17,18 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
-from evocity.coding._kernels import correlators
-from evocity.coding.domains import LANES, d4_basis
 from evocity.coding.search import available_cores
-from evocity.coding.shapes import same_shape
+from evocity.coding.search.domains import LANES, d4_basis
+from evocity.coding.search.shapes import same_shape
+from evocity.coding.search.tiles import Tiles, cut_tiles, reach
 from evocity.errors import GenomeError
 
 #: µ is known to so much: the search sums in float32.
 RESOLUTION = 1e-6
 #: Domain blocks of less energy a pixel, heights taken as 0…1, are flat but for rounding.
 _FLAT = 1e-20
+#: Bounds on unit blocks are good to so much.
+_SLACK = np.float32(1e-5)
 #: Blocks are compared as whole numbers of their own span's so many parts.
 _STEPS = 2.0**26
 #: Bytes that the blocks of one band of rows may take in float64.
@@ -286,7 +288,8 @@ def _explained(level, block, extent, codes, crew, work: _Work, positions: int) -
     parts = [slice(k, k + _CHUNK) for k in range(0, len(codes), _CHUNK)]
     for rows in _bands(level, extent, block):
         planes, unit, count = _domains(level[rows.start : rows.stop + extent - 1], block, extent)
-        compare = functools.partial(_compare, planes, unit, codes, found)
+        kinds = cut_tiles(planes, unit, np.flatnonzero(unit), np.inf)
+        compare = functools.partial(_compare, kinds, codes, found)
         for part in crew.map(compare, parts):
             work.add(count * positions * len(found[part]) / len(found))
     return np.minimum(found, 1)
@@ -329,15 +332,11 @@ def _shrunk(values: np.ndarray, block: int, extent: int, axis: int) -> np.ndarra
     return np.moveaxis(np.diff(seams, axis=0) * (block / extent), -1, axis + 1)
 
 
-def _compare(planes, unit, codes, found, part: slice) -> slice:
+def _compare(kinds: Tiles, codes, found, part: slice) -> slice:
     """Take a strip's domain blocks into account for one chunk of range blocks."""
-    lane_maxima, _ = correlators(int(np.sqrt(codes.shape[1])))
-    count = len(codes[part])
-    window = np.tile(np.array([0, len(planes), 0, _ROW]), (count, 1))
-    best = np.zeros((count, _ROW), np.float32)
-    if len(planes):
-        lane_maxima(planes, unit, unit, codes[part], window, np.float32(np.inf), best)
-    np.maximum(found[part], best.max(axis=1), out=found[part])
+    best = np.zeros(len(codes[part]), np.float32)
+    reach(kinds, codes[part], np.full(best.size, _SLACK), best)
+    np.maximum(found[part], best, out=found[part])
     return part
 
 

@@ -2,18 +2,19 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from numbers import Integral, Real
 
 import numpy as np
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.coding.decode import CollageMap, decode
-from evocity.coding.domains import domain_pools
 from evocity.coding.fit import fit_attractor
 from evocity.coding.quality import psnr
-from evocity.coding.search import Matches, best_matches, pairs_compared
+from evocity.coding.search import Matches, best_matches, near_best, pairs_compared
+from evocity.coding.search.domains import domain_pools
+from evocity.coding.topology import closest_neighbourhood
 from evocity.errors import GenomeError
 from evocity.genome import Genome
 from evocity.pavement import Pavement
@@ -52,6 +53,7 @@ def encode(
     reach: int | None = 24,
     sigma_max: float = 0.9,
     fit: bool = False,
+    topological: float | None = None,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Encoding:
@@ -68,6 +70,10 @@ def encode(
         ``inf`` for no cap.
     fit : refine σ and β of what was found until the decoded map, not the collage, is closest
         (`fit_attractor`); the collage error then grows a little.
+    topological : among domain blocks whose collage error is within this share of the range
+        block's energy ‖r̃‖² of the best, take the one in surroundings most like the range
+        block's (`closest_neighbourhood`; Marsault 2005 §2.1). 0 lets surroundings decide ties
+        alone, at no cost in collage error; None leaves ties to the lowest (D, y, x, iso).
     threads : None for all cores; the genome does not depend on it.
     progress : called with (done, total), counted in rows of domain blocks; then, with
         ``fit``, in attractors tried.
@@ -88,22 +94,21 @@ def encode(
             "read one first: evocity.read_map(path or bundled name)",
         )
     domains = list(dict.fromkeys(domains)) if isinstance(domains, Iterable) else domains
-    _check(city, block, domains, reach, sigma_max)
+    _check(city, block, domains, reach, sigma_max, topological)
     pavement = Pavement(*city.shape, block)
     start = time.perf_counter()
     blocks = pavement.blocks(city.heights)
     flat = blocks.reshape(len(pavement), -1)
     searched = np.flatnonzero(np.ptp(flat, axis=1) > 0)
     corners = tuple(corner[searched] for corner in pavement.corners)
-    matches = best_matches(
-        domain_pools(city.heights, block, domains),
-        blocks[searched],
-        corners,
-        reach=reach,
-        sigma_max=sigma_max,
-        threads=threads,
-        progress=_counted(progress, city.shape[0], block, domains),
-    )
+    asked = {"reach": reach, "sigma_max": sigma_max, "threads": threads}
+    passes = 1 if topological is None else 2
+    asked["progress"] = _counted(progress, city.shape[0], block, domains, passes)
+    pools = partial(domain_pools, city.heights, block, domains)
+    matches = best_matches(pools(), blocks[searched], corners, **asked)
+    if topological is not None:
+        choices = near_best(pools(), blocks[searched], corners, matches, topological, **asked)
+        matches = _in_surroundings(city.heights, block, corners, matches, choices)
     everything = np.arange(len(pavement))
     level = flat.mean(axis=1, dtype=np.float64)
     nothing = np.zeros(len(pavement), np.int16)
@@ -130,6 +135,7 @@ def encode(
     error = float(np.sum(matches.energy - matches.gain))
     if fit:
         genome = fit_attractor(genome, city, progress=progress)
+    if fit or topological is not None:
         collage = CollageMap(genome)(city.heights)
         error = float(np.sum((collage - city.heights) ** 2, dtype=np.float64))
     return Encoding(
@@ -142,11 +148,24 @@ def encode(
     )
 
 
-def _counted(progress, height: int, block: int, domains: Sequence[int]):
+def _in_surroundings(heights, block: int, corners, matches: Matches, choices) -> Matches:
+    """``matches`` with the domains, of ``choices`` (`near_best`), in the likest surroundings."""
+    names = ("multiple", "y", "x", "iso", "sigma", "beta")
+    columns = {name: getattr(matches, name).copy() for name in names}
+    for part, candidates in choices:
+        places = tuple(corner[part] for corner in corners)
+        chosen = closest_neighbourhood(heights, block, places, candidates)
+        found = chosen >= 0
+        for name, column in columns.items():
+            column[part[found]] = getattr(candidates, name)[chosen[found]]
+    return replace(matches, **columns)
+
+
+def _counted(progress, height: int, block: int, domains: Sequence[int], passes: int):
     """From rows of domain blocks done to (done, total) for ``progress``."""
     if progress is None:
         return None
-    total = sum(max(height - multiple * block + 1, 0) for multiple in domains)
+    total = passes * sum(max(height - multiple * block + 1, 0) for multiple in domains)
     done = 0.0
 
     def count(rows: float) -> None:
@@ -176,7 +195,7 @@ def with_matches(genome: Genome, lifs: np.ndarray, matches: Matches, **changes) 
     return genome.replace(**changes)
 
 
-def _check(city, block, domains, reach, sigma_max) -> None:
+def _check(city, block, domains, reach, sigma_max, topological) -> None:
     def whole(value, least: int) -> bool:
         return isinstance(value, Integral) and not isinstance(value, bool) and value >= least
 
@@ -191,6 +210,8 @@ def _check(city, block, domains, reach, sigma_max) -> None:
         faults.append((f"reach = {reach!r}", "a whole number of pixels, or None for the whole map"))
     if not (isinstance(sigma_max, Real) and sigma_max > 0):
         faults.append((f"sigma_max = {sigma_max!r}", "a number above 0"))
+    if topological is not None and not (isinstance(topological, Real) and 0 <= topological <= 1):
+        faults.append((f"topological = {topological!r}", "a share from 0 to 1, or None"))
     if max(city.shape) > MAX_SIDE or city.heights.size > MAX_PIXELS:
         sides = f"a map of {city.shape[0]} × {city.shape[1]} px"
         faults.append(

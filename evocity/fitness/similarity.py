@@ -27,8 +27,10 @@ def autosimilarity(city: CityMap) -> float:
 
     >>> stripes = np.zeros((32, 32))
     >>> stripes[:, 14:18] = 9
-    >>> autosimilarity(CityMap(np.zeros((32, 32)), 2.0)), autosimilarity(CityMap(stripes, 2.0))
-    (0.0, 1.0)
+    >>> autosimilarity(CityMap(np.zeros((32, 32)), 2.0))
+    0.0
+    >>> round(autosimilarity(CityMap(stripes, 2.0)), 6)
+    1.0
     """
     height, width = (side - side % BLOCK for side in city.shape)
     heights = np.ascontiguousarray(city.heights[:height, :width])

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.decode import decode
-from evocity.coding.domains import domain_pools
 from evocity.coding.encode import with_matches
 from evocity.coding.search import best_matches
+from evocity.coding.search.domains import domain_pools
 from evocity.genome import Genome
 
 

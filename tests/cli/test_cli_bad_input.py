@@ -146,6 +146,8 @@ def test_a_genome_of_another_schema_version_is_refused(tmp_path, genome_file):
         (("--reach", -3), "--reach -3\n  expected: a whole number of pixels, or all"),
         (("--sigma-max", 0), "--sigma-max 0"),
         (("--sigma-max", "nan"), "--sigma-max nan"),
+        (("--topological", -1), "--topological -1"),
+        (("--topological", "nan"), "--topological nan"),
         (("--pixels", 0), "pixels"),
         (("--pixels", 10**9), "pixels"),
         (("--metres-per-pixel", -2), "--metres-per-pixel -2"),

@@ -94,6 +94,13 @@ def test_encode_fits_the_attractor(tmp_path, town_file):
     assert evocity.read_genome(path).made == made.genome.made
 
 
+def test_encode_by_surroundings(tmp_path, town_file):
+    path = tmp_path / "g.parquet"
+    call("encode", town_file, *AT_2_M, "--topological", 0, "-o", path)
+    made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2), topological=0)
+    assert evocity.read_genome(path) == made.genome
+
+
 def test_encode_in_words(tmp_path, town_file):
     result = call("encode", town_file, *AT_2_M, "-o", tmp_path / "g.parquet")
     assert "64 × 64 px at 2 m" in result.stdout

@@ -9,9 +9,9 @@ from hypothesis.extra.numpy import arrays
 
 from evocity import isometries
 from evocity.coding import best_correlations, encode
-from evocity.coding.domains import d4_matrix, domain_pool, domain_pools
 from evocity.coding.search import best_matches
-from evocity.coding.shapes import same_shape
+from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
+from evocity.coding.search.shapes import same_shape
 from evocity.pavement import Pavement
 
 SIDE = 16
@@ -104,7 +104,7 @@ def test_flat_maps_have_nothing_to_search(town):
 def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
     one = encode(town, threads=1, reach=None).genome
     assert encode(town, threads=3, reach=None).genome == one
-    monkeypatch.setattr("evocity.coding.search._CHUNK", 7)
+    monkeypatch.setattr("evocity.coding.search.CHUNK", 7)
     assert encode(town, threads=2, reach=None).genome == one
 
 
@@ -126,18 +126,18 @@ def test_folded_domains_against_the_naive_twin(town, block, multiple):
     for y, x in np.ndindex(rows, columns):
         domain = naive.shrunk(heights, y, x, multiple, multiple, block)
         truth = d4_matrix(block).astype(float) @ domain.ravel()
-        assert pool.planes[y, :, x] == pytest.approx(truth, abs=1e-4)
+        assert pool.planes[y, :, x] * pool.norms[y, x] == pytest.approx(truth, abs=1e-4)
     assert (pool.planes[:, :, columns:] == 0).all()
-    assert (pool.energy[:, columns:] == 0).all()
+    assert (pool.norms[:, columns:] == 0).all()
 
 
-def test_pool_energy_is_the_blocks_own(town):
+def test_a_pools_norms_are_the_blocks_own(town):
     pool = domain_pool(town.heights, 4, 2)
     rows, columns = pool.shape
     assert (rows, columns) == (57, 57)
     for y, x in [(0, 0), (10, 31), (56, 56)]:
         block = naive.shrunk(town.heights, y, x, 2, 2, 4)
-        assert pool.energy[y, x] == pytest.approx(16 * block.var(), rel=1e-4, abs=1e-3)
+        assert pool.norms[y, x] == pytest.approx(4 * block.std(), rel=1e-4, abs=1e-3)
 
 
 @pytest.mark.parametrize("reach", [3, 12, None])

@@ -1,0 +1,121 @@
+"""The search among the domains within reach of each range block: rows of windows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evocity.coding.search._kernels import window_kernels
+from evocity.coding.search.domains import LANES, UNCAPPED, DomainPool, d4_matrix, domain_pools
+from evocity.coding.search.matches import Search, listed
+
+#: Domain positions re-scored together, at most `LANES`.
+_GROUP = 16
+#: Range blocks compared at a time.
+CHUNK = 64
+
+
+def best_nearby(
+    search: Search, corners, reach: int, pool: DomainPool, part: slice, tolerance: float = 0.0
+):
+    """Raise ``search.best`` of one chunk of ranges by the domains of ``pool`` within ``reach``.
+
+    Returns (which of the chunk, y, x) of all domains within the ``tolerance`` (a share of the
+    range block's energy) and rounding of that best.
+    """
+    lane_maxima, list_nearby = window_kernels(search.block)
+    window = _window(pool, tuple(corner[part] for corner in corners), reach)
+    first_row, last_row = int(window[:, 0].min()), int(window[:, 1].max())
+    if first_row >= last_row:
+        return np.empty((3, 0), np.int64)
+    width = window[:, 3:] - window[:, 2:3]
+    band = max(16, -(-(last_row - first_row) // 32))
+    bands = range(first_row, last_row, band)
+    lanes = -(-int(width.max()) // LANES) * LANES
+    best = np.zeros((len(bands), len(window), lanes), np.float32)
+    cap = min(np.float32(search.cap), UNCAPPED)
+    for rows, maxima in zip(bands, best, strict=True):
+        within = window.copy()
+        within[:, :2] = np.clip(window[:, :2], rows, rows + band)
+        within[:, 3:] = window[:, 2:3] + -(-width // LANES) * LANES
+        lane_maxima(pool.planes, pool.norms, search.codes[part], within, cap, maxima)
+    best[:, np.arange(lanes) >= width] = 0
+    search.best[part] = np.maximum(search.best[part], best.max(axis=(0, 2)))
+    return listed(
+        list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, best, first_row,
+        band, search.near(part, tolerance), _GROUP,
+    )  # fmt: skip
+
+
+def best_correlations(
+    heights: np.ndarray,
+    block: int = 4,
+    domains: Sequence[int] = (2,),
+    reach: int | None = 12,
+    flat: float = 0.1,
+) -> tuple[np.ndarray, np.ndarray]:
+    """ρ² between each range block of the pavement and its best domain, σ unconstrained.
+
+    Returns float32 ``(n,)`` in 0…1, and bool ``(n,)``: which range blocks are uniform (their
+    heights span at most ``flat`` metres; their ρ² is 0). Domains of side D = B·``domains``,
+    at every pixel position within ``reach`` px. H and W must be multiples of ``block``.
+    """
+    height, width = heights.shape
+    rows, columns = height // block, width // block
+    cut = heights.reshape(rows, block, columns, block).swapaxes(1, 2)
+    flat_blocks = np.ascontiguousarray(cut, np.float32).reshape(rows * columns, block * block)
+    uniform = np.ptp(flat_blocks, axis=1) <= flat
+    (busy,) = np.nonzero(~uniform)
+    codes = flat_blocks[busy] @ d4_matrix(block).T
+    corners = (busy // columns * block, busy % columns * block)
+    gain = np.zeros(busy.size, np.float32)
+    for pool in domain_pools(heights, block, domains, flat, exact=False):
+        for start in range(0, busy.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            window = _window(pool, tuple(corner[part] for corner in corners), reach)
+            best = _lane_maxima(pool, window, codes[part]).max(axis=1, initial=0)
+            np.maximum(gain[part], best, out=gain[part])
+    rho2 = np.zeros(rows * columns, np.float32)
+    rho2[busy] = np.clip(gain / np.einsum("nk,nk->n", codes, codes), 0, 1)
+    return rho2, uniform
+
+
+def pairs_compared(
+    shape: tuple[int, int], block: int, domains: Sequence[int], corners, reach: int | None
+) -> int:
+    """Range block × domain position × isometry pairs of a search, each range block counted."""
+    total = 0
+    for multiple in domains:
+        rows, columns = (side - multiple * block + 1 for side in shape)
+        window = _clipped(0, rows, columns, corners, reach)
+        total += int(np.prod(window[:, 1::2] - window[:, ::2], axis=1).sum())
+    return 8 * total
+
+
+def _window(pool: DomainPool, corners, reach: int | None) -> np.ndarray:
+    """(top, bottom, left, right) of the domain positions of each range block within ``pool``."""
+    return _clipped(pool.top, *pool.shape, corners, reach)
+
+
+def _clipped(top: int, rows: int, columns: int, corners, reach: int | None) -> np.ndarray:
+    y, x = (np.asarray(corner, np.int64) for corner in corners)
+    window = np.empty((y.size, 4), np.int64)
+    if reach is None:
+        window[:] = (0, rows, 0, columns)
+    else:
+        window[:, 0] = np.clip(y - top - reach, 0, rows)
+        window[:, 1] = np.clip(y - top + reach + 1, 0, rows)
+        window[:, 2] = np.clip(x - reach, 0, columns)
+        window[:, 3] = np.clip(x + reach + 1, 0, columns)
+    return window
+
+
+def _lane_maxima(pool: DomainPool, window, codes) -> np.ndarray:
+    """Largest gain of each range in each column of its window; 0 beyond the window."""
+    lane_maxima, _ = window_kernels(int(np.sqrt(codes.shape[1])))
+    width = window[:, 3:] - window[:, 2:3]
+    whole = window.copy()
+    whole[:, 3:] = whole[:, 2:3] + -(-width // LANES) * LANES
+    best = np.zeros((len(codes), -(-int(width.max(initial=0)) // LANES) * LANES), np.float32)
+    lane_maxima(pool.planes, pool.norms, codes, whole, UNCAPPED, best)
+    best[np.arange(best.shape[1]) >= width] = 0
+    return best
