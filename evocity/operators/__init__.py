@@ -4,7 +4,7 @@ pavement_fusion    spatial groups of lifs of two or more parents
 lambda_crossover   every lifs between those of two parents
 mutation           any nucleotide of one parent
 repair             collage repair, used by all of them
-crossing           what they share
+crossing           what they share: drafts, and how a draft becomes a child
 parameters         what their parameters may be
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from evocity.errors import OperatorError, near_miss, shown, told, with_near_miss
 from evocity.genome import Genome
+from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.lambda_crossover import LambdaCrossover
 from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
@@ -125,6 +126,8 @@ def parameters_of(kind: type[Operator]) -> list[str]:
 
 __all__ = [
     "OPERATORS",
+    "Draft",
+    "Drafting",
     "LambdaCrossover",
     "Mutation",
     "Operator",

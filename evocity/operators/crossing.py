@@ -1,6 +1,7 @@
 """What the operators share: parents on one grid, children put together."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -76,19 +77,45 @@ def assembled(parents: Sequence[Genome], owner: np.ndarray) -> Genome:
     )
 
 
-def finished(
-    child: Genome,
-    intended: np.ndarray,
-    made: Mapping,
-    *,
-    repair: float | None,
-    reach: int | None,
-    domains: Sequence[int],
-) -> Genome:
-    """``child`` after collage repair towards ``intended`` (if wanted), told how it was made."""
-    made = dict(made)
-    if repair is not None:
-        child, made["repaired"] = collage_repair(
-            child, intended, threshold=repair, reach=reach, domains=domains
-        )
-    return child.replace(made=made)
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A child as an operator drafts it, before collage repair.
+
+    genome : the lifs, crossed.
+    intended : float32 ``(H, W)``, metres: the map the operator means to lay.
+    made : how it came about, for the genome's ``made``; the operator's name is added.
+    """
+
+    genome: Genome
+    intended: np.ndarray
+    made: Mapping
+
+
+class Drafting:
+    """An operator that drafts its child, which is then repaired if wanted.
+
+    A subclass is a frozen dataclass with ``name``, ``parents``, the parameters ``repair``,
+    ``reach`` and ``domains`` (and its own), and a method ``_draft(parents, rng) -> Draft``.
+    """
+
+    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
+        """A child of ``parents``; its ``made`` tells how it came about.
+
+        Raises `OperatorError` if the parents do not suit the operator or one another.
+        """
+        draft = self.draft(parents, rng)
+        child, made = draft.genome, {"operator": self.name, **draft.made}
+        if self.repair is not None:
+            child, made["repaired"] = collage_repair(
+                child,
+                draft.intended,
+                threshold=self.repair,
+                reach=self.reach,
+                domains=self.domains,
+            )
+        return child.replace(made=made)
+
+    def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        """The child before repair, and the map it is meant to be; as the call draws it."""
+        check_call(self, parents, rng)
+        return self._draft(parents, rng)

@@ -9,12 +9,12 @@ from scipy import ndimage
 from evocity.citymap import MAX_SIDE
 from evocity.coding.decode import decode
 from evocity.genome import FIELDS, Genome, merged_cities
-from evocity.operators.crossing import check_call, finished
+from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.parameters import check_parameters, repair_checks
 
 
 @dataclass(frozen=True)
-class LambdaCrossover:
+class LambdaCrossover(Drafting):
     """ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, pseudo-convex (Marsault 2002 §3.5).
 
     The λ_i are drawn as a field over the map, so that neighbouring lifs stay together:
@@ -51,23 +51,13 @@ class LambdaCrossover:
             },
         )
 
-    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
-        """A child of two ``parents``."""
-        check_call(self, parents, rng)
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         lambdas = self._lambdas(parents[0].pavement, rng)
         child = interpolated(*parents, lambdas, rng.random(lambdas.size))
         weight = parents[0].pavement.raster(lambdas.astype(np.float32))
         first, second = (decode(parent).city.heights for parent in parents)
-        intended = weight * first + (1 - weight) * second
-        made = {
-            "operator": self.name,
-            "share": self.share,
-            "blend": self.blend,
-            "grain": self.grain,
-        }
-        return finished(
-            child, intended, made, repair=self.repair, reach=self.reach, domains=self.domains
-        )
+        made = {"share": self.share, "blend": self.blend, "grain": self.grain}
+        return Draft(child, weight * first + (1 - weight) * second, made)
 
     def _lambdas(self, pavement, rng) -> np.ndarray:
         """One λ a lifs, ``(n,)``: a smooth random field, evened out so that any share is met."""

@@ -8,14 +8,14 @@ import numpy as np
 from evocity.citymap import BUILT_ABOVE, MAX_SIDE
 from evocity.coding.decode import CollageMap, decode
 from evocity.genome import Genome
-from evocity.operators.crossing import check_call, finished
+from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.parameters import check_parameters, repair_checks
 
 _RATES = ("sigma", "beta", "x", "y", "dx", "dy", "iso")
 
 
 @dataclass(frozen=True)
-class Mutation:
+class Mutation(Drafting):
     """Alter any nucleotide, each at a rate of its own (Marsault 2002 §4.1).
 
     Lifs mutate in square groups that share one draw, so that a change is as large as a
@@ -67,16 +67,11 @@ class Mutation:
             },
         )
 
-    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
-        """A mutant of the one parent."""
-        check_call(self, parents, rng)
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         (parent,) = parents
         child, changed = self._mutated(parent, rng)
         intended = np.maximum(CollageMap(child)(decode(parent).attractor), 0)
-        made = {"operator": self.name, "mutated": int(changed)}
-        return finished(
-            child, intended, made, repair=self.repair, reach=self.reach, domains=self.domains
-        )
+        return Draft(child, intended, {"mutated": int(changed)})
 
     def _mutated(self, parent: Genome, rng: np.random.Generator) -> tuple[Genome, int]:
         pavement, block = parent.pavement, parent.pavement.block

@@ -10,7 +10,7 @@ from evocity.coding.decode import decode
 from evocity.errors import shown
 from evocity.genome import Genome
 from evocity.operators._kernels import inject
-from evocity.operators.crossing import assembled, check_call, finished
+from evocity.operators.crossing import Draft, Drafting, assembled
 from evocity.operators.parameters import at_fault, check_parameters, repair_checks
 
 #: The name under which ground laid by the void parent appears among a child's cities.
@@ -18,7 +18,7 @@ VOID = "void"
 
 
 @dataclass(frozen=True)
-class PavementFusion:
+class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
     The map is filled with the parent of the largest share. Then each parent in turn injects
@@ -71,41 +71,20 @@ class PavementFusion:
             },
         )
 
-    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
-        """A child of ``parents``; ``made`` records the fill wanted and reached."""
-        check_call(self, parents, rng)
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         shares = self._shares(len(parents))
         if self.void:
             parents = [*parents, ground(parents[0])]
         owner, stitched = self._pave(parents, shares, rng)
         reached = np.bincount(owner.ravel(), minlength=len(parents)) / owner.size
         made = {
-            "operator": self.name,
             "size_min": self.size_min,
             "size_max": self.size_max,
             "tolerance": self.tolerance,
             "fill": [round(float(share), 4) for share in shares],
             "fill_reached": [round(float(share), 4) for share in reached],
         }
-        return finished(
-            assembled(parents, owner.ravel()),
-            stitched,
-            made,
-            repair=self.repair,
-            reach=self.reach,
-            domains=self.domains,
-        )
-
-    def stitch(
-        self, parents: Sequence[Genome], rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What the operator means to lay: the index of each block's parent, int ``(rows,
-        columns)``, and the parents' decoded maps cut and pasted so, float32 ``(H, W)``."""
-        check_call(self, parents, rng)
-        shares = self._shares(len(parents))
-        if self.void:
-            parents = [*parents, ground(parents[0])]
-        return self._pave(parents, shares, rng)
+        return Draft(assembled(parents, owner.ravel()), stitched, made)
 
     def check_count(self, count: int) -> None:
         """Raise `OperatorError` unless ``fill`` suits ``count`` parents (and the void)."""

@@ -121,16 +121,17 @@ def test_fill_is_reached_within_the_margin_or_the_shortfall_told(genomes):
 
 def test_stitched_map_is_cut_from_the_parents(genomes):
     fusion = PavementFusion(tolerance=50)
-    owner, stitched = fusion.stitch(genomes, np.random.default_rng(3))
+    draft = fusion.draft(genomes, np.random.default_rng(3))
+    owner = draft.genome.parent.reshape(16, 16)
     maps = np.stack([decode(genome).city.heights for genome in genomes])
     y, x = np.mgrid[:64, :64]
-    assert np.array_equal(stitched, maps[owner.repeat(4, 0).repeat(4, 1), y, x])
+    assert np.array_equal(draft.intended, maps[owner.repeat(4, 0).repeat(4, 1), y, x])
 
 
 def test_repair_brings_the_child_to_the_stitched_map(genomes):
     generator = np.random.default_rng
     for seed in range(3):
-        _, stitched = PavementFusion(tolerance=50).stitch(genomes[:2], generator(seed))
+        stitched = PavementFusion(tolerance=50).draft(genomes[:2], generator(seed)).intended
         errors = [
             np.abs(
                 decode(
@@ -157,7 +158,7 @@ def test_given_positions_are_used(genomes):
     fusion = PavementFusion(
         size_min=4, size_max=4, fill=0.1, margin=0.05, tolerance=1000, positions=[(2, 3), (99, 0)]
     )
-    owner, _ = fusion.stitch(genomes[:2], np.random.default_rng(0))
+    owner = fusion.draft(genomes[:2], np.random.default_rng(0)).genome.parent.reshape(16, 16)
     truth = np.zeros((16, 16), int)
     truth[2:6, 3:7] = 1
     assert np.array_equal(owner, truth)
