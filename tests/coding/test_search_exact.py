@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+import skimage.data
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -12,6 +13,7 @@ from evocity.coding import best_correlations, encode
 from evocity.coding.search import best_matches
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
 from evocity.coding.search.shapes import same_shape
+from evocity.errors import MapError
 from evocity.pavement import Pavement
 
 SIDE = 16
@@ -36,6 +38,7 @@ MAPS = {
     "exact ties": np.tile(np.random.default_rng(3).integers(0, 3, (4, 4)) * 3.0, (4, 4)),
     "noise": np.random.default_rng(4).random((SIDE, SIDE)) * 30,
     "slight relief on a plateau": 300 + 0.02 * np.random.default_rng(5).random((SIDE, SIDE)),
+    "camera": skimage.data.camera()[100 : 100 + 4 * SIDE : 4, 180 : 180 + 4 * SIDE : 4],
     "one pixel": np.pad(np.full((1, 1), 9.0), ((6, 9), (9, 6))),
 }
 
@@ -99,6 +102,29 @@ def test_flat_maps_have_nothing_to_search(town):
         assert found.uniform == len(found.genome) == 16
         assert found.genome.uniform.all()
         assert found.collage_rmse == 0
+
+
+@pytest.mark.parametrize("reach", [6, None])
+@pytest.mark.parametrize("name", ["camera", "checkerboard of period B", "exact ties"])
+def test_the_order_of_range_blocks_does_not_change_their_matches(name, reach):
+    heights = np.asarray(MAPS[name], np.float32)
+    pavement = Pavement(*heights.shape, 4)
+    blocks = pavement.blocks(heights)
+    order = np.random.default_rng(1).permutation(len(blocks))
+    asked = {"reach": reach, "sigma_max": 0.9}
+    plain = best_matches(domain_pools(heights, 4, (2,)), blocks, pavement.corners, **asked)
+    corners = tuple(corner[order] for corner in pavement.corners)
+    mixed = best_matches(domain_pools(heights, 4, (2,)), blocks[order], corners, **asked)
+    for field in ("multiple", "y", "x", "iso", "sigma", "beta"):
+        assert np.array_equal(getattr(mixed, field), getattr(plain, field)[order])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_heights_that_are_no_numbers_are_refused(town, wrong):
+    heights = town.heights.copy()
+    heights[3, 5] = wrong
+    with pytest.raises(MapError):
+        encode(town.replace(heights))
 
 
 def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
