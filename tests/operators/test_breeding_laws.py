@@ -128,6 +128,23 @@ def test_stitched_map_is_cut_from_the_parents(genomes):
     assert np.array_equal(draft.intended, maps[owner.repeat(4, 0).repeat(4, 1), y, x])
 
 
+def test_larger_tolerance_and_smaller_macro_blocks_mix_more(genomes):
+    """Paper 000 §4.4: counted as sides of range blocks that lie between two owners."""
+
+    def seams(tolerance, size):
+        total = 0
+        for seed in range(4):
+            fusion = PavementFusion(
+                size_min=size, size_max=size, tolerance=tolerance, fill=0.5, margin=0, repair=None
+            )
+            owner = fusion(genomes[:2], np.random.default_rng(seed)).parent.reshape(16, 16)
+            total += (owner[1:] != owner[:-1]).sum() + (owner[:, 1:] != owner[:, :-1]).sum()
+        return total
+
+    assert seams(100, 1) > seams(100, 2) > seams(100, 6)
+    assert seams(100, 2) > seams(4, 2) > seams(1, 2)
+
+
 def test_repair_brings_the_child_to_the_stitched_map(genomes):
     generator = np.random.default_rng
     for seed in range(3):
