@@ -18,8 +18,8 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.fitness.registry import get
 from evocity.fitness.heredity import heritability, integrity
+from evocity.fitness.registry import get
 from evocity.operators import OPERATORS
 
 CITIES = ("new-york-west-village", "montpellier-pas-du-loup")

@@ -36,7 +36,8 @@ def blocks_of(heights, block):
     """Range blocks that are not flat, and their corners."""
     pavement = Pavement(*heights.shape, block)
     blocks = pavement.blocks(heights)
-    busy = np.flatnonzero(np.ptp(blocks.reshape(len(blocks), -1), axis=1) > 0)
+    flat = blocks.reshape(len(blocks), -1)
+    busy = np.flatnonzero((flat != flat[:, :1]).any(axis=1))
     return blocks[busy], tuple(corner[busy] for corner in pavement.corners)
 
 

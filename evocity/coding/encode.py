@@ -99,7 +99,7 @@ def encode(
     start = time.perf_counter()
     blocks = pavement.blocks(city.heights)
     flat = blocks.reshape(len(pavement), -1)
-    searched = np.flatnonzero(np.ptp(flat, axis=1) > 0)
+    searched = np.flatnonzero((flat != flat[:, :1]).any(axis=1))
     corners = tuple(corner[searched] for corner in pavement.corners)
     asked = {"reach": reach, "sigma_max": sigma_max, "threads": threads}
     passes = 1 if topological is None else 2

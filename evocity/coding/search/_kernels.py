@@ -144,34 +144,30 @@ def part_norms(planes, places, sizes, lowest, shares):
 
 
 @kernel
-def kinds(shrunk, step, block, top, norms, table, firsts):
+def kinds(planes, norms, shrunk, step, block, top, table, firsts):
     """firsts[n] = row-major place in ``norms`` (y · columns + x) of the n-th kind of domain block,
     in order of place; returns how many there are.
 
     Blocks of pixels shrunk[top + y + step·i, x + step·j] that differ by a level alone, to the
-    bit, are of one kind; where the norm is 0 there is none. ``table``, of zeros and a power of
-    two long, has room for twice as many kinds as there are blocks.
+    bit, are of one kind; where the norm is 0 there is none. Blocks are told apart by the bits of
+    ``planes`` first: where rounding hides that two are of one kind, both are kept. ``table``, of
+    zeros and a power of two long, has room for twice as many kinds as there are blocks.
     """
     rows, columns = norms.shape
-    width = shrunk.shape[1] - step * (block - 1)
-    keys = np.empty(width, np.uint64)
-    lines = np.empty((block, shrunk.shape[1]))
+    keys = np.empty(columns, np.uint32)
     count = 0
     for y in range(rows):
-        for i in range(block):
-            lines[i] = shrunk[top + y + step * i]
         keys[:] = 0
-        for i in range(block):
-            for j in range(block):
-                odd = np.uint64(2 * (i * block + j) + 1) * np.uint64(0x9E3779B97F4A7C15)
-                for x in range(np.uintp(width)):
-                    raised = lines[i, x + np.uintp(step * j)] - lines[0, x] + 0.0  # no −0
-                    bits = np.float64(raised).view(np.uint64)
-                    keys[x] += (bits ^ (bits >> np.uint64(29))) * odd
-        for x in range(width):
+        for k in range(planes.shape[1]):
+            bits = planes[y, k].view(np.uint32)
+            odd = np.uint32((2 * k + 1) * 0x9E3779B9 & 0xFFFFFFFF)
+            for x in range(columns):
+                mixed = bits[x] * odd
+                keys[x] += mixed ^ (mixed >> np.uint32(15))
+        for x in range(columns):
             if norms[y, x] == 0:
                 continue
-            slot = (keys[x] ^ (keys[x] >> np.uint64(32))) & np.uint64(table.size - 1)
+            slot = (keys[x] ^ (keys[x] >> np.uint32(16))) & np.uint32(table.size - 1)
             while True:
                 seen = table[slot] - 1
                 if seen < 0:
@@ -179,10 +175,10 @@ def kinds(shrunk, step, block, top, norms, table, firsts):
                     count += 1
                     table[slot] = count
                     break
-                v, u = top + firsts[seen] // columns, firsts[seen] % columns
-                if same_relief(shrunk, step, block, top + y, x, v, u):
+                v, u = firsts[seen] // columns, firsts[seen] % columns
+                if same_relief(shrunk, step, block, top + y, x, top + v, u):
                     break
-                slot = (slot + np.uint64(1)) & np.uint64(table.size - 1)
+                slot = (slot + np.uint32(1)) & np.uint32(table.size - 1)
     return count
 
 

@@ -89,7 +89,10 @@ def distinct(pool: DomainPool) -> np.ndarray:
     firsts = np.empty(room, np.int64)
     table = np.zeros(2 << room.bit_length(), np.int32)
     block = int(np.sqrt(pool.planes.shape[1]))
-    return firsts[: kinds(pool.shrunk, pool.multiple, block, pool.top, pool.norms, table, firsts)]
+    count = kinds(
+        pool.planes, pool.norms, pool.shrunk, pool.multiple, block, pool.top, table, firsts
+    )
+    return firsts[:count]
 
 
 def range_shares(codes: np.ndarray) -> np.ndarray:
