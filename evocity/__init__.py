@@ -14,6 +14,7 @@ __version__ = "0.1.0"
 _ROOMS = {
     "citymap": ["CityMap"],
     "coding": ["decode", "encode"],
+    "condensation": ["Condensation"],
     "errors": ["EvocityError"],
     "genome": ["Genome", "read_genome"],
     "io": ["cities", "read_map", "write_map"],

@@ -17,12 +17,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from evocity.citymap import MAX_PIXELS
+from evocity.condensation import Condensation
 from evocity.errors import GenomeError
 from evocity.files import whole_file
 from evocity.pavement import Pavement
 
-#: Version of the genome file's schema. Raised by one with every change a reader must know of.
-SCHEMA_VERSION = 1
+#: Versions of the genome file's schema that are read, raised by one with every change a reader
+#: must know of. What needs nothing newer is written as 1; 2 has a column `CONDENSED`.
+SCHEMA_VERSIONS = (1, 2)
+#: The column of a genome file that holds what is kept, see `Condensation.column`.
+CONDENSED = "condensation"
 
 #: What reading a file that is no genome, or a damaged one, can end in.
 _DAMAGE = (
@@ -87,6 +91,8 @@ class Genome:
     attribution : what the sources' licences ask for.
     origin, crs : where the decoded map lies, as in `CityMap`; None if nowhere.
     made : how the genome came about (operator, its parameters, what it reached).
+    condensation : what decoding keeps, of the pavement's size, or None. No nucleotide:
+        operators hand it on as it is.
 
     Raises
     ------
@@ -112,6 +118,7 @@ class Genome:
     origin: tuple[float, float] | None = None
     crs: str | None = None
     made: Mapping = field(default_factory=dict)
+    condensation: Condensation | None = None
 
     def __post_init__(self):
         for name, nucleotide in FIELDS.items():
@@ -140,7 +147,8 @@ class Genome:
         )
 
     def __eq__(self, other) -> bool:
-        """Same pavement, pixel size and nucleotides, bit for bit; provenance is not compared."""
+        """Same pavement, pixel size, nucleotides and condensation, bit for bit; provenance is not
+        compared."""
         return isinstance(other, Genome) and self.digest == other.digest
 
     def __hash__(self) -> int:
@@ -153,12 +161,15 @@ class Genome:
 
     @cached_property
     def digest(self) -> str:
-        """Hex digest of pavement, pixel size and nucleotides: equal for equal genomes."""
+        """Hex digest of pavement, pixel size, nucleotides and condensation: equal for equal
+        genomes."""
         p = self.pavement
         state = hashlib.blake2b(digest_size=16)
         state.update(repr((p.height, p.width, p.block, self.metres_per_pixel)).encode())
         for name in NUCLEOTIDES:
             state.update(np.ascontiguousarray(getattr(self, name)).tobytes())
+        if self.condensation is not None:
+            state.update(self.condensation.digest.encode())
         return state.hexdigest()
 
     def replace(self, **changes) -> "Genome":
@@ -174,7 +185,10 @@ class Genome:
         The file appears whole or not at all. DuckDB, polars and pandas read it as it is.
         Raises `GenomeError` if it cannot be written.
         """
-        table = pa.table({name: getattr(self, name) for name in FIELDS})
+        columns = {name: getattr(self, name) for name in FIELDS}
+        if self.condensation is not None:
+            columns[CONDENSED] = self.condensation.column(self.pavement)
+        table = pa.table(columns)
         about = {"evocity.genome": json.dumps(self._described(), default=str)}
         try:
             with whole_file(path) as temporary:
@@ -189,7 +203,7 @@ class Genome:
     def _described(self) -> dict:
         p = self.pavement
         return {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": 1 if self.condensation is None else 2,
             "height": p.height,
             "width": p.width,
             "block": p.block,
@@ -230,10 +244,10 @@ def read_genome(path: str | os.PathLike) -> Genome:
             "a Parquet file written by `evocity encode`",
             "write it again: evocity encode MAP -o GENOME.parquet",
         ) from None
-    if version != SCHEMA_VERSION:
+    if version not in SCHEMA_VERSIONS:
         raise GenomeError(
             f"{path} has genome schema version {version}",
-            f"version {SCHEMA_VERSION}",
+            f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
             "read it with the release of evocity that wrote it, or encode the map again",
         )
     try:
@@ -246,7 +260,9 @@ def read_genome(path: str | os.PathLike) -> Genome:
             about["sigma_max"] = float("inf")
         if about["origin"] is not None:
             about["origin"] = tuple(about["origin"])
-        table = pq.read_table(path, columns=list(FIELDS))
+        table = pq.read_table(path, columns=[*FIELDS, *[CONDENSED] * (version > 1)])
+        if version > 1:
+            about["condensation"] = Condensation.from_column(table.column(CONDENSED), pavement)
         arrays = {name: table.column(name).to_numpy() for name in FIELDS}
         return Genome(pavement, **arrays, **about)
     except GenomeError as error:
@@ -348,14 +364,21 @@ def _check_description(genome: Genome) -> None:
         f"crs = {genome.crs!r}": genome.crs is None or isinstance(genome.crs, str),
         f"origin = {origin!r}": origin is None
         or (len(origin) == 2 and all(number(one) and math.isfinite(one) for one in origin)),
+        f"condensation = {genome.condensation!r}": genome.condensation is None
+        or _fits(genome.condensation, genome.pavement),
     }
     found = [fault for fault, right in faults.items() if not right]
     if found:
         raise GenomeError(
             "; ".join(found),
-            "a pixel size above 0 m, 1…256 names of cities, text, and (x, y) or None",
+            "a pixel size above 0 m, 1…256 names of cities, text, (x, y) or None, a Condensation "
+            "of the map's size or None",
             "correct them, or encode the map again",
         )
+
+
+def _fits(layer, pavement: Pavement) -> bool:
+    return isinstance(layer, Condensation) and layer.shape == (pavement.height, pavement.width)
 
 
 def _check_bounds(genome: Genome) -> None:

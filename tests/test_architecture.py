@@ -16,7 +16,7 @@ OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / roo
 
 # Which room may import which; CONTRIBUTING.md draws it.
 BELOW_ALL = {"errors", "plugins", "files", "accelerate"}
-CORE = {"citymap", "genome", "isometries", "pavement"}
+CORE = {"citymap", "condensation", "genome", "isometries", "pavement"}
 BREEDING = CORE | {"coding", "operators", "fitness", "store", "io"}
 MAY_IMPORT = {
     "errors": set(),
@@ -27,8 +27,9 @@ MAY_IMPORT = {
     "citymap": set(),
     "isometries": set(),
     "pavement": set(),
-    "genome": {"citymap", "isometries", "pavement"},
-    "io": {"citymap"},
+    "condensation": {"citymap", "pavement"},
+    "genome": {"citymap", "condensation", "isometries", "pavement"},
+    "io": {"citymap", "condensation"},
     "coding": CORE,
     "operators": CORE | {"coding"},
     "fitness": CORE | {"coding"},

@@ -2,6 +2,7 @@
 
 - `run`, `resume`, `status`: a search, shown while it goes on by `searching`
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
+- `pattern`: a town drawn by a rule
 - `cities`, `fitness`: what there is
 - `given`: what a word on the command line stands for: a map, a genome, a run
 - `common`: options, checks, messages and printing that several commands share
@@ -18,6 +19,7 @@ from evocity.cli.common import InputFault, told
 from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
+from evocity.cli.pattern import pattern
 from evocity.cli.resume import resume
 from evocity.cli.run import run
 from evocity.cli.score import score
@@ -68,6 +70,7 @@ for _command in (
     score,
     autosimilarity,
     show,
+    pattern,
     cities,
     fitness,
 ):

@@ -141,6 +141,15 @@ json_option = click.option(
 )
 
 
+count_option = click.option(
+    "--count",
+    type=click.Choice(["pixels", "domains", "ranges"]),
+    show_default="pixels",
+    help="What is counted: calls of each pixel; of the most called domain block that holds it; "
+    "of the domain block that its range block is made of.",
+)
+
+
 def converged(decoding, source: str):
     """The ``decoding``; told on standard error if its last step still changed the map."""
     if not decoding.converged:

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, converged, describe, output_option
+from evocity.cli.common import check_output, converged, count_option, describe, output_option
 from evocity.cli.given import decoded_name, genome_of, id_option
 from evocity.errors import EvocityError
 
@@ -15,6 +15,7 @@ from evocity.errors import EvocityError
 Examples:
   evocity decode lyon.parquet -o lyon.tif
   evocity decode lyon.parquet -o detailed.png --zoom 2
+  evocity decode lyon.parquet -o simpler.png --low-pass 10
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.tif"""
 )
 @click.argument("genome", metavar="GENOME|RUN")
@@ -31,7 +32,17 @@ Examples:
     show_default=True,
     help="Fractal zoom: above 1 creates detail, below 1 simplifies.",
 )
-def decode(genome: str, output: Path, identifier, zoom: float) -> None:
+@click.option(
+    "--low-pass",
+    "f_c",
+    type=float,
+    metavar="F_C",
+    show_default="none",
+    help="Cut frequency: what the code calls more often becomes ground, and what is made of it "
+    "flat. `show --usage` tells which numbers make sense; the papers take 1, 10 and 100.",
+)
+@count_option
+def decode(genome: str, output: Path, identifier, zoom: float, f_c, count) -> None:
     """Write the map that a genome stands for, its attractor.
 
     The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
@@ -39,15 +50,32 @@ def decode(genome: str, output: Path, identifier, zoom: float) -> None:
     from evocity.io import WRITERS
 
     check_output(output, genome, WRITERS)
+    if count is not None and f_c is None:
+        raise EvocityError("--count without --low-pass", "both", "add --low-pass F_C")
     code = genome_of(genome, identifier)
     _check_size(code.pavement, zoom)
+    told = []
+    if f_c is not None:
+        code, share = _filtered(code, f_c, count or "pixels")
+        told = [f"low-pass at {f_c:g} calls: {share:.0%} of the pixels go to ground"]
     decoding = converged(evocity.decode(code, zoom=zoom), genome)
     city = decoding.city
-    city = city.replace(city.heights, name=decoded_name(city.name, genome, identifier))
+    filtered = "" if f_c is None else f", low-pass at {f_c:g}"
+    name = decoded_name(city.name, genome, identifier) + filtered
+    city = city.replace(city.heights, name=name)
     evocity.write_map(city, output)
-    click.echo(describe(city))
-    click.echo(f"decoded in {decoding.iterations} steps")
+    for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
+        click.echo(line)
     click.echo(f"wrote {output}")
+
+
+def _filtered(code, f_c: float, count: str) -> tuple:
+    """The filtered ``code``, and the share of its pixels that the filter laid bare."""
+    from evocity.coding import low_pass
+
+    filtered = low_pass(code, f_c, count=count)
+    kept = [0 if one.condensation is None else len(one.condensation) for one in (code, filtered)]
+    return filtered, (kept[1] - kept[0]) / (code.pavement.height * code.pavement.width)
 
 
 def _check_size(pavement, zoom: float) -> None:

@@ -21,7 +21,9 @@ from evocity.cli.common import (
 from evocity.errors import EvocityError
 
 
-class _Domains(click.ParamType):
+class Domains(click.ParamType):
+    """Whole numbers with commas between."""
+
     name = "list"
 
     def convert(self, value, param, ctx) -> tuple[int, ...]:
@@ -33,7 +35,19 @@ class _Domains(click.ParamType):
             self.fail(f"{value!r} is no list of whole numbers such as 2 or 2,3", param, ctx)
 
 
-class _Reach(click.ParamType):
+class _Heights(click.ParamType):
+    name = "heights"
+
+    def convert(self, value, param, ctx) -> float | str:
+        try:
+            return float(value)
+        except ValueError:
+            return value
+
+
+class Reach(click.ParamType):
+    """Pixels, or "all" for the whole map, which is None."""
+
     name = "reach"
 
     def convert(self, value, param, ctx) -> int | None:
@@ -51,6 +65,7 @@ Examples:
   evocity encode lyon-1er -o lyon.parquet
   evocity encode buildings.gpkg --center 4.834 45.768 --reach all -o here.parquet
   evocity encode lyon-1er --block 8 --fit -o closer.parquet
+  evocity encode lyon-1er --lock listed.geojson -o lyon.parquet
   evocity encode dsm.png --metres-per-pixel 2 --height-scale 0.5 --json -o dsm.parquet"""
 )
 @click.argument("map", metavar="MAP")
@@ -58,7 +73,7 @@ Examples:
 @click.option("--block", default=4, show_default=True, help="B, side of the range blocks, pixels.")
 @click.option(
     "--domains",
-    type=_Domains(),
+    type=Domains(),
     metavar="N[,N…]",
     default="2",
     show_default=True,
@@ -66,7 +81,7 @@ Examples:
 )
 @click.option(
     "--reach",
-    type=_Reach(),
+    type=Reach(),
     metavar="PIXELS|all",
     default="24",
     show_default=True,
@@ -91,10 +106,35 @@ Examples:
     help="Of domain blocks whose error is within this share of the best, take the one in the "
     "likest surroundings; 0 decides ties alone.",
 )
+@click.option(
+    "--lock",
+    metavar="FILE",
+    show_default="nothing",
+    help="Footprints, or a mask above 0 where it counts, on the map: what they cover keeps its "
+    "heights pixel for pixel, in this genome and in all that are bred of it.",
+)
+@click.option(
+    "--lock-heights",
+    type=_Heights(),
+    metavar="FILE|METRES",
+    show_default="the map's own",
+    help="What stands in the locked pixels instead: a new building, or 0 for a river.",
+)
 @map_options
 @json_option
 def encode(
-    map, output: Path, block, domains, reach, sigma_max, fit, topological, reading, as_json
+    map,
+    output: Path,
+    block,
+    domains,
+    reach,
+    sigma_max,
+    fit,
+    topological,
+    lock,
+    lock_heights,
+    reading,
+    as_json,
 ) -> None:
     """Code MAP as a fractal genome.
 
@@ -106,11 +146,14 @@ def encode(
     range blocks, coded without search), pairs (range and domain blocks compared), seconds (of
     the search, and of the fit if asked for).
     """
-    check_output(output, map)
-    _check_no_map_name(output)
+    for source in (map, lock, lock_heights):
+        if isinstance(source, str):
+            check_output(output, source)
+    check_no_map_name(output)
     city = evocity.read_map(map, **reading)
     note_reading(city, reading)
-    _check_block(city, block)
+    check_block(city, block)
+    city, layer = _locked(city, lock, lock_heights)
     if sigma_max >= 1:
         warn(f"--sigma-max {sigma_max:g}: decoding may diverge; below 1 it always converges")
     with progress_bar(f"coding {city.name}") as progress:
@@ -122,6 +165,7 @@ def encode(
             sigma_max=sigma_max,
             fit=fit,
             topological=topological,
+            condensation=layer,
             progress=progress,
         )
     psnr = encoding.psnr  # decodes: a code that diverges is told before anything is written
@@ -143,6 +187,8 @@ def encode(
     if city.height_rules:
         rules = ", ".join(f"{count} by {rule}" for rule, count in city.height_rules.items())
         click.echo(f"heights of buildings: {rules}")
+    if layer is not None:
+        click.echo(f"locked: {len(layer)} of {layer.mask.size} px")
     click.echo(
         f"{len(encoding.genome)} lifs, {encoding.uniform} of them uniform; "
         f"{encoding.pairs:,} pairs searched{', attractor fitted,' if fit else ''} "
@@ -152,7 +198,24 @@ def encode(
     click.echo(f"wrote {output}")
 
 
-def _check_block(city, block: int) -> None:
+def _locked(city, lock: str | None, heights: float | str | None):
+    """The map with the attribution of what is locked in it, and that layer, or None."""
+    if lock is None:
+        if heights is not None:
+            raise EvocityError(
+                f"--lock-heights {heights} without --lock",
+                "--lock FILE, which tells what is locked",
+                "name footprints or a mask with --lock, or leave --lock-heights out",
+            )
+        return city, None
+    from evocity.io import read_condensation
+
+    layer, attribution = read_condensation(lock, city, heights)
+    lines = dict.fromkeys([*city.attribution.split("; "), *attribution.split("; ")])
+    return city.replace(city.heights, attribution="; ".join(filter(None, lines))), layer
+
+
+def check_block(city, block: int) -> None:
     """Raise if the range blocks do not cover a map, naming options that would do."""
     height, width = city.shape
     if block < 2 or not (height % block or width % block):
@@ -169,7 +232,8 @@ def _check_block(city, block: int) -> None:
     )
 
 
-def _check_no_map_name(output: Path) -> None:
+def check_no_map_name(output: Path) -> None:
+    """Raise if ``output``, a genome file to be, is named like a map."""
     from evocity.io import suffixes
 
     if any(output.name.lower().endswith(suffix) for suffix in suffixes()):

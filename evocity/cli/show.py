@@ -5,8 +5,16 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, map_options, output_option, writing
-from evocity.cli.given import city_of, id_option, refuse_reading
+from evocity.cli.common import check_output, count_option, map_options, output_option, writing
+from evocity.cli.given import city_of, decoded, genome_of, id_option, refuse_reading
+from evocity.errors import EvocityError
+
+#: Title of the picture of each count.
+_COUNTS = {
+    "pixels": "calls of each pixel",
+    "domains": "calls of the domain blocks",
+    "ranges": "calls of what each range block is made of",
+}
 
 
 @click.command(
@@ -14,25 +22,93 @@ from evocity.cli.given import city_of, id_option, refuse_reading
 Examples:
   evocity show lyon-1er -o lyon.png
   evocity show runs/lyon-x-montpellier -o bred.png
-  evocity show runs/lyon-x-montpellier --id 97 -o one.png"""
+  evocity show runs/lyon-x-montpellier --id 97 -o one.png
+  evocity show runs/lyon-x-montpellier --id 97 --ancestry -o whose.png
+  evocity show lyon.parquet --usage -o calls.png"""
 )
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option("PNG", "Picture to write; overwritten if it exists.")
 @id_option
+@click.option(
+    "--usage",
+    is_flag=True,
+    help="Of a genome: how often its code calls each pixel, instead of heights.",
+)
+@count_option
+@click.option(
+    "--ancestry",
+    is_flag=True,
+    help="Of a genome: which source city each pixel comes from, a colour each.",
+)
+@click.option(
+    "--depth",
+    type=int,
+    show_default="the limit",
+    help="With --ancestry: how many domain blocks to look back over; 0 for the city of each "
+    "range block alone.",
+)
 @map_options
-def show(what: str, output: Path, identifier, reading) -> None:
+def show(what: str, output: Path, identifier, usage, count, ancestry, depth, reading) -> None:
     """Draw a map, the map of a genome, or the best of a run.
 
     Heights are drawn on a colour scale in metres, with a scale bar and the attribution of the
     sources. Of a run folder: its parents and the best of its last generation side by side, or
     the individual named by --id.
+
+    --usage and --ancestry draw what a genome's code is made of, over its map.
     """
+    _check_wanted(usage, count, ancestry, depth)
     check_output(output, what, {".png"})
-    if identifier is not None or not Path(what).is_dir():
+    if usage or ancestry:
+        refuse_reading("--usage" if usage else "--ancestry", reading)
+        genome = genome_of(what, identifier)
+        if usage:
+            _show_usage(genome, decoded(genome, what, identifier), count or "pixels", output)
+        else:
+            _show_ancestry(genome, what, identifier, depth, output)
+    elif identifier is not None or not Path(what).is_dir():
         evocity.write_map(city_of(what, reading, identifier), output)
     else:
         _show_run(what, output, reading)
     click.echo(f"wrote {output}")
+
+
+def _check_wanted(usage: bool, count: str | None, ancestry: bool, depth: int | None) -> None:
+    if usage and ancestry:
+        raise EvocityError(
+            "--usage and --ancestry", "one of them", "make two pictures, one after the other"
+        )
+    if count is not None and not usage:
+        raise EvocityError("--count without --usage", "both", "add --usage")
+    if depth is not None and not ancestry:
+        raise EvocityError("--depth without --ancestry", "both", "add --ancestry")
+
+
+def _show_usage(genome, city, count: str, output: Path) -> None:
+    from evocity.coding import usage
+    from evocity.io import Field, write_field
+
+    found = usage(genome)
+    values = getattr(found, count)
+    write_field(Field(city, values.astype("float32"), _COUNTS[count], "calls"), output)
+    calling, never = int((found.calls > 0).sum()), float((found.pixels == 0).mean())
+    click.echo(
+        f"{len(found.domain_calls)} domain blocks serve {calling} of {len(genome)} lifs, "
+        f"the most called {found.domain_calls.max(initial=0)} of them; "
+        f"a pixel is called up to {found.pixels.max()} times, {never:.0%} of them never"
+    )
+
+
+def _show_ancestry(genome, source: str, identifier, depth: int | None, output: Path) -> None:
+    from evocity.coding import ancestry
+    from evocity.io import Shares, write_shares
+
+    weights = ancestry(genome, depth=depth)
+    title = "ancestry" if depth is None else f"ancestry to depth {depth}"
+    city = decoded(genome, source, identifier)
+    write_shares(Shares(city, weights, genome.cities, title), output)
+    shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
+    click.echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
 
 
 def _show_run(folder: str, output: Path, reading) -> None:

@@ -5,10 +5,13 @@ decode          a genome's map, the attractor of its collage map
 fit             which σ and β bring a genome's attractor closest to a map
 search          which domain block explains a range block best
 topology        which of several lies in surroundings most like the range block's
+usage           how often a code calls its domain blocks; the low-pass filter made of that
+ancestry        whose stone stands where
 autosimilarity  where a map is like itself at another scale
 quality         PSNR
 """
 
+from evocity.coding.ancestry import ancestry
 from evocity.coding.autosimilarity import (
     AutosimilarityMaps,
     FreeBlockMaps,
@@ -21,6 +24,7 @@ from evocity.coding.fit import fit_attractor
 from evocity.coding.quality import psnr
 from evocity.coding.search import best_correlations
 from evocity.coding.topology import Candidates, closest_neighbourhood
+from evocity.coding.usage import Usage, low_pass, usage
 
 __all__ = [
     "AutosimilarityMaps",
@@ -29,6 +33,8 @@ __all__ = [
     "Decoding",
     "Encoding",
     "FreeBlockMaps",
+    "Usage",
+    "ancestry",
     "autosimilarity_maps",
     "best_correlations",
     "closest_neighbourhood",
@@ -36,5 +42,7 @@ __all__ = [
     "encode",
     "fit_attractor",
     "free_block_maps",
+    "low_pass",
     "psnr",
+    "usage",
 ]

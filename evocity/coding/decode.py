@@ -46,10 +46,12 @@ class Decoding:
 
 
 class CollageMap:
-    """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3).
+    """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3), and its
+    condensation where that covers.
 
-    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large.
-    Domain corners are rounded to whole pixels. W is computed in ``dtype``, float32 or float64.
+    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large. Domain
+    blocks that then begin within a pixel take their share of it; the condensation is rounded to
+    whole pixels. W is computed in ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
@@ -58,13 +60,18 @@ class CollageMap:
         self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
         tall, wide = genome.dy // pavement.block, genome.dx // pavement.block
         top, left = self.pavement.corners
-        y = _zoomed(genome.y, zoom, self.shape[0] - tall * block)
-        x = _zoomed(genome.x, zoom, self.shape[1] - wide * block)
-        self._kinds, layer = _common_shrinkings(tall, wide, ~genome.uniform)
+        y, down = _zoomed(genome.y, zoom)
+        x, across = _zoomed(genome.x, zoom)
+        extents = [tall, wide]
+        if down.any() or across.any():
+            extents += [down, across]
+        self._kinds, layer = _common_shrinkings(extents, ~genome.uniform)
         # domain blocks of rare extents are shrunk one by one, each at its range block's place
         (rare,) = np.nonzero((layer < 0) & ~genome.uniform)
         corners = (top[rare], left[rare], y[rare], x[rare])
-        self._rare = (*corners, tall[rare], wide[rare], block)
+        self._rare = [(None, (*corners, tall[rare], wide[rare], block))]
+        if len(extents) > 2:
+            self._rare = _within_pixels(self.pavement, *self._rare[0][1], down, across, rare)
         layer[rare] = len(self._kinds)
         y[rare], x[rare], tall[rare], wide[rare] = top[rare], left[rare], 1, 1
         count = len(self._kinds) + (rare.size > 0)
@@ -72,6 +79,8 @@ class CollageMap:
         self._table = np.empty(self.shape, np.int32)
         sources = isometries.sources(block)
         gather_table(top, left, y, x, tall, wide, layer, genome.iso, sources, block, self._table)
+        layer = genome.condensation
+        self._kept = None if layer is None else layer.resampled(*self.shape)
         self._recode(genome.sigma, genome.beta)
 
     @property
@@ -80,7 +89,7 @@ class CollageMap:
 
     @property
     def flat_start(self) -> np.ndarray:
-        """The β of every block: what W makes of bare ground."""
+        """The β of every block, and what is condensed: what W makes of bare ground."""
         return self._beta.copy()
 
     def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
@@ -92,12 +101,16 @@ class CollageMap:
     def _recode(self, sigma: np.ndarray, beta: np.ndarray) -> None:
         self._sigma = self.pavement.raster(np.asarray(sigma, self._layers.dtype))
         self._beta = self.pavement.raster(np.asarray(beta, self._layers.dtype))
+        if self._kept is not None:  # σ = 0 and β = C: W lays C there, and Wᵀ takes nothing thence
+            self._sigma[self._kept.mask] = 0
+            self._beta[self._kept.mask] = self._kept.heights[self._kept.mask]
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
-        for (tall, wide), layer in zip(self._kinds, self._layers, strict=False):
+        for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
-        shrink_blocks(heights, *self._rare, self._layers[-1])
+            _shift(layer, *shift)
+        self._shrink_rare(heights)
         target = np.empty(self.shape, self._layers.dtype)
         gather(
             self._layers.ravel(),
@@ -113,10 +126,26 @@ class CollageMap:
         ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
         scatter(values.ravel(), self._table.ravel(), self._sigma.ravel(), self._layers.ravel())
         target = np.zeros(self.shape, self._layers.dtype)
-        for (tall, wide), layer in zip(self._kinds, self._layers, strict=False):
+        for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
+            _shift_back(layer, *shift)
             spread_means(layer, tall, wide, target)
-        spread_blocks(self._layers[-1], *self._rare, target)
+        for share, rare in self._rare:
+            layer = self._layers[-1]
+            spread_blocks(layer if share is None else share * layer, *rare, target)
         return target
+
+    def _shrink_rare(self, heights: np.ndarray) -> None:
+        layer = self._layers[-1]
+        if self._rare[0][0] is None:
+            shrink_blocks(heights, *self._rare[0][1], layer)
+            return
+        if len(self._layers) > len(self._kinds):
+            layer[:] = 0
+        part = np.zeros_like(layer)
+        for share, rare in self._rare:
+            shrink_blocks(heights, *rare, part)
+            if rare[0].size:
+                layer += share * part
 
 
 def decode(
@@ -128,6 +157,8 @@ def decode(
     max_iterations: int = 500,
 ) -> Decoding:
     """Iterate W from any start until no pixel changes by more than ``tolerance`` metres.
+
+    What the genome's condensation covers has its heights exactly, in every iteration.
 
     Parameters
     ----------
@@ -184,23 +215,62 @@ def decode(
 
 
 def _common_shrinkings(
-    tall: np.ndarray, wide: np.ndarray, able: np.ndarray
-) -> tuple[list[tuple[int, int]], np.ndarray]:
-    """The extents, in range blocks, that many of the ``able`` lifs share, and for each lifs
-    which of them is its own, −1 for none.
+    extents: list[np.ndarray], able: np.ndarray
+) -> tuple[list[tuple[float, ...]], np.ndarray]:
+    """The extents, in range blocks (and fractions of a pixel at which domain blocks begin, if
+    given), that many of the ``able`` lifs share, and for each lifs which of them is its own, −1
+    for none.
 
     One box mean of the whole map serves all lifs of one extent, but costs as much as some
     hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
     """
-    layer = np.full(tall.size, -1, np.int64)
-    pairs, which, counts = np.unique(
-        np.stack([tall[able], wide[able]]), axis=1, return_inverse=True, return_counts=True
+    layer = np.full(able.size, -1, np.int64)
+    kinds, which, counts = np.unique(
+        np.stack([extent[able] for extent in extents]),
+        axis=1,
+        return_inverse=True,
+        return_counts=True,
     )
-    (common,) = np.nonzero(counts >= tall.size / 8)
+    (common,) = np.nonzero(counts >= able.size / 8)
     place = np.full(counts.size, -1, np.int64)
     place[common] = np.arange(common.size)
     layer[able] = place[which]
-    return [(int(t), int(w)) for t, w in pairs[:, common].T], layer
+    return [(int(t), int(w), *shift) for t, w, *shift in kinds[:, common].T], layer
+
+
+def _shift(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
+    """Means of cells that begin within a pixel, from means of those that begin with one: so the
+    pixels at their rims count by area. In place."""
+    if down:
+        layer[:-1] += down * (layer[1:] - layer[:-1])
+    if across:
+        layer[:, :-1] += across * (layer[:, 1:] - layer[:, :-1])
+
+
+def _shift_back(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
+    """Adjoint of `_shift`."""
+    if across:
+        moved = across * layer[:, :-1]
+        layer[:, :-1] -= moved
+        layer[:, 1:] += moved
+    if down:
+        moved = down * layer[:-1]
+        layer[:-1] -= moved
+        layer[1:] += moved
+
+
+def _within_pixels(pavement: Pavement, top, left, y, x, tall, wide, block, down, across, rare):
+    """(share of each pixel, arguments of `shrink_blocks`) of the four whole-pixel domain blocks
+    around one that begins within a pixel, for the ``rare`` lifs."""
+    parts = []
+    for a in (0, 1):
+        for b in (0, 1):
+            weight = np.zeros(len(pavement), np.float32)
+            weight[rare] = ((1 - down, down)[a] * (1 - across, across)[b])[rare]
+            v = np.minimum(y + a, pavement.height - tall * block)
+            u = np.minimum(x + b, pavement.width - wide * block)
+            parts.append((pavement.raster(weight), (top, left, v, u, tall, wide, block)))
+    return parts
 
 
 def _zoomed_block(pavement: Pavement, zoom: float) -> int:
@@ -214,8 +284,11 @@ def _zoomed_block(pavement: Pavement, zoom: float) -> int:
     return block
 
 
-def _zoomed(corner: np.ndarray, zoom: float, limit: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(corner * zoom), 0, limit).astype(np.int32)
+def _zoomed(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarray]:
+    """Whole pixels, int32, and the fraction left, 0…1, of ``corner`` on the zoomed map."""
+    exact = corner * zoom
+    whole = np.floor(exact + 1e-9)
+    return whole.astype(np.int32), np.maximum(np.round(exact - whole, 9), 0)
 
 
 def _blame(genome: Genome, collage: CollageMap, steps: np.ndarray, tolerance: float) -> np.ndarray:

@@ -15,7 +15,8 @@ from evocity.coding.quality import psnr
 from evocity.coding.search import Matches, best_matches, near_best, pairs_compared
 from evocity.coding.search.domains import domain_pools
 from evocity.coding.topology import closest_neighbourhood
-from evocity.errors import GenomeError
+from evocity.condensation import Condensation
+from evocity.errors import GenomeError, shown
 from evocity.genome import Genome
 from evocity.pavement import Pavement
 
@@ -25,9 +26,10 @@ class Encoding:
     """A map's genome, and what coding it cost and lost.
 
     genome : the code.
-    city : the map that was coded.
+    city : the map that was coded, its condensation in place.
     collage_rmse : root mean square of the collage error ω(d) − r, metres.
-    uniform : number of range blocks coded as flat, without search.
+    uniform : number of range blocks coded as flat, without search: level ones, and those that a
+        condensation wholly covers.
     pairs : range block × domain position × isometry pairs the search decided.
     seconds : wall time of search and fit, compilation included if there was any.
     """
@@ -54,6 +56,7 @@ def encode(
     sigma_max: float = 0.9,
     fit: bool = False,
     topological: float | None = None,
+    condensation: Condensation | None = None,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Encoding:
@@ -74,6 +77,8 @@ def encode(
         block's energy ‖r̃‖² of the best, take the one in surroundings most like the range
         block's (`closest_neighbourhood`; Marsault 2005 §2.1). 0 lets surroundings decide ties
         alone, at no cost in collage error; None leaves ties to the lowest (D, y, x, iso).
+    condensation : heights that decoding shall keep, of the map's size: the map is coded with
+        them in place. Range blocks wholly covered are not searched.
     threads : None for all cores; the genome does not depend on it.
     progress : called with (done, total), counted in rows of domain blocks; then, with
         ``fit``, in attractors tried.
@@ -84,8 +89,9 @@ def encode(
 
     Raises
     ------
-    GenomeError : the map's sides do not suit the block, a parameter is out of range, or a code
-        to be fitted diverges (possible only with ``sigma_max`` of 1 or more).
+    GenomeError : the map's sides do not suit the block, a parameter is out of range, the
+        condensation is none of the map's size, or a code to be fitted diverges (possible only
+        with ``sigma_max`` of 1 or more).
     """
     if not isinstance(city, CityMap):
         raise GenomeError(
@@ -97,9 +103,13 @@ def encode(
     _check(city, block, domains, reach, sigma_max, topological)
     pavement = Pavement(*city.shape, block)
     start = time.perf_counter()
+    covered = np.zeros(len(pavement), bool)
+    if condensation is not None:
+        city = city.replace(_laid(condensation, city))
+        covered = pavement.blocks(condensation.mask).all(axis=(1, 2))
     blocks = pavement.blocks(city.heights)
     flat = blocks.reshape(len(pavement), -1)
-    searched = np.flatnonzero((flat != flat[:, :1]).any(axis=1))
+    searched = np.flatnonzero((flat != flat[:, :1]).any(axis=1) & ~covered)
     corners = tuple(corner[searched] for corner in pavement.corners)
     asked = {"reach": reach, "sigma_max": sigma_max, "threads": threads}
     passes = 1 if topological is None else 2
@@ -130,12 +140,13 @@ def encode(
         origin=city.origin,
         crs=city.crs,
         made={"operator": "encode", "domains": list(domains), "reach": reach},
+        condensation=condensation,
     )
     genome = with_matches(genome, searched, matches)
     error = float(np.sum(matches.energy - matches.gain))
     if fit:
         genome = fit_attractor(genome, city, progress=progress)
-    if fit or topological is not None:
+    if fit or topological is not None or condensation is not None:
         collage = CollageMap(genome)(city.heights)
         error = float(np.sum((collage - city.heights) ** 2, dtype=np.float64))
     return Encoding(
@@ -159,6 +170,17 @@ def _in_surroundings(heights, block: int, corners, matches: Matches, choices) ->
         for name, column in columns.items():
             column[part[found]] = getattr(candidates, name)[chosen[found]]
     return replace(matches, **columns)
+
+
+def _laid(condensation: Condensation, city: CityMap) -> np.ndarray:
+    """The heights of ``city`` with the ``condensation`` in place; `GenomeError` if it is none."""
+    if not isinstance(condensation, Condensation) or condensation.shape != city.shape:
+        raise GenomeError(
+            f"{city.name}, {city.shape[0]} × {city.shape[1]} px, with {shown(condensation)}",
+            "a Condensation of the map's size",
+            "make one on this very map: Condensation.cut(city, mask)",
+        )
+    return condensation.laid(city.heights)
 
 
 def _counted(progress, height: int, block: int, domains: Sequence[int], passes: int):

@@ -36,7 +36,8 @@ def fit_attractor(
     """``genome`` with σ and β of all lifs refined to minimise ‖attractor − map‖².
 
     By NLopt's MMA (Svanberg 2002) with \\|σ\\| ≤ sigma_max and β free; uniform lifs keep
-    σ = 0. The same arguments give the same genome, bit for bit.
+    σ = 0. What the genome's condensation covers stays as it is. The same arguments give the same
+    genome, bit for bit.
 
     Parameters
     ----------
@@ -92,6 +93,8 @@ class AttractorError:
         self._shrink = self._collage.recoded(~genome.uniform, np.zeros(len(genome)))
         self._attractor = self._heights.copy()
         self._adjoint = np.zeros_like(self._heights)
+        kept = genome.condensation
+        self._free = None if kept is None else ~kept.mask  # pixels that answer to σ and β
 
     def __call__(
         self, sigma: np.ndarray, beta: np.ndarray
@@ -123,7 +126,8 @@ class AttractorError:
         return None
 
     def _block_sums(self, values: np.ndarray) -> np.ndarray:
-        return self._pavement.blocks(values).sum(axis=(1, 2))
+        free = values if self._free is None else values * self._free
+        return self._pavement.blocks(free).sum(axis=(1, 2))
 
 
 def _refined(

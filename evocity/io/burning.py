@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import shapely
+from pyproj import CRS
+from pyproj.exceptions import ProjError
 from rasterio.features import rasterize
 
 from evocity.citymap import CityMap
@@ -47,7 +49,7 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
         raise _nothing_there(name, center, 2 * half, places)
     heights, rules = zip(*(height_of(t, request.default_height) for t in tags), strict=True)
     return CityMap(
-        _painted(polygons, np.array(heights), pixels, side, (x - half, y + half)),
+        _painted(polygons, np.array(heights), (pixels, pixels), side, (x - half, y + half)),
         side,
         name=name,
         attribution=footprints.attribution,
@@ -55,6 +57,63 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
         crs=code_of(crs),
         height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
     )
+
+
+def burnt_onto(
+    city: CityMap, footprints: Footprints, name: str, default_height: float = 6.0
+) -> np.ndarray:
+    """All polygons of ``footprints`` on the grid of ``city``: float32 ``(H, W)``, metres as in
+    `burnt`, NaN where there is none.
+
+    Raises `MapError` if the city has no place on Earth, or no pixel of it lies in a polygon.
+    """
+    crs = crs_of(city, name)
+    if not len(footprints.polygons) or shapely.is_empty(footprints.polygons).all():
+        raise MapError(
+            f"{name}: no polygon among its features",
+            "polygons of footprints",
+            "check that the right file or layer was exported",
+        )
+    places = _places(footprints.polygons, footprints, name)
+    (rows, columns), side, (left, top) = city.shape, city.metres_per_pixel, city.origin
+    window = shapely.box(left, top - rows * side, left + columns * side, top)
+    polygons, tags = _inside(
+        moved_polygons(footprints.polygons, footprints.crs, crs), footprints.tags, window
+    )
+    heights = np.array([height_of(found, default_height)[0] for found in tags])
+    painted = np.full(city.shape, np.nan, np.float32)
+    if tags:
+        painted = _painted(polygons, heights, city.shape, side, (left, top), np.nan)
+    if np.isnan(painted).all():
+        west, south, east, north = places.bounds
+        lon, lat = moved(left + columns * side / 2, top - rows * side / 2, crs, WGS84)
+        raise MapError(
+            f"{name}: no pixel of {city.name} lies in its {len(footprints.polygons)} footprints",
+            f"footprints within the {columns * side:g} × {rows * side:g} m about "
+            f"{lon:.5f}, {lat:.5f}; they lie from longitude {west:.5f} to {east:.5f} and latitude "
+            f"{south:.5f} to {north:.5f}",
+            "draw them on this very map, or lay the map's window about them",
+        )
+    return painted
+
+
+def crs_of(city: CityMap, name: str) -> CRS:
+    """The reference system of a city's grid; `MapError` if it lies nowhere on Earth, where
+    ``name``, which does, cannot be laid on it."""
+    if city.crs is None or city.origin is None:
+        raise MapError(
+            f"{city.name} has no place on Earth, which {name} asks for",
+            "a map with a reference system, or a mask of the map's own pixels",
+            "give a mask as .npy, .png or .tif instead",
+        )
+    try:
+        return CRS.from_user_input(city.crs)
+    except ProjError as error:
+        raise MapError(
+            f"{city.name}: reference system {city.crs[:80]!r}",
+            "a code PROJ knows, or WKT",
+            "read the map from a file that names one",
+        ) from error
 
 
 def _buildings(footprints: Footprints, name: str) -> tuple[np.ndarray, Sequence[Mapping]]:
@@ -151,15 +210,17 @@ def _inside(
 def _painted(
     polygons: np.ndarray,
     heights: np.ndarray,
-    pixels: int,
+    shape: tuple[int, int],
     side: float,
     corner: tuple[float, float],
+    ground: float = 0.0,
 ) -> np.ndarray:
-    """Float32 ``(pixels, pixels)``: painted from the lowest to the highest."""
+    """Float32 of ``shape``: painted on the ``ground`` from the lowest to the highest."""
     order = np.argsort(heights, kind="stable")
     return rasterize(
         zip(polygons[order], heights[order].tolist(), strict=True),
-        out_shape=(pixels, pixels),
+        out_shape=shape,
+        fill=ground,
         transform=north_up(*corner, side),
         all_touched=False,  # the pixel-centre rule
         dtype="float32",
@@ -179,4 +240,4 @@ def _nothing_there(
     )
 
 
-__all__ = ["METRES_PER_PIXEL", "PIXELS", "burnt"]
+__all__ = ["METRES_PER_PIXEL", "PIXELS", "burnt", "burnt_onto", "crs_of"]

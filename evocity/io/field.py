@@ -1,5 +1,6 @@
-"""`Field`: values on a city's grid that are no heights."""
+"""`Field`, `Shares`: values on a city's grid that are no heights."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,4 +26,20 @@ class Field:
     unit: str = ""
 
 
-__all__ = ["Field"]
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """How much of each pixel of a city belongs to each of several parts.
+
+    city : whose grid it is; its name and attribution go into every picture.
+    weights : float32 ``(H, W, n)``, 0…1, summing to 1 in each pixel.
+    parts : n names, in the order of the last axis.
+    title : what the shares are, a few words.
+    """
+
+    city: CityMap
+    weights: np.ndarray
+    parts: Sequence[str]
+    title: str
+
+
+__all__ = ["Field", "Shares"]

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
 from evocity.citymap import BUILT_ABOVE, CityMap
-from evocity.io.field import Field
+from evocity.io.field import Field, Shares
 
 PAPER = (250, 248, 244)
 GROUND = (241, 238, 231)
@@ -23,6 +23,12 @@ _RAMP = ("#edd5ae", "#e8b682", "#de9262", "#cb6b54", "#a94a56", "#7c355c", "#4e2
 
 # The light comes from the north-west and falls 2 m in 1 m; its shadows, metres, end here.
 _LIGHT_FALL, _LONGEST_SHADOW = 2.0, 40.0
+
+# Lightness of roofs in `render_shares`, from the lowest to the highest; how pale its ground is.
+_LIGHTER, _DARKER, _PALE = 0.08, 0.26, 0.68
+
+# A key has at most so many lines.
+_LONGEST_KEY = 12
 
 # Pillow's own font has no ©, é or Cyrillic; names and attributions do.
 _FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
@@ -92,11 +98,41 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     if zoom > 1:
         edges = _edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
         colours[edges] = np.round(colours[edges] * 0.78).astype(np.uint8)
-    note = f"up to {top:.2g}" if top > end else ""
+    note = f"up to {top:.3g}" if top > end else ""
     unit = f"{field.symbol}, {field.unit}" if field.unit else field.symbol
     scale = _Scale(unit, end, lambda shown: _even(shown, end), note)
     title = f"{field.city.name}: {field.title}"
     return _sheet(field.city, Image.fromarray(colours), title, scale, zoom)
+
+
+def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Image.Image:
+    """Draw who has which part of a city: a hue for each part, mixed as the weights are; grey
+    where they come together. Roofs are darker the higher they are, ground is pale. The legend
+    names the parts and their shares of the whole map, the largest first; ``legend`` and ``zoom``
+    are as in `render`."""
+    city, weights = shares.city, np.asarray(shares.weights)
+    hues = _hues(len(shares.parts))
+    mixed = weights.reshape(-1, len(hues)) @ hues
+    roofs = np.clip(city.heights.ravel() / scale_end(city), 0, 1)
+    built = city.built.ravel()
+    mixed[:, 0] += np.where(built, _LIGHTER - _DARKER * roofs, 0)
+    mixed[~built] += _PALE * (_oklab(np.array([GROUND]) / 255) - mixed[~built])
+    colours = np.round(_srgb(mixed) * 255).reshape(*city.shape, 3)
+    fabric = Image.fromarray(_lit(city, colours.repeat(zoom, axis=0).repeat(zoom, axis=1), zoom))
+    if not legend:
+        return fabric
+    whole = weights.mean(axis=(0, 1), dtype=float)
+    plain = np.round(_srgb(hues) * 255).astype(int)
+    entries = [
+        (tuple(int(c) for c in plain[part]), f"{shares.parts[part]}, {100 * whole[part]:.3g} %")
+        for part in np.argsort(-whole, kind="stable")
+        if whole[part] > 0
+    ]
+    title = f"{city.name}: {shares.title}"
+    return _sheet(city, fabric, title, _Key(entries), zoom)
+
+
+_Entries = list[tuple[tuple[int, ...] | None, str]]  # colour, text
 
 
 @dataclass(frozen=True)
@@ -107,6 +143,20 @@ class _Scale:
     end: float
     colours: Callable[[np.ndarray], np.ndarray]
     note: str
+
+
+@dataclass(frozen=True)
+class _Key:
+    """What a picture's colours stand for: a text each."""
+
+    entries: _Entries
+
+
+def _hues(count: int) -> np.ndarray:
+    """Float ``(count, 3)``: colours of one lightness in OKLab, each hue a golden angle from the
+    one before, so that any number of them lie far apart."""
+    angles = np.radians(35 + 222.49 * np.arange(count))
+    return np.column_stack([np.full(count, 0.66), 0.125 * np.cos(angles), 0.125 * np.sin(angles)])
 
 
 def _even(values: np.ndarray, end: float) -> np.ndarray:
@@ -143,7 +193,13 @@ def _table(highest: float) -> np.ndarray:
 def _shaded(city: CityMap, end: float, zoom: int) -> np.ndarray:
     """Colours with cast shadows and roof edges, uint8 ``(H·zoom, W·zoom, 3)``."""
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    colours = ramp(heights, end).astype(np.float32)
+    return _lit(city, ramp(heights, end), zoom)
+
+
+def _lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
+    """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
+    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    colours = colours.astype(np.float32)
     depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
     dark = np.clip(ndimage.gaussian_filter(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
     open_ground = (heights <= BUILT_ABOVE)[..., None]
@@ -178,29 +234,38 @@ def _edges(heights: np.ndarray) -> np.ndarray:
     return edges
 
 
-def _sheet(city: CityMap, fabric: Image.Image, name: str, scale: _Scale, zoom: int) -> Image.Image:
+def _sheet(
+    city: CityMap, fabric: Image.Image, name: str, legend: _Scale | _Key, zoom: int
+) -> Image.Image:
     """The map on paper, with all that tells what it shows."""
     size = int(np.clip(min(fabric.size) / 40, 11, 40))  # of the text; all else follows it
     font, small = _font(size), _font(size * 0.85)
-    title = _font(size * 1.5)
-    margin, beside = 2 * size, 6 * size
+    key = legend.entries if isinstance(legend, _Key) else []
+    margin, beside = 2 * size, 6 * size if isinstance(legend, _Scale) else 0
     # a tiny map still gets a sheet on which its legend has room
     width, height = max(fabric.width, 14 * size), max(fabric.height, 9 * size)
     lines = _wrapped(city.attribution, small, width + beside)
     top = margin + int(2.4 * size)
-    bottom = int(3.2 * size) + int(1.25 * size) * len(lines) + margin
+    rows = _key_rows(key, font, width)
+    bottom = int(3.2 * size) + int(1.8 * size) * len(rows) + int(1.25 * size) * len(lines) + margin
     sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
+    title = _fitting(name, size, width + beside)
     draw.text((margin, margin), _shortened(name, title, width + beside), INK, title, "lt")
     sheet.paste(fabric, (margin, top))
     draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
     right, low = margin + width, top + height
-    _draw_colours(sheet, draw, (right + size, top, low), scale, font, small, size)
+    if isinstance(legend, _Scale):
+        _draw_colours(sheet, draw, (right + size, top, low), legend, font, small, size)
     _draw_scale_bar(draw, (margin, low + size), city.metres_per_pixel / zoom, width, small)
     extent = f"{city.shape[1]} × {city.shape[0]} px of {city.metres_per_pixel:.4g} m"
     draw.text((right, low + size), extent, FAINT, small, "rt")
+    low += int(3.2 * size)
+    for row in rows:
+        _draw_key_row(draw, (margin, low), row, font)
+        low += int(1.8 * size)
     for number, line in enumerate(lines):
-        draw.text((margin, low + 3.2 * size + 1.25 * size * number), line, FAINT, small, "lt")
+        draw.text((margin, low + 1.25 * size * number), line, FAINT, small, "lt")
     return sheet
 
 
@@ -220,6 +285,33 @@ def _draw_colours(sheet, draw, place, scale: _Scale, font, small, size) -> None:
         draw.text((left + 1.6 * width, y), f"{value:g}", INK, font, "lm")
     if scale.note and low - top - tall > 2 * size:
         draw.text((left, top + tall + size // 2), scale.note, FAINT, small, "lt")
+
+
+def _key_rows(entries: _Entries, font, width: float) -> list[_Entries]:
+    """``entries`` in rows of at most ``width``; those beyond the last row are counted there."""
+    rows: list[_Entries] = []
+    room = 0.0
+    for number, (colour, text) in enumerate(entries):
+        needed = 2.6 * font.size + font.getlength(text)
+        if not rows or needed > room:
+            if len(rows) == _LONGEST_KEY:
+                rows[-1] = [(None, f"and {len(entries) - number + len(rows[-1])} more")]
+                break
+            rows.append([])
+            room = width
+        rows[-1].append((colour, _shortened(text, font, width - 2.6 * font.size)))
+        room -= needed
+    return rows
+
+
+def _draw_key_row(draw, place, row: _Entries, font) -> None:
+    left, top = place
+    for colour, text in row:
+        if colour:
+            draw.rectangle((left, top, left + font.size, top + font.size), colour, FAINT)
+            left += 1.5 * font.size
+        draw.text((left, top + font.size / 2), text, INK, font, "lm")
+        left += font.getlength(text) + 1.1 * font.size
 
 
 def _draw_scale_bar(draw, place, side, width, font) -> None:
@@ -245,6 +337,12 @@ def _ticks(end: float, most: float) -> list[float]:
 @cache
 def _font(size: float) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(_FONT, size)
+
+
+def _fitting(text: str, size: int, width: float) -> ImageFont.FreeTypeFont:
+    """The font of a title: half as large again as ``size``, or smaller down to it to fit."""
+    needed = _font(1.5 * size).getlength(text)
+    return _font(max(size, min(1.5 * size, math.floor(1.5 * size * width / max(needed, 1)))))
 
 
 def _wrapped(text: str, font, width: float) -> list[str]:
@@ -295,4 +393,4 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-__all__ = ["ramp", "render", "render_field", "scale_end"]
+__all__ = ["ramp", "render", "render_field", "render_shares", "scale_end"]

@@ -16,7 +16,7 @@ from evocity.io.geojson import read_json
 from evocity.io.osm import read_osm
 from evocity.io.raster import read_geotiff, read_npy, read_png
 from evocity.io.resampling import gridded
-from evocity.io.sources import Footprints, Reader, Request, content_of
+from evocity.io.sources import Footprints, Grid, Reader, Request, content_of
 from evocity.io.vector import read_layers
 from evocity.plugins import load_plugins
 
@@ -107,6 +107,15 @@ def read_map(
         height_scale=_positive("height_scale", height_scale),
         name=name,
     )
+    data, stem = data_of(source, request)
+    if isinstance(data, Footprints):
+        return burnt(data, request, name or stem)
+    return gridded(data, request, name or data.name or stem)
+
+
+def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:
+    """What a file or a bundled district holds, as its reader hands it over, and its name without
+    suffix. Raises `MapError` as `read_map`."""
     path, attribution = _found(source)
     suffix, reader = _reader_of(path)
     _check_options(path, suffix, reader, request)
@@ -114,10 +123,12 @@ def read_map(
     data = reader.read(path, request)
     if attribution:
         data = dataclasses.replace(data, attribution=attribution)
-    stem = path.name[: -len(suffix)]
-    if isinstance(data, Footprints):
-        return burnt(data, request, name or stem)
-    return gridded(data, request, name or data.name or stem)
+    return data, path.name[: -len(suffix)]
+
+
+def options_of(source: str | os.PathLike) -> frozenset[str]:
+    """Which of ``layer`` and ``height_scale`` mean something to the reader of a file."""
+    return _reader_of(_found(source)[0])[1].takes
 
 
 def suffixes() -> list[str]:
@@ -282,4 +293,4 @@ def _place(center: object) -> tuple[float, float] | None:
     )
 
 
-__all__ = ["READERS", "plugin_warnings", "read_map", "suffixes"]
+__all__ = ["READERS", "data_of", "options_of", "plugin_warnings", "read_map", "suffixes"]

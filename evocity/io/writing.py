@@ -1,10 +1,13 @@
-"""`write_map`, `write_field`: GeoTIFF, PNG, NPY; whole or not at all."""
+"""`write_map`, `write_field`, `write_shares`: GeoTIFF, PNG, NPY; whole or not at all."""
 
+import contextlib
+import functools
 import os
 import unicodedata
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import rasterio
@@ -14,13 +17,16 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.files import whole_file
-from evocity.io.field import Field
-from evocity.io.picture import render, render_field
+from evocity.io.field import Field, Shares
+from evocity.io.picture import render, render_field, render_shares
 from evocity.io.raster import PIXEL_TAG
 from evocity.io.sources import north_up
 
 # A picture's map is drawn at least this large, pixels.
 _PICTURE_SIDE = 768
+
+# Side of a GeoTIFF's tiles, px, and bytes GDAL may keep of one that is written by windows.
+_TILE, _CACHE = 256, 64 << 20
 
 
 def write_map(city: CityMap, path: str | os.PathLike) -> None:
@@ -47,7 +53,79 @@ def write_field(field: Field, path: str | os.PathLike) -> None:
     _write(field, path, FIELD_WRITERS)
 
 
-def _write(what: CityMap | Field, path: str | os.PathLike, writers: dict[str, Callable]) -> None:
+def write_shares(shares: Shares, path: str | os.PathLike) -> None:
+    """Write whose part each pixel of a city is; the suffix of ``path`` chooses the format.
+
+    ``.png``: a picture with a hue for each part. ``.npy``: the bare array ``(H, W, n)``. Raises
+    as `write_map`.
+    """
+    _write(shares, path, SHARES_WRITERS)
+
+
+class Windowed(Protocol):
+    """A map that may be too large to be held: it is asked for its windows."""
+
+    shape: tuple[int, int]
+    metres_per_pixel: float
+    name: str
+    attribution: str
+    origin: tuple[float, float] | None
+    crs: str | None
+
+    def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
+        """Float32 ``(height, width)``, metres, from pixel (top, left) on."""
+        ...
+
+
+def write_windows(
+    what: Windowed,
+    path: str | os.PathLike,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a map of any size, a band of rows at a time; the suffix of ``path`` chooses the format.
+
+    ``.tif``: a tiled GeoTIFF of what `write_map` says, a BigTIFF if it must be. ``.npy``: the
+    bare array. ``progress`` is called with (done, total), counted in rows. Raises as `write_map`.
+    """
+    writers = {
+        suffix: functools.partial(write, progress=progress)
+        for suffix, write in WINDOW_WRITERS.items()
+    }
+    _write(what, path, writers)
+
+
+def _bands(what: Windowed, progress) -> Iterator[tuple[int, np.ndarray]]:
+    """The map from north to south, as (first row, heights) of bands as wide as it is."""
+    height, width = what.shape
+    for top in range(0, height, _TILE):
+        rows = min(_TILE, height - top)
+        yield top, what.window(top, 0, rows, width)
+        if progress is not None:
+            progress(top + rows, height)
+
+
+def _write_windows_geotiff(what: Windowed, path: Path, progress) -> None:
+    layout = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "bigtiff": "if_safer"}
+    with (
+        rasterio.Env(GDAL_CACHEMAX=_CACHE),
+        _band(what, "height above ground", "metre", path, **layout) as target,
+    ):
+        for top, heights in _bands(what, progress):
+            window = rasterio.windows.Window(0, top, heights.shape[1], heights.shape[0])
+            target.write(heights, 1, window=window)
+
+
+def _write_windows_npy(what: Windowed, path: Path, progress) -> None:
+    header = {"descr": "<f4", "fortran_order": False, "shape": tuple(what.shape)}
+    with open(path, "wb") as file:
+        np.lib.format.write_array_header_2_0(file, header)
+        for _, heights in _bands(what, progress):
+            file.write(heights.astype("<f4", copy=False).tobytes())
+
+
+def _write(
+    what: CityMap | Field | Shares | Windowed, path: str | os.PathLike, writers: dict[str, Callable]
+) -> None:
     path = Path(path)
     write = writers.get(path.suffix.lower())
     if write is None:
@@ -83,33 +161,43 @@ def _write_field_geotiff(field: Field, path: Path) -> None:
 
 def _write_band(city: CityMap, values: np.ndarray, title: str, unit: str, path: Path) -> None:
     """Float32 ``values`` on the grid of ``city``."""
-    side = city.metres_per_pixel
-    left, top = city.origin or (0.0, city.shape[0] * side)
+    with _band(city, title, unit, path) as target:
+        target.write(values.astype(np.float32, copy=False), 1)
+
+
+@contextlib.contextmanager
+def _band(
+    about: "CityMap | Windowed", title: str, unit: str, path: Path, **layout
+) -> Iterator[rasterio.io.DatasetWriter]:
+    """A GeoTIFF of one float32 band, with all that is known of a map, open to be written."""
+    side = about.metres_per_pixel
+    left, top = about.origin or (0.0, about.shape[0] * side)
     with (
         warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
         rasterio.open(
             path,
             "w",
             driver="GTiff",
-            height=city.shape[0],
-            width=city.shape[1],
+            height=about.shape[0],
+            width=about.shape[1],
             count=1,
             dtype="float32",
-            crs=city.crs,
+            crs=about.crs,
             transform=north_up(left, top, side),
             compress="deflate",
             predictor=3,
+            **layout,
         ) as target,
     ):
-        target.write(values.astype(np.float32, copy=False), 1)
+        yield target
         target.units = (unit,)
         target.set_band_description(1, title)
         target.update_tags(
-            NAME=city.name,
-            ATTRIBUTION=city.attribution,
-            TIFFTAG_COPYRIGHT=_ascii(city.attribution),
+            NAME=about.name,
+            ATTRIBUTION=about.attribution,
+            TIFFTAG_COPYRIGHT=_ascii(about.attribution),
             TIFFTAG_SOFTWARE="evocity",
-            **({} if city.crs else {PIXEL_TAG: repr(side)}),
+            **({} if about.crs else {PIXEL_TAG: repr(side)}),
         )
 
 
@@ -134,6 +222,11 @@ def _write_field_png(field: Field, path: Path) -> None:
     _save_picture(picture, field.city, f"{field.city.name}: {field.title}", path)
 
 
+def _write_shares_png(shares: Shares, path: Path) -> None:
+    picture = render_shares(shares, zoom=_picture_zoom(shares.city))
+    _save_picture(picture, shares.city, f"{shares.city.name}: {shares.title}", path)
+
+
 def _picture_zoom(city: CityMap) -> int:
     return max(1, -(-_PICTURE_SIDE // max(city.shape)))
 
@@ -154,12 +247,23 @@ def _write_field_npy(field: Field, path: Path) -> None:
     np.save(path, field.values.astype(np.float32, copy=False), allow_pickle=False)
 
 
+def _write_shares_npy(shares: Shares, path: Path) -> None:
+    np.save(path, shares.weights.astype(np.float32, copy=False), allow_pickle=False)
+
+
 #: The one table of writers of maps.
 WRITERS = {
     ".tif": _write_geotiff,
     ".tiff": _write_geotiff,
     ".png": _write_png,
     ".npy": _write_npy,
+}
+
+#: The same of maps written by windows.
+WINDOW_WRITERS = {
+    ".tif": _write_windows_geotiff,
+    ".tiff": _write_windows_geotiff,
+    ".npy": _write_windows_npy,
 }
 
 #: The same of fields.
@@ -170,4 +274,17 @@ FIELD_WRITERS = {
     ".npy": _write_field_npy,
 }
 
-__all__ = ["FIELD_WRITERS", "WRITERS", "write_field", "write_map"]
+#: The same of shares.
+SHARES_WRITERS = {".png": _write_shares_png, ".npy": _write_shares_npy}
+
+__all__ = [
+    "FIELD_WRITERS",
+    "SHARES_WRITERS",
+    "WINDOW_WRITERS",
+    "WRITERS",
+    "Windowed",
+    "write_field",
+    "write_map",
+    "write_shares",
+    "write_windows",
+]

@@ -1,10 +1,11 @@
 """What the operators share: parents on one grid, children put together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from evocity.condensation import merged
 from evocity.errors import OperatorError, shown
 from evocity.genome import FIELDS, Genome, merged_cities
 from evocity.operators.repair import collage_repair
@@ -12,7 +13,10 @@ from evocity.operators.repair import collage_repair
 
 def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) -> None:
     """Raise `OperatorError` unless the number of parents suits ``operator``, all share pavement
-    and pixel size, and ``rng`` can be drawn from."""
+    and pixel size, and ``rng`` can be drawn from.
+
+    Where the operator has an attribute ``any_partition`` that is true, their range blocks may
+    differ in size."""
     name, (fewest, most) = operator.name, operator.parents
     if not isinstance(rng, np.random.Generator):
         raise OperatorError(
@@ -48,8 +52,11 @@ def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) ->
         )
     first = parents[0]
     for other in parents[1:]:
-        if other.pavement != first.pavement or other.metres_per_pixel != first.metres_per_pixel:
-            p, q = first.pavement, other.pavement
+        p, q = first.pavement, other.pavement
+        apart = (p.height, p.width) != (q.height, q.width) or (
+            p.block != q.block and not getattr(operator, "any_partition", False)
+        )
+        if apart or other.metres_per_pixel != first.metres_per_pixel:
             raise OperatorError(
                 f"{name}: parents of {p.height} × {p.width} px, B = {p.block}, "
                 f"{first.metres_per_pixel:g} m and {q.height} × {q.width} px, B = {q.block}, "
@@ -116,6 +123,14 @@ class Drafting:
         return child.replace(made=made)
 
     def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        """The child before repair, and the map it is meant to be; as the call draws it."""
+        """The child before repair, and the map it is meant to be; as the call draws it.
+
+        What the parents condense stands in both; where several cover, what the first does.
+        """
         check_call(self, parents, rng)
-        return self._draft(parents, rng)
+        draft = self._draft(parents, rng)
+        kept = merged(genome.condensation for genome in (*parents, draft.genome))
+        if kept is None:
+            return draft
+        child = draft.genome.replace(condensation=kept)
+        return replace(draft, genome=child, intended=kept.laid(draft.intended))

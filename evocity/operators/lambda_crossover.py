@@ -11,6 +11,7 @@ from evocity.coding.decode import decode
 from evocity.genome import FIELDS, Genome, merged_cities
 from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.pavement import Pavement
 
 
 @dataclass(frozen=True)
@@ -52,24 +53,29 @@ class LambdaCrossover(Drafting):
         )
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        lambdas = self._lambdas(parents[0].pavement, rng)
+        pavement = parents[0].pavement
+        lambdas = lambda_field(pavement, self.share, self.blend, self.grain, rng)
         child = interpolated(*parents, lambdas, rng.random(lambdas.size))
-        weight = parents[0].pavement.raster(lambdas.astype(np.float32))
+        weight = pavement.raster(lambdas.astype(np.float32))
         first, second = (decode(parent).city.heights for parent in parents)
         made = {"share": self.share, "blend": self.blend, "grain": self.grain}
         return Draft(child, weight * first + (1 - weight) * second, made)
 
-    def _lambdas(self, pavement, rng) -> np.ndarray:
-        """One λ a lifs, ``(n,)``: a smooth random field, evened out so that any share is met."""
-        field = rng.random((pavement.rows, pavement.columns))
-        if self.grain > 1:
-            field = ndimage.gaussian_filter(field, self.grain / 2, mode="reflect")
-        rank = np.empty(field.size)
-        rank[np.argsort(field.ravel(), kind="stable")] = (np.arange(field.size) + 0.5) / field.size
-        if self.blend == 0:
-            return (rank < self.share).astype(float)
-        cut = self.share * (1 + self.blend) - self.blend / 2
-        return np.clip((cut - rank) / self.blend + 0.5, 0, 1)
+
+def lambda_field(
+    pavement: Pavement, share: float, blend: float, grain: int, rng: np.random.Generator
+) -> np.ndarray:
+    """One λ a lifs, ``(n,)``, of mean ``share``: a smooth random field, evened out so that any
+    share is met. ``blend`` and ``grain`` are those of `LambdaCrossover`."""
+    field = rng.random((pavement.rows, pavement.columns))
+    if grain > 1:
+        field = ndimage.gaussian_filter(field, grain / 2, mode="reflect")
+    rank = np.empty(field.size)
+    rank[np.argsort(field.ravel(), kind="stable")] = (np.arange(field.size) + 0.5) / field.size
+    if blend == 0:
+        return (rank < share).astype(float)
+    cut = share * (1 + blend) - blend / 2
+    return np.clip((cut - rank) / blend + 0.5, 0, 1)
 
 
 def interpolated(first: Genome, second: Genome, lambdas: np.ndarray, draws: np.ndarray) -> Genome:

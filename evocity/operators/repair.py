@@ -28,7 +28,8 @@ def collage_repair(
 
     Parameters
     ----------
-    intended : float32 ``(H, W)`` heights the operator meant to lay, metres.
+    intended : float32 ``(H, W)`` heights the operator meant to lay, metres; where the genome's
+        condensation covers, its heights stand in their place.
     threshold : root mean square difference of a block that is still tolerated, metres.
     reach, domains : where the new domain blocks are searched, as in `evocity.encode`.
     rounds : a repaired block can disturb those that read it, so decode and repair again, at
@@ -40,6 +41,8 @@ def collage_repair(
     Parent and source of every lifs are kept: they name the stone the block should carry.
     """
     pavement = genome.pavement
+    if genome.condensation is not None:
+        intended = genome.condensation.laid(intended)
     wanted = pavement.blocks(intended)
     pools = None
     replaced = np.zeros(len(pavement), bool)

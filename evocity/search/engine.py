@@ -248,6 +248,7 @@ class Search:
                 provenance_of(self._prepared),
                 self._prepared.header,
                 self._prepared.sources,
+                self._prepared.condensation,
             )
         self._population = Population(self._prepared.header.population, self._prepared.losses)
         self._start_pool()

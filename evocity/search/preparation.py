@@ -9,8 +9,10 @@ from pathlib import Path
 from evocity import fitness, io, store
 from evocity.citymap import CityMap, same_grid
 from evocity.coding import encode
+from evocity.condensation import Condensation
 from evocity.errors import MapError, RecipeError
 from evocity.operators.pavement_fusion import VOID
+from evocity.search.locking import locked_layer
 from evocity.search.recipe import Recipe, resolved
 from evocity.search.worker import Setup
 from evocity.store import Header, Source
@@ -27,6 +29,7 @@ class Prepared:
     sources: list[Source]
     objectives: list[fitness.Objective]
     header: Header
+    condensation: Condensation | None = None
 
     @property
     def setup(self) -> Setup:
@@ -36,7 +39,7 @@ class Prepared:
             for entry in self.recipe.fitness
             for measure in entry.measures
         )
-        return Setup(self.header, measures)
+        return Setup(self.header, measures, self.condensation)
 
     def losses(self, values) -> tuple[float, ...]:
         """Losses, lower is better and always finite, of raw ``values`` (measure -> number)."""
@@ -58,6 +61,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
     same_grid(cities)
+    condensation, attribution = locked_layer(recipe, cities)
     code = recipe.genome
     genomes = []
     for city in cities:
@@ -68,11 +72,13 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
             domains=tuple(code.domains),
             reach=code.reach_pixels,
             sigma_max=code.sigma_max,
+            condensation=condensation,
         )
         genomes.append(found.genome)
-    header = _header(recipe, cities)
-    sources = [Source(city, header.adopt(g)) for city, g in zip(cities, genomes, strict=True)]
-    return Prepared(recipe, sources, objectives_of(recipe), header)
+    header = _header(recipe, cities, condensation, attribution)
+    adopted = [header.adopt(genome, condensation) for genome in genomes]
+    sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
+    return Prepared(recipe, sources, objectives_of(recipe), header, condensation)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
@@ -112,6 +118,10 @@ def provenance_of(prepared: Prepared) -> dict:
     """What `provenance.json` records, besides the header."""
     recipe = prepared.recipe
     likes = [entry.like for entry in recipe.fitness for _ in entry.measures]
+    locked = {}
+    if recipe.locked.asked:
+        files = {name: file_hash(recipe.folder, name) for name in recipe.locked.files}
+        locked["locked"] = {"asked": recipe.locked.asked, "files": files}
     return store.environment() | {
         "seed": recipe.run.seed,
         "recipe": {
@@ -141,6 +151,7 @@ def provenance_of(prepared: Prepared) -> dict:
             }
             for one, like in zip(prepared.objectives, likes, strict=True)
         ],
+        **locked,
     }
 
 
@@ -164,13 +175,19 @@ def _companions(path: Path) -> list[Path]:
     return sorted(one for one in beside if one.suffix.lower() in _SHAPEFILE)
 
 
-def _header(recipe: Recipe, cities: list[CityMap]) -> Header:
+def _header(
+    recipe: Recipe,
+    cities: list[CityMap],
+    condensation: Condensation | None,
+    attribution: str,
+) -> Header:
     names = [city.name for city in cities]
     if any(entry.parameters.get("void") for entry in recipe.operators.values()):
         names.append(VOID)
     if len(names) > 255:
         raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")
-    lines = [line for city in cities for line in city.attribution.split("; ") if line]
+    told = [*(city.attribution for city in cities), attribution]  # of a layer's files last
+    lines = [line for several in told for line in several.split("; ") if line]
     places = {(city.origin, city.crs) for city in cities}
     origin, crs = places.pop() if len(places) == 1 else (None, None)
     return Header(
@@ -187,4 +204,5 @@ def _header(recipe: Recipe, cities: list[CityMap]) -> Header:
         population=recipe.run.population,
         recipe_hash=store.hash_of_text(recipe.text),
         measures=tuple(measure.name for measure in recipe.measures),
+        locked=None if condensation is None else condensation.digest,
     )

@@ -24,6 +24,7 @@ from evocity.citymap import MAX_SIDE
 from evocity.coding.search import available_cores
 from evocity.errors import EvocityError, FitnessError, shown, with_near_miss
 from evocity.fitness import Measure, Objective, get, load_file
+from evocity.io.heights import TALLEST
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:
@@ -72,10 +73,27 @@ def _lon_lat(center: list[float]) -> list[float]:
     return center
 
 
+def _existing_file(name: str, info: ValidationInfo) -> str:
+    if not Path(resolved(info.context["folder"], name)).is_file():
+        raise fault(f"{shown(name)} is no file", "a file, relative to the recipe")
+    return name
+
+
+def _some_heights(value: Any, info: ValidationInfo) -> float | str:
+    """Metres, or a map's name."""
+    if isinstance(value, str):
+        return _existing_map(_some_path(value, info), info)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 <= value <= TALLEST:
+        raise fault(shown(value), f"a map file, a bundled city, or 0 to {TALLEST:g} m")
+    return float(value)
+
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 FileName = Annotated[str, AfterValidator(_some_path)]
 MapName = Annotated[FileName, AfterValidator(_existing_map)]
+LockFile = Annotated[FileName, AfterValidator(_existing_file)]
 
 
 class Section(BaseModel):
@@ -150,6 +168,41 @@ def _entry(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float | dict | OperatorEntry):
         raise fault(f"{value!r}", "a weight, or a table such as { weight = 4, fill = 0.5 }")
     return {"weight": value} if isinstance(value, int | float) else value
+
+
+class LockedSection(Section):
+    """``[locked]``: pixels that no birth changes, and the heights that stand there.
+
+    ``footprints`` (polygons) or ``mask`` (a raster) tell which pixels. The heights are those of
+    the source ``city``, the first unless named; or ``heights``, of a map file, or one in metres.
+    """
+
+    footprints: LockFile | None = None
+    mask: LockFile | None = None
+    city: str | None = None
+    heights: Annotated[float | str | None, BeforeValidator(_some_heights)] = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "LockedSection":
+        if (self.footprints is None) == (self.mask is None):
+            both = "neither footprints nor mask" if self.mask is None else "footprints and mask"
+            raise fault(both, "one of them")
+        return self
+
+    @property
+    def place(self) -> str | None:
+        """The file that tells which pixels; None if nothing is locked."""
+        return self.footprints or self.mask
+
+    @property
+    def files(self) -> list[str]:
+        """The files and bundled cities that tell what is locked."""
+        return [name for name in (self.place, self.heights) if isinstance(name, str)]
+
+    @property
+    def asked(self) -> dict[str, float | str]:
+        """The keys given, with their values."""
+        return self.model_dump(exclude_none=True)
 
 
 class FitnessEntry(Section):
@@ -248,6 +301,7 @@ class Recipe(Section):
         min_length=1,
     )
     fitness: list[FitnessEntry] = Field(min_length=1)
+    locked: LockedSection = LockedSection.model_construct()
     evaluation: EvaluationSection = EvaluationSection()
     search: SearchSection = SearchSection()
 

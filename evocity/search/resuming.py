@@ -63,13 +63,13 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             "a provenance as `evocity run` writes it",
             "bring the file back from a copy",
         ) from None
-    prepared = Prepared(recipe, sources, objectives, run.header)
+    prepared = Prepared(recipe, sources, objectives, run.header, run.condensation)
     writer = RunWriter.reopen(path)
     try:
         fresh = provenance_of(prepared)
         kept = {**run.provenance, "recipe": fresh["recipe"]}
         if changes:
-            kept |= {key: fresh[key] for key in ("maps", "fitness")}
+            kept |= {key: fresh[key] for key in ("maps", "fitness", "locked") if key in fresh}
         writer.update_provenance(kept)
         whole = run.generations
         first, living, births, failures = [], [], 0, 0
@@ -111,6 +111,9 @@ def _changes(run: Run) -> list[str]:
     for one in provenance["maps"]:
         if _file_hash(folder, one["map"]) != one["file"]:
             changes.append(f"the map {one['map']} (the run keeps its own copy)")
+    for name, before in provenance.get("locked", {}).get("files", {}).items():
+        if _file_hash(folder, name) != before:
+            changes.append(f"{name}, which tells what is locked (the run keeps its own copy)")
     likes = {one["like"]: one["like_file"] for one in provenance["fitness"] if one.get("like")}
     changes += [
         f"the map {like}, which cities shall be like"
@@ -167,6 +170,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
             [one["map"] for one in run.provenance["maps"]],
             [parent.map for parent in recipe.parents],
         ),
+        "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
     }
     for key, (before, now) in fixed.items():

@@ -18,6 +18,7 @@ import numpy as np
 
 from evocity import fitness
 from evocity.coding import decode
+from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
 from evocity.genome import Genome
 from evocity.store import Header
@@ -28,10 +29,12 @@ MOST_LETTERS = 2000
 
 @dataclass(frozen=True)
 class Setup:
-    """What a worker must know. ``measures``: (name, file or None) in the recipe's order."""
+    """What a worker must know. ``measures``: (name, file or None) in the recipe's order;
+    ``condensation``: what is locked in every genome, or None."""
 
     header: Header
     measures: tuple[tuple[str, str | None], ...]
+    condensation: Condensation | None = None
 
 
 @dataclass(frozen=True)
@@ -58,14 +61,14 @@ class Evaluator:
     """Breeds and evaluates; never raises for what an operator or a measure does."""
 
     def __init__(self, setup: Setup):
-        self.header = setup.header
+        self.header, self.condensation = setup.header, setup.condensation
         self.measures = {name: _measure(name, file) for name, file in setup.measures}
 
     def breed(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
         """The child's genome in ``.genome``, in the terms of the run's header."""
         start = time.perf_counter()
         try:
-            genome = self.header.adopt(operator(parents, rng))
+            genome = self.header.adopt(operator(parents, rng), self.condensation)
         except KeyboardInterrupt:  # the user's own, when everything runs in one process
             raise
         except BaseException as error:

@@ -9,12 +9,12 @@
 
 from evocity.store.provenance import environment, hash_of_file, hash_of_map, hash_of_text
 from evocity.store.run import Run, open_run
-from evocity.store.schema import SCHEMA_VERSION, STATUSES, Birth, Header, Member
+from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header, Member
 from evocity.store.sources import Source
 from evocity.store.writer import RunWriter, refuse_existing
 
 __all__ = [
-    "SCHEMA_VERSION",
+    "SCHEMA_VERSIONS",
     "STATUSES",
     "Birth",
     "Header",

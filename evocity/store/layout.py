@@ -45,6 +45,7 @@ class Folder:
         self.recipe = self.root / "recipe.toml"
         self.provenance = self.root / "provenance.json"
         self.sources = self.root / "sources"
+        self.locked = self.sources / "locked.npy"
         self.events = self.root / "events.jsonl"
         self.lock = self.root / "lock"
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError
 from evocity.genome import Genome
 from evocity.store.events import read_events
@@ -28,7 +29,7 @@ from evocity.store.schema import (
     check_version,
     summaries_of,
 )
-from evocity.store.sources import Source, read_sources
+from evocity.store.sources import Source, read_condensation, read_sources
 
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
@@ -73,6 +74,14 @@ class Run:
         with self._readable(self._folder.recipe):
             return read_bytes(self._folder.recipe).decode()
 
+    @cached_property
+    def condensation(self) -> Condensation | None:
+        """What is locked in every genome of the run, None if nothing is."""
+        if self.header.locked is None:
+            return None
+        with self._readable(self._folder.locked):
+            return read_condensation(self._folder.locked, self.header.locked)
+
     @property
     def generations(self) -> range:
         """Numbers of the generations that are whole now: 0…g."""
@@ -105,7 +114,7 @@ class Run:
             table = self.births(generation)
             with self._readable(self.path):
                 wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
-                births = births_of(table.filter(wanted), self.header)
+                births = births_of(table.filter(wanted), self.header, self.condensation)
             found |= {birth.id: birth for birth in births}
         missing = [identifier for identifier in ids if identifier not in found]
         if missing:

@@ -13,13 +13,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 from pydantic_core import from_json
 
 from evocity.citymap import MAX_PIXELS
+from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.genome import FIELDS, Genome
 from evocity.pavement import Pavement
 
-#: Version of a run folder's layout and columns. Raised by one with every change a reader
-#: must know of.
-SCHEMA_VERSION = 1
+#: Versions of a run folder's layout and columns that are read, raised by one with every change
+#: a reader must know of. A run that needs nothing newer is written as 1; 2 has a locked layer.
+SCHEMA_VERSIONS = (1, 2)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle.
@@ -51,7 +52,8 @@ class Header:
 
     ``measures`` names the ``fitness.<name>`` columns, ``cities`` the sources that the genomes'
     ``parent`` points into, ``population`` the births a generation: an individual's id is
-    generation · population + slot.
+    generation · population + slot. ``locked`` is the digest of the condensation that all genomes
+    have, None if they have none.
     """
 
     height: _Side
@@ -67,15 +69,21 @@ class Header:
     population: Annotated[int, Field(ge=1, le=2**31)]
     recipe_hash: str
     measures: _Names
+    locked: str | None = None
 
     __pydantic_config__ = _STRICT
+
+    @property
+    def schema_version(self) -> int:
+        return 1 if self.locked is None else 2
 
     @property
     def pavement(self) -> Pavement:
         return Pavement(self.height, self.width, self.block)
 
-    def adopt(self, genome: Genome) -> Genome:
-        """The same genome told in the run's terms: its table of cities, attribution, place."""
+    def adopt(self, genome: Genome, condensation: Condensation | None = None) -> Genome:
+        """The same genome told in the run's terms: its table of cities, attribution, place, and
+        the layer locked in it."""
         lookup = np.array([self.cities.index(city) for city in genome.cities], dtype=np.uint8)
         return genome.replace(
             parent=lookup[genome.parent],
@@ -83,10 +91,13 @@ class Header:
             attribution=self.attribution,
             origin=self.origin,
             crs=self.crs,
+            condensation=condensation,
         )
 
     def to_json(self) -> str:
-        about = asdict(self) | {"schema_version": SCHEMA_VERSION}
+        about = asdict(self) | {"schema_version": self.schema_version}
+        if self.locked is None:
+            del about["locked"]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
         return json.dumps(about)
 
@@ -241,8 +252,9 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     return pa.table(arrays, schema=schema)
 
 
-def genome_of(row: Mapping, header: Header) -> Genome:
-    """The genome in one row (column -> Arrow scalar) of a births table."""
+def genome_of(row: Mapping, header: Header, condensation: Condensation | None = None) -> Genome:
+    """The genome in one row (column -> Arrow scalar) of a births table, which does not repeat
+    the run's ``condensation``."""
     arrays = {name: row[name].values.to_numpy(zero_copy_only=False) for name in FIELDS}
     return Genome(
         header.pavement,
@@ -254,10 +266,13 @@ def genome_of(row: Mapping, header: Header) -> Genome:
         origin=header.origin,
         crs=header.crs,
         made=dict(from_json(row["made"].as_py())),
+        condensation=condensation,
     )
 
 
-def births_of(table: pa.Table, header: Header) -> list[Birth]:
+def births_of(
+    table: pa.Table, header: Header, condensation: Condensation | None = None
+) -> list[Birth]:
     """`births_table` the other way round."""
     births = []
     for index in range(len(table)):
@@ -273,7 +288,7 @@ def births_of(table: pa.Table, header: Header) -> list[Birth]:
                 },
                 parents=tuple(row["parents"].as_py()),
                 values={name: value for name, value in values.items() if value is not None},
-                genome=genome_of(row, header) if row["genome"].is_valid else None,
+                genome=genome_of(row, header, condensation) if row["genome"].is_valid else None,
                 made=dict(from_json(row["made"].as_py())),
             )
         )
@@ -307,11 +322,11 @@ def membership_table(
 
 
 def check_version(version, path) -> None:
-    """Raise `RunError` unless ``version`` is the one this release writes."""
-    if version != SCHEMA_VERSION:
+    """Raise `RunError` unless ``version`` is one that this release reads."""
+    if version not in SCHEMA_VERSIONS:
         raise RunError(
             f"{path} has run schema version {version}",
-            f"version {SCHEMA_VERSION}",
+            f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
             "read it with the release of evocity that wrote it",
         )
 

@@ -1,4 +1,4 @@
-"""The source cities of a run: their maps and genomes, as the run started from them."""
+"""What a run started from: the source cities, their maps and genomes, and what is locked."""
 
 import json
 import re
@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from evocity.citymap import CityMap
+from evocity.condensation import Condensation
 from evocity.files import whole_file
 from evocity.genome import Genome, read_genome
 from evocity.store.parts import plain_file, plain_folder, read_bytes
@@ -71,3 +72,20 @@ def read_sources(folder: Path) -> list[Source]:
             genome = read_genome(plain_file(path.with_suffix(".genome.parquet")))
             sources[int(match[1])] = Source(CityMap(heights, **about.model_dump()), genome)
     return [sources[number] for number in sorted(sources)]
+
+
+def write_condensation(path: Path, condensation: Condensation) -> None:
+    """One NPY file: float32 ``(H, W)``, metres, NaN where nothing is locked."""
+    with whole_file(path) as temporary:
+        np.save(temporary, condensation.raster, allow_pickle=False)
+
+
+def read_condensation(path: Path, digest: str) -> Condensation:
+    """The layer of this ``digest``. Raises as `read_sources`; ValueError if it is another."""
+    raster = np.load(plain_file(path), allow_pickle=False)
+    if raster.ndim != 2 or raster.dtype != np.float32:
+        raise ValueError(f"{raster.dtype} of shape {raster.shape}")
+    condensation = Condensation.from_raster(raster)
+    if condensation.digest != digest:
+        raise ValueError("another layer than the one the run began with")
+    return condensation

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.events import append_event
@@ -18,14 +19,13 @@ from evocity.store.lock import Lock
 from evocity.store.merge import drop_leftovers, merge, write_single
 from evocity.store.run import open_run
 from evocity.store.schema import (
-    SCHEMA_VERSION,
     Birth,
     Header,
     Member,
     births_table,
     membership_table,
 )
-from evocity.store.sources import Source, write_sources
+from evocity.store.sources import Source, write_condensation, write_sources
 
 
 def refuse_existing(path: str | os.PathLike) -> None:
@@ -60,9 +60,11 @@ class RunWriter:
         provenance: Mapping,
         header: Header,
         sources: Sequence[Source],
+        condensation: Condensation | None = None,
     ) -> "RunWriter":
         """Create the run folder ``path``; it appears with all its parts, or not at all.
 
+        ``condensation`` is the one whose digest the ``header`` tells as ``locked``.
         Raises `RunError` if it exists or cannot be written.
         """
         path = Path(path).absolute()
@@ -80,6 +82,8 @@ class RunWriter:
                 temporary.write_bytes(recipe_text.encode())
             _write_provenance(folder, provenance, header)
             write_sources(folder.sources, list(sources))
+            if condensation is not None:
+                write_condensation(folder.locked, condensation)
             folder.events.touch()
             refuse_existing(path)
             if os.name == "nt":  # there a folder with an open file in it cannot be renamed
@@ -189,7 +193,7 @@ def _clear_unfinished(path: Path) -> None:
 
 def _write_provenance(folder: Folder, provenance: Mapping, header: Header) -> None:
     about = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": header.schema_version,
         "header": json.loads(header.to_json()),
         **{k: v for k, v in provenance.items() if k not in ("schema_version", "header")},
     }

@@ -44,6 +44,7 @@ def test_the_commands_are_these():
         "score",
         "autosimilarity",
         "show",
+        "pattern",
         "cities",
         "fitness list",
     ]

@@ -7,10 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
+from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import CollageMap, decode, encode, psnr
 from evocity.coding._kernels import box_means
 from evocity.errors import GenomeError, MapError
+from evocity.io import read_map
 
 
 @pytest.fixture(scope="module")
@@ -187,3 +189,85 @@ def test_many_extents_cost_no_more_memory(encoding, town):
     collage = CollageMap(mixed)
     assert collage(town.heights) == pytest.approx(naive.collage(mixed, town.heights), abs=1e-4)
     assert len(collage._layers) <= 9
+
+
+def shrunk_by(heights, step):
+    """Means of ``step`` × ``step`` pixels."""
+    height, width = heights.shape
+    return heights.reshape(height // step, step, width // step, step).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("reach", [24, None])
+@pytest.mark.parametrize("domains", [(2,), (2, 3)])
+def test_zoom_two_is_the_attractor_with_detail_added(town, domains, reach):
+    """Means over 2 × 2 pixels of the zoomed attractor satisfy the equation of the attractor."""
+    genome = encode(town, reach=reach, domains=domains).genome
+    plain = decode(genome, tolerance=1e-4).attractor
+    zoomed = decode(genome, zoom=2, tolerance=1e-4).attractor
+    assert shrunk_by(zoomed, 2) == pytest.approx(plain, abs=5e-3)
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village", "montpellier-pas-du-loup"])
+def test_zoomed_cities_agree_with_the_city_within_the_coding_error(name):
+    city = read_map(name)
+    genome = encode(city).genome
+
+    def distance(heights, truth):
+        return np.sqrt(np.mean((heights - truth) ** 2, dtype=float))
+
+    error = distance(decode(genome).city.heights, city.heights)
+    plain, finer = (decode(genome, zoom=zoom, tolerance=1e-3).attractor for zoom in (1, 2))
+    assert distance(shrunk_by(finer, 2), city.heights) <= distance(plain, city.heights) + 1e-3
+    twice, half = (decode(genome, zoom=zoom).city for zoom in (2, 0.5))
+    assert twice.metres_per_pixel == 1
+    assert half.metres_per_pixel == 4
+    assert distance(half.heights, shrunk_by(city.heights, 2)) <= error
+    # nearer to the true map of 1 m a pixel than pixels merely repeated
+    true = read_map(name, pixels=2 * city.shape[0], metres_per_pixel=1).heights
+    repeated = city.heights.repeat(2, axis=0).repeat(2, axis=1)
+    assert distance(twice.heights, true) < distance(repeated, true)
+
+
+@pytest.mark.parametrize("zoom", [0.5, 0.75, 1, 1.25, 2])
+@pytest.mark.parametrize("domains", [(2,), (2, 3, 4)])
+def test_the_transposed_zoomed_map_is_its_adjoint(town, zoom, domains):
+    genome = encode(town, domains=domains, reach=None).genome
+    extents = genome.dx.copy()
+    odd = np.flatnonzero(~genome.uniform & (genome.x < 30))[::9]
+    extents[odd] = 12 + 4 * (np.arange(odd.size) % 6)  # rare ones
+    collage = CollageMap(genome.replace(dx=extents), zoom, np.float64)
+    rng = np.random.default_rng(0)
+    a, b = rng.random(collage.shape), rng.random(collage.shape)
+    ahead = ((collage(a) - collage(np.zeros(collage.shape))) * b).sum()
+    assert (a * collage.transposed(b)).sum() == pytest.approx(ahead, rel=1e-9)
+
+
+@pytest.mark.parametrize("zoom", [0.5, 0.75, 1.5])
+def test_domain_blocks_that_begin_within_a_pixel_take_their_share_of_it(town, zoom):
+    """Every block by itself: area-weighted means, as an integral of a step function."""
+    genome = encode(town, domains=(2, 3)).genome
+    collage = CollageMap(genome, zoom, np.float64)
+    heights = np.random.default_rng(1).random(collage.shape)
+    found = collage.pavement.blocks(collage(heights))
+    block = collage.pavement.block
+    total = np.zeros([side + 1 for side in collage.shape])
+    total[1:, 1:] = heights.cumsum(axis=0).cumsum(axis=1)
+    for i in np.flatnonzero(~genome.uniform)[::7]:
+        multiple = genome.dx[i] // genome.pavement.block
+        rows = genome.y[i] * zoom + multiple * np.arange(block + 1)
+        columns = genome.x[i] * zoom + multiple * np.arange(block + 1)
+        sums = bilinear(total, rows, columns)
+        cells = np.diff(np.diff(sums, axis=0), axis=1) / multiple**2
+        truth = genome.sigma[i] * isometries.apply(int(genome.iso[i]), cells) + genome.beta[i]
+        assert found[i] == pytest.approx(truth, abs=1e-6)
+
+
+def bilinear(values, rows, columns):
+    y, x = (
+        np.minimum(np.floor(at + 1e-9), values.shape[0] - 2).astype(int) for at in (rows, columns)
+    )
+    v, u = (rows - y)[:, None], (columns - x)[None]
+    below, right = values[y + 1], values[y]
+    return (1 - v) * ((1 - u) * right[:, x] + u * right[:, x + 1]) + v * (
+        (1 - u) * below[:, x] + u * below[:, x + 1]
+    )

@@ -1,0 +1,90 @@
+"""Draws usage.png, low-pass.png, ancestry.png and towns.png of docs/pictures.md.
+
+Run it with the Python that has evocity installed: python docs/sheets/pictures.py
+"""
+
+import numpy as np
+from _sheet import contact_sheet, save
+
+import evocity
+from evocity.coding import ancestry, low_pass, usage
+from evocity.io import PATTERNS, Field, Shares, substitution_town
+from evocity.io.picture import render, render_field, render_shares
+from evocity.operators import make
+
+LYON, NEW_YORK = "lyon-1er", "new-york-west-village"
+NEAR, ALL = 24, None  # how far domain blocks are searched for
+
+
+def coded(name: str, reach: int | None) -> evocity.Genome:
+    return evocity.encode(evocity.read_map(name), reach=reach).genome
+
+
+def map_of(genome: evocity.Genome):
+    return render(evocity.decode(genome).city, highest=30, legend=False)
+
+
+def draw_usage() -> None:
+    row = []
+    for reach, told in ((NEAR, "within 24 px"), (ALL, "over the whole map")):
+        genome = coded(LYON, reach)
+        city = evocity.decode(genome).city
+        field = Field(city, usage(genome).pixels.astype(np.float32), "calls of each pixel", "calls")
+        row.append((f"Domain blocks searched for {told}", render_field(field, zoom=2)))
+    save(contact_sheet([row]), "usage.png")
+
+
+def draw_low_pass() -> None:
+    genome = coded(LYON, ALL)
+    rows = []
+    for count in ("pixels", "ranges"):
+        row = [("decoded", map_of(genome))]
+        for f_c in (100, 10, 1):
+            row.append((f"f_c = {f_c}", map_of(low_pass(genome, f_c, count=count))))
+        rows.append(row)
+    titles = ["By the calls of each pixel", "By the calls of what each range block is made of"]
+    thanks = [f"{LYON}: {evocity.io.attribution_of(LYON)}"]
+    save(contact_sheet(rows, titles=titles, thanks=thanks), "low-pass.png", colours=40)
+
+
+def draw_ancestry() -> None:
+    rows = []
+    for reach, repair in ((ALL, None), (NEAR, 0.5)):
+        parents = [coded(name, reach) for name in (LYON, NEW_YORK)]
+        fuse = make("pavement_fusion", fill=0.5, repair=repair)
+        child = fuse(parents, np.random.default_rng(7))
+        city = evocity.decode(child).city
+        row = []
+        for depth in (0, 1, 8):
+            shares = Shares(city, ancestry(child, depth=depth), child.cities, "")
+            picture = render_shares(shares, legend=False, zoom=2).resize((360, 360))
+            row.append((f"depth {depth}", picture))
+        rows.append(row)
+    titles = [
+        "Domain blocks from the whole map, no repair: New York is built of Lyon's stones",
+        "Domain blocks from within 24 px, collage repair: they mix along the seams alone",
+    ]
+    thanks = [f"red, {LYON}: {evocity.io.attribution_of(LYON)}"]
+    thanks += [f"blue, {NEW_YORK}: {evocity.io.attribution_of(NEW_YORK)}"]
+    save(contact_sheet(rows, titles=titles, thanks=thanks), "ancestry.png", colours=48)
+
+
+def draw_towns() -> None:
+    def drawn(city):
+        return render(city, highest=24, legend=False, zoom=2).resize((300, 300))
+
+    steps = [
+        (f"iteration {count}" if count > 1 else "the motif", drawn(town))
+        for count in (1, 2, 3, 4)
+        for town in [substitution_town(iterations=count)]
+    ]
+    towns = [(name, drawn(town(rng=np.random.default_rng(7)))) for name, town in PATTERNS.items()]
+    titles = ["A motif put in the place of each of its own shapes", "The towns, each by seed 7"]
+    save(contact_sheet([steps, towns], titles=titles), "towns.png", colours=64)
+
+
+if __name__ == "__main__":
+    draw_usage()
+    draw_low_pass()
+    draw_ancestry()
+    draw_towns()

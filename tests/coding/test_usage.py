@@ -1,0 +1,173 @@
+"""How often a code calls its blocks and pixels, and what a filter by that leaves."""
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from codes import draw_code
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import evocity
+from evocity.coding import CollageMap, decode, encode, low_pass, usage
+from evocity.coding.usage import COUNTS
+from evocity.condensation import Condensation
+from evocity.errors import GenomeError
+
+codes = st.builds(
+    draw_code,
+    seed=st.integers(0, 10**6),
+    rows=st.integers(2, 6),
+    columns=st.integers(2, 6),
+    block=st.sampled_from([2, 4]),
+    few=st.sampled_from([0, 0, 1, 3]),
+)
+
+
+def counted(genome):
+    """Slow twin: every lifs walks over its own domain block."""
+    p, called = genome.pavement, {}
+    pixels, domains, ranges = (np.zeros((p.height, p.width), int) for _ in range(3))
+    blocks = [
+        tuple(int(getattr(genome, name)[i]) for name in ("y", "x", "dy", "dx"))
+        for i in range(len(genome))
+    ]
+    for block, dx in zip(blocks, genome.dx, strict=True):
+        if dx:
+            called[block] = called.get(block, 0) + 1
+    for block, corner in zip(blocks, zip(*p.corners, strict=True), strict=True):
+        if block in called:
+            y, x, dy, dx = block
+            pixels[y : y + dy, x : x + dx] += 1
+            held = domains[y : y + dy, x : x + dx]
+            np.maximum(held, called[block], out=held)
+            top, left = corner
+            ranges[top : top + p.block, left : left + p.block] = called[block]
+    return called, {"pixels": pixels, "domains": domains, "ranges": ranges}
+
+
+@settings(max_examples=40, deadline=None)
+@given(codes)
+def test_counts_are_those_of_a_walk_over_all_lifs(genome):
+    found = usage(genome)
+    called, maps = counted(genome)
+    rows = [tuple(row) for row in found.domain_blocks.tolist()]
+    assert dict(zip(rows, found.domain_calls.tolist(), strict=True)) == called
+    assert (np.diff(found.domain_calls) <= 0).all()
+    for count in COUNTS:
+        np.testing.assert_array_equal(getattr(found, count), maps[count])
+        assert getattr(found, count).dtype == np.int32
+
+
+@settings(max_examples=40, deadline=None)
+@given(codes)
+def test_all_calls_are_counted_once(genome):
+    found = usage(genome)
+    served = ~genome.uniform
+    assert found.domain_calls.sum() == served.sum() == (found.calls > 0).sum()
+    area = genome.dx.astype(int) * genome.dy
+    assert found.pixels.sum(dtype=int) == area.sum()
+    assert (found.domains <= found.pixels).all()
+    assert ((found.domains > 0) == (found.pixels > 0)).all()
+
+
+def test_a_code_without_domains_calls_nothing():
+    genome = draw_code(1)
+    none = {name: np.zeros(len(genome), int) for name in ("y", "x", "dy", "dx", "iso")}
+    genome = genome.replace(sigma=np.zeros(len(genome)), **none)
+    found = usage(genome)
+    assert found.domain_blocks.shape == (0, 4)
+    assert not any(getattr(found, count).any() for count in (*COUNTS, "calls"))
+    assert low_pass(genome, 0) is genome
+
+
+@settings(max_examples=25, deadline=None)
+@given(codes, st.sampled_from(COUNTS), st.sampled_from([0, 1, 2.5, 6]))
+def test_what_is_called_more_often_goes_to_ground_and_stays_there(genome, count, f_c):
+    bare = getattr(usage(genome), count) > f_c
+    filtered = low_pass(genome, f_c, count=count)
+    if not bare.any():
+        assert filtered is genome
+        return
+    np.testing.assert_array_equal(filtered.condensation.mask, bare)
+    attractor = decode(filtered, tolerance=1e-4).attractor
+    assert (attractor[bare] == 0).all()
+    # elsewhere it is the fixed point of the map with that ground in it, not a map painted over
+    collage = CollageMap(genome)
+    np.testing.assert_allclose(collage(attractor)[~bare], attractor[~bare], atol=1e-3)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_infinity_changes_nothing_and_0_takes_all_that_is_called(town, count):
+    genome = encode(town).genome
+    assert low_pass(genome, math.inf, count=count) is genome
+    counts = getattr(usage(genome), count)
+    assert low_pass(genome, counts.max(), count=count) is genome
+    city = decode(low_pass(genome, 0, count=count)).city
+    assert (city.heights[counts > 0] == 0).all()
+
+
+def test_by_ranges_0_leaves_the_uniform_range_blocks(town):
+    genome = encode(town).genome
+    heights = decode(low_pass(genome, 0, count="ranges")).city.heights
+    uniform = genome.pavement.raster(np.where(genome.uniform, genome.beta, 0))
+    np.testing.assert_array_equal(heights, np.maximum(uniform, 0))
+
+
+def test_a_lower_frequency_takes_more(town):
+    genome = encode(town, reach=None).genome
+    bare = [low_pass(genome, f_c).condensation.mask for f_c in (0, 1, 3, 10)]
+    assert all((fewer <= more).all() for more, fewer in itertools.pairwise(bare))
+    assert bare[0].sum() > bare[-1].sum() > 0
+
+
+def test_the_lifs_stay_and_the_filter_is_told(town):
+    genome = encode(town).genome
+    filtered = low_pass(genome, 2, count="domains")
+    assert usage(filtered).domain_calls.sum() == usage(genome).domain_calls.sum()
+    assert filtered.replace(condensation=None) == genome
+    assert filtered.made == {**genome.made, "low_pass": {"f_c": 2.0, "count": "domains"}}
+
+
+def test_what_was_kept_before_is_kept(town):
+    mask = np.zeros(town.shape, bool)
+    mask[:20, :20] = True
+    locked = Condensation(np.full(town.shape, 9.0), mask)
+    genome = encode(town).genome.replace(condensation=locked)
+    heights = decode(low_pass(genome, 0)).city.heights
+    assert (heights[mask] == 9).all()
+    assert (heights[(usage(genome).pixels > 0) & ~mask] == 0).all()
+
+
+def test_the_ground_is_as_large_at_another_zoom(town):
+    genome = encode(town).genome
+    bare = usage(genome).pixels > 1
+    heights = decode(low_pass(genome, 1), zoom=2).city.heights
+    assert (heights[bare.repeat(2, axis=0).repeat(2, axis=1)] == 0).all()
+
+
+@pytest.mark.parametrize("f_c", [-1, math.nan, "10", None, True])
+def test_a_frequency_that_is_none_is_refused(f_c):
+    with pytest.raises(GenomeError, match="0 or more"):
+        low_pass(draw_code(1), f_c)
+
+
+@pytest.mark.parametrize("count", ["pixel", "calls", 3, None])
+def test_a_count_that_is_none_is_refused(count):
+    with pytest.raises(GenomeError, match="pixels, domains, ranges"):
+        low_pass(draw_code(1), 1, count=count)
+
+
+def test_values_told_of_lyon_are_true():
+    text = (Path(__file__).parents[2] / "docs" / "pictures.md").read_text("utf-8")
+    words = " ".join(text.split())
+    lyon = evocity.read_map("lyon-1er")
+    near, whole = (usage(encode(lyon, reach=reach).genome) for reach in (24, None))
+    most, served = near.domain_calls.max(), (near.calls > 0).sum()
+    told = f"{len(near.domain_calls)} domain blocks serve {served} lifs, and none more than {most}"
+    assert told in words
+    told = f"the whole map {len(whole.domain_calls)} do, one of them {whole.domain_calls.max()} "
+    assert told in words
+    assert (whole.pixels == 0).mean() == pytest.approx(2 / 3, abs=0.05)
