@@ -225,13 +225,20 @@ def _common_shrinkings(
     hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
     """
     layer = np.full(able.size, -1, np.int64)
-    kinds, which, counts = np.unique(
-        np.stack([extent[able] for extent in extents]),
-        axis=1,
-        return_inverse=True,
-        return_counts=True,
-    )
-    (common,) = np.nonzero(counts >= able.size / 8)
+    if len(extents) == 2:  # small whole numbers: counted, not sorted
+        tall, wide = (extent[able] for extent in extents)
+        most = int(wide.max(initial=0)) + 1
+        which = tall.astype(np.int64) * most + wide
+        counts = np.bincount(which)
+        kinds = np.stack(np.divmod(np.arange(counts.size), most))
+    else:
+        kinds, which, counts = np.unique(
+            np.stack([extent[able] for extent in extents]),
+            axis=1,
+            return_inverse=True,
+            return_counts=True,
+        )
+    (common,) = np.nonzero(counts >= max(able.size / 8, 1))
     place = np.full(counts.size, -1, np.int64)
     place[common] = np.arange(common.size)
     layer[able] = place[which]

@@ -298,35 +298,39 @@ def row_kernel(block):
     # "contract" (a·b + c in one rounding) keeps each position's result independent of the
     # others, so of threads and chunks; what depends on rounding is settled in float64.
     @kernel(fastmath={"contract"})
-    def row_gains(planes, norms, code, first, count, cap, gains):
+    def row_gains(planes, norms, code, top, bottom, first, count, cap, gains):
         """gains[j] = max(itself, the energy of range block ``code`` explained by the unit domain
-        block at position first + j of one row, of norm ``norms``, under the best of the 8
-        isometries, |σ| ≤ cap). In D4 coordinates (see evocity.coding.search.domains) all eight
-        inner products come from 1.5 B² multiplications.
+        block at position first + j of any row from ``top`` to before ``bottom``, of norm
+        ``norms``, under the best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see
+        evocity.coding.search.domains) all eight inner products come from 1.5 B² multiplications.
         """
-        for j in range(count):
-            q = np.uintp(first + j)  # unsigned: no test for negative indices, so vector code
-            s1 = s2 = s3 = s4 = a = b = c = d = np.float32(0)
-            for k in range(n1):
-                s1 += code[k] * planes[k, q]
-            for k in range(n1, n2):
-                s2 += code[k] * planes[k, q]
-            for k in range(n2, n3):
-                s3 += code[k] * planes[k, q]
-            for k in range(n3, n4):
-                s4 += code[k] * planes[k, q]
-            for k in range(nu):
-                u, w = planes[n4 + k, q], planes[n5 + k, q]
-                a += code[n4 + k] * u
-                b += code[n5 + k] * w
-                c += code[n4 + k] * w
-                d += code[n5 + k] * u
-            p = max(
-                max(abs(s1 + s2 + (s3 + s4)) + abs(a + b), abs(s1 + s2 - (s3 + s4)) + abs(a - b)),
-                max(abs(s1 - s2 + (s3 - s4)) + abs(c + d), abs(s1 - s2 - (s3 - s4)) + abs(c - d)),
-            )
-            s = min(p, cap * norms[q])
-            gains[j] = max(gains[j], s * (p + p - s))
+        for y in range(top, bottom):
+            row, norm = planes[y], norms[y]
+            for j in range(count):
+                q = np.uintp(first + j)  # unsigned: no test for negative indices, so vector code
+                s1 = s2 = s3 = s4 = a = b = c = d = np.float32(0)
+                for k in range(n1):
+                    s1 += code[k] * row[k, q]
+                for k in range(n1, n2):
+                    s2 += code[k] * row[k, q]
+                for k in range(n2, n3):
+                    s3 += code[k] * row[k, q]
+                for k in range(n3, n4):
+                    s4 += code[k] * row[k, q]
+                for k in range(nu):
+                    u, w = row[n4 + k, q], row[n5 + k, q]
+                    a += code[n4 + k] * u
+                    b += code[n5 + k] * w
+                    c += code[n4 + k] * w
+                    d += code[n5 + k] * u
+                p, m = s1 + s2 + (s3 + s4), s1 + s2 - (s3 + s4)
+                t, v = s1 - s2 + (s3 - s4), s1 - s2 - (s3 - s4)
+                p = max(
+                    max(abs(p) + abs(a + b), abs(m) + abs(a - b)),
+                    max(abs(t) + abs(c + d), abs(v) + abs(c - d)),
+                )
+                s = min(p, cap * norm[q])
+                gains[j] = max(gains[j], s * (p + p - s))
 
     return row_gains
 
@@ -371,7 +375,8 @@ def tile_kernels(block, parts):
                 end += 1
             lanes = (end - first) * LANES
             gains[:lanes] = 0
-            row_gains(planes[row], ceilings[row], code, first % ABREAST * LANES, lanes, one, gains)
+            start = first % ABREAST * LANES
+            row_gains(planes, ceilings, code, row, row + 1, start, lanes, one, gains)
             for t in range(first, end):
                 largest = np.float32(0)
                 for j in range(LANES):
@@ -425,7 +430,7 @@ def tile_kernels(block, parts):
                     continue
                 lanes[:] = 0
                 row, first = t // ABREAST, t % ABREAST * LANES
-                row_gains(planes[row], ceilings[row], codes[i], first, LANES, one, lanes)
+                row_gains(planes, ceilings, codes[i], row, row + 1, first, LANES, one, lanes)
                 for j in range(LANES):
                     if lanes[j] >= near[i]:
                         if count < which.size:
@@ -443,17 +448,28 @@ def window_kernels(block):
     row_gains = row_kernel(block)
 
     @kernel
-    def lane_maxima(planes, norms, codes, window, cap, best):
-        """best[i, j] = largest gain of range i over the domains in column window.left + j.
+    def lane_maxima(planes, norms, codes, window, lanes, cap, first_row, band, best):
+        """best[s, i, j] = largest gain of range i over the domains in column window.left + j, in
+        the s-th ``band`` of rows from ``first_row`` on.
 
-        ``window`` holds (top, bottom, left, right) of each range's domain positions. Rows of
-        domains are walked outside, ranges inside, so that a row stays in the cache.
+        ``window`` holds (top, bottom, left, right) of each range's domain positions; ``lanes``
+        columns are compared, those beyond the window too.
         """
-        for y in range(window[:, 0].min(), window[:, 1].max()):
-            for i in range(codes.shape[0]):
-                if window[i, 0] <= y < window[i, 1]:
-                    left, right = window[i, 2], window[i, 3]
-                    row_gains(planes[y], norms[y], codes[i], left, right - left, cap, best[i])
+        for i in range(codes.shape[0]):
+            for strip in range(best.shape[0]):
+                start = first_row + strip * band
+                top, bottom = max(start, window[i, 0]), min(start + band, window[i, 1])
+                row_gains(
+                    planes,
+                    norms,
+                    codes[i],
+                    top,
+                    bottom,
+                    window[i, 2],
+                    lanes[i],
+                    cap,
+                    best[strip, i],
+                )
 
     @kernel
     def list_windows(
@@ -491,7 +507,7 @@ def window_kernels(block):
                     for run in range(found):
                         x, length = runs[run, 0], runs[run, 1] - runs[run, 0]
                         lanes[:length] = 0
-                        row_gains(planes[y], norms[y], codes[i], x, length, cap, lanes)
+                        row_gains(planes, norms, codes[i], y, y + 1, x, length, cap, lanes)
                         for j in range(min(length, right - x)):
                             if lanes[j] < near[i]:
                                 continue

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.search._kernels import window_kernels
-from evocity.coding.search.domains import LANES, UNCAPPED, DomainPool, d4_matrix, domain_pools
+from evocity.coding.search.domains import UNCAPPED, DomainPool, d4_matrix, domain_pools
 from evocity.coding.search.matches import Search, listed
 
 #: Domain positions re-scored together, at most `LANES`.
 _GROUP = 16
+#: Columns that cost no more than one, at most `LANES`.
+_STEP = 8
 #: Range blocks compared at a time.
 CHUNK = 64
 
@@ -27,18 +29,16 @@ def best_nearby(
     first_row, last_row = int(window[:, 0].min()), int(window[:, 1].max())
     if first_row >= last_row:
         return np.empty((3, 0), np.int64)
-    width = window[:, 3:] - window[:, 2:3]
+    width = window[:, 3] - window[:, 2]
     band = max(16, -(-(last_row - first_row) // 32))
-    bands = range(first_row, last_row, band)
-    lanes = -(-int(width.max()) // LANES) * LANES
-    best = np.zeros((len(bands), len(window), lanes), np.float32)
+    strips = -(-(last_row - first_row) // band)
+    best = np.zeros((strips, len(window), int(_whole(width).max())), np.float32)
     cap = min(np.float32(search.cap), UNCAPPED)
-    for rows, maxima in zip(bands, best, strict=True):
-        within = window.copy()
-        within[:, :2] = np.clip(window[:, :2], rows, rows + band)
-        within[:, 3:] = window[:, 2:3] + -(-width // LANES) * LANES
-        lane_maxima(pool.planes, pool.norms, search.codes[part], within, cap, maxima)
-    best[:, np.arange(lanes) >= width] = 0
+    lane_maxima(
+        pool.planes, pool.norms, search.codes[part], window, _whole(width), cap, first_row, band,
+        best,
+    )  # fmt: skip
+    best[:, np.arange(best.shape[2]) >= width[:, None]] = 0
     search.best[part] = np.maximum(search.best[part], best.max(axis=(0, 2)))
     return listed(
         list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, best, first_row,
@@ -112,10 +112,14 @@ def _clipped(top: int, rows: int, columns: int, corners, reach: int | None) -> n
 def _lane_maxima(pool: DomainPool, window, codes) -> np.ndarray:
     """Largest gain of each range in each column of its window; 0 beyond the window."""
     lane_maxima, _ = window_kernels(int(np.sqrt(codes.shape[1])))
-    width = window[:, 3:] - window[:, 2:3]
-    whole = window.copy()
-    whole[:, 3:] = whole[:, 2:3] + -(-width // LANES) * LANES
-    best = np.zeros((len(codes), -(-int(width.max(initial=0)) // LANES) * LANES), np.float32)
-    lane_maxima(pool.planes, pool.norms, codes, whole, UNCAPPED, best)
-    best[np.arange(best.shape[1]) >= width] = 0
-    return best
+    width = window[:, 3] - window[:, 2]
+    best = np.zeros((1, len(codes), int(_whole(width).max(initial=0))), np.float32)
+    rows = pool.shape[0]
+    lane_maxima(pool.planes, pool.norms, codes, window, _whole(width), UNCAPPED, 0, rows, best)
+    best[:, np.arange(best.shape[2]) >= width[:, None]] = 0
+    return best[0]
+
+
+def _whole(width: np.ndarray) -> np.ndarray:
+    """Columns to compare: vector code takes `_STEP` at a time, and pools are padded."""
+    return -(-width // _STEP) * _STEP
