@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+from scipy import ndimage
 
 from evocity import isometries
 from evocity.coding.search.matches import TIE
@@ -32,7 +33,7 @@ def candidates(heights, block, corner, domains, reach, range_block, sigma_max):
                 continue
             domain = shrunk(heights, y, x, multiple, multiple, block)
             flat = domain - domain.mean()
-            if (flat**2).sum() < 1e-10 * heights.max() ** 2:
+            if (flat**2).sum() < (block * 1e-12 * heights.max()) ** 2:
                 continue
             for iso, (gain, sigma) in enumerate(gains(range_block, domain, sigma_max)):
                 beta = range_block.mean(dtype=float) - sigma * domain.mean()
@@ -55,7 +56,7 @@ def best_match(heights, block, corner, domains, reach, range_block, sigma_max):
     centred = range_block.astype(float) - range_block.mean(dtype=float)
     energy = (centred**2).sum()
     every = list(candidates(heights, block, corner, domains, reach, range_block, sigma_max))
-    if not every or max(gain for gain, *_ in every) <= 0:
+    if not every or max(gain for gain, *_ in every) <= TIE * energy:
         return None
     least = max(gain for gain, *_ in every) - TIE * energy
     return next(candidate for candidate in every if candidate[0] >= least)
@@ -234,3 +235,220 @@ def closest_neighbourhood(heights, block, corners, candidates, rings=16, domain_
             error = {c: e for c, e in error.items() if e <= limit}
         chosen.append(min(error, default=-1))
     return np.array(chosen)
+
+
+def outline_sides(group):
+    """The set of (row, column, way it faces) of a group's outer sides."""
+    blocks = set(zip(*np.asarray(group).tolist(), strict=True))
+    ways = {0: (-1, 0), 1: (1, 0), 2: (0, -1), 3: (0, 1)}
+    return {
+        (i, j, facing)
+        for i, j in blocks
+        for facing, (down, along) in ways.items()
+        if (i + down, j + along) not in blocks
+    }
+
+
+def outline_step(current, brought, columns, group, start, end):
+    """Mean |brought − current| over every side of a group laid from ``start`` at ``end`` that
+    is not on the map's border."""
+    rows = len(current) // columns
+    gaps = []
+    for i, j, facing in sorted(outline_sides(group)):
+        y, x = i + end[0], j + end[1]
+        if (y, x)[facing // 2] == (0, (rows, columns)[facing // 2] - 1)[facing % 2]:
+            continue
+        edge = [np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1]][facing]
+        here = current[y * columns + x].astype(float)[edge]
+        there = brought[(i + start[0]) * columns + j + start[1]].astype(float)[edge]
+        gaps += np.abs(there - here).tolist()
+    return float(np.mean(gaps)) if gaps else 0.0
+
+
+def best_move(blocks, columns, group, starts, ends, exchanged, tolerance, change, choice):
+    found = []
+    for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        step = outline_step(blocks, blocks, columns, group, start, end)
+        if exchanged:
+            step = max(step, outline_step(blocks, blocks, columns, group, end, start))
+        there = (group[0] + start[0]) * columns + group[1] + start[1]
+        here = (group[0] + end[0]) * columns + group[1] + end[1]
+        gap = np.abs(blocks[there].astype(float) - blocks[here]).mean()
+        if step <= tolerance and gap > change:
+            found.append((step, k))
+    return min(found[:choice])[1] if found else -1
+
+
+def tallied(rows):
+    """One dictionary label: count a row."""
+    return [{one: row.count(one) for one in set(row) if one >= 0} for row in rows.tolist()]
+
+
+def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
+    """The kernel's region as a set, grown one rule at a time until none changes it."""
+    table = [{} for _ in buildings.whole]
+    for row in range(len(buildings.starts) - 1):
+        for k in range(buildings.starts[row], buildings.starts[row + 1]):
+            table[buildings.labels[k]][row % len(owner)] = int(buildings.pixels[k])
+    region, before = set(seed.tolist()), None
+    while region != before:
+        before = set(region)
+        for one, blocks in enumerate(table):
+            whose = buildings.whose[one]
+            stands = {b for b in blocks if owner[b] == whose}
+            hit = sum(blocks[b] for b in stands & region)
+            gone = buildings.whole[one] - standing[one] + hit
+            if whose == donor and region & set(blocks):
+                region |= set(blocks)
+            elif whose != donor and hit and (kept[one] or gone > cut * buildings.whole[one]):
+                region |= stands
+        mask = np.zeros(len(owner), bool)
+        mask[list(region)] = True
+        filled = ndimage.binary_fill_holes(mask.reshape(-1, columns))
+        region |= set(np.flatnonzero(filled).tolist())
+    held = sum(
+        bool(region & set(blocks))
+        for one, blocks in enumerate(table)
+        if buildings.whose[one] == donor
+    )
+    return (region, held) if len(region) <= limit else (set(), 0)
+
+
+def inject_regions(
+    current, brought, owner, donor, size, corners, columns, buildings, kept,
+    tolerance, cut, limit, least, most,
+):  # fmt: skip
+    """As the kernel, on copies: returns (current, owner, kept)."""
+    current, owner, kept = current.copy(), owner.copy(), kept.copy()
+    row_of = np.repeat(np.arange(len(buildings.starts) - 1), np.diff(buildings.starts))
+    whose, place = np.divmod(row_of, len(owner))
+    for row, column in corners.tolist():
+        standing = np.zeros(len(buildings.whole), int)
+        stands = owner[place] == whose
+        np.add.at(standing, buildings.labels[stands], buildings.pixels[stands])
+        square = [(row + i) * columns + column + j for i in range(size) for j in range(size)]
+        if (owner == donor).sum() >= least:
+            break
+        if not 0 < (owner[square] != donor).sum() <= most - (owner == donor).sum():
+            continue
+        region, held = grown(
+            np.array(square), columns, owner, donor, buildings, standing, kept, cut, limit
+        )
+        region = sorted(region)
+        if not 0 < (owner[region] != donor).sum() <= most - (owner == donor).sum():
+            continue
+        group = np.stack(np.divmod(region, columns))
+        if (donor in buildings.whose and not held) or (
+            outline_step(current, brought, columns, group, (0, 0), (0, 0)) > tolerance
+        ):
+            continue
+        current[region], owner[region] = brought[region], donor
+        kept[buildings.labels[(whose == donor) & np.isin(place, region)]] = True
+    return current, owner, kept
+
+
+def alike_blocks(blocks, here, flat, flat_here, others, members, turns, slack, room):
+    """The kernel's keys of each block, sorted: all pairs under the first ``turns`` isometries."""
+    listed = []
+    for i, block in enumerate(blocks):
+        gaps = {}
+        for member, other in zip(members, others, strict=True):
+            for iso in range(turns):
+                key = 8 * (-1 if member == here[i] else member) + iso
+                gaps[key] = np.linalg.norm(block.astype(float) - isometries.apply(iso, other))
+        least, level = min(gaps.values()), np.sqrt(float(flat[i]))
+        if level < least or (level == least and flat_here[i]):
+            listed.append([])
+        else:
+            listed.append(sorted(key for key in gaps if gaps[key] <= least + slack)[:room])
+    return listed
+
+
+def fabric(stones, heights, block):
+    """What a fabric of stones shows: block by block, −1 where nothing stands."""
+    shown = np.full(np.multiply(stones.shape, block), -1.0, np.float32)
+    columns = heights.shape[1] // block
+    for (i, j), stone in np.ndenumerate(stones):
+        if stone >= 0:
+            y, x = np.multiply(divmod(stone // 8, columns), block)
+            cut = heights[y : y + block, x : x + block]
+            shown[i * block : (i + 1) * block, j * block : (j + 1) * block] = isometries.apply(
+                int(stone % 8), cut
+            )
+    return shown
+
+
+def rectangle(values, iso, row, column, tall, wide):
+    """What a candidate brings: tall × wide of ``values`` from (row, column) on, under ``iso``."""
+    if iso in (1, 3, 4, 6):  # rows become columns
+        tall, wide = wide, tall
+    return isometries.apply(iso, values[row : row + tall, column : column + wide])
+
+
+def cut_cost(costs, rims, laid):
+    across = [
+        costs[i, j, s]
+        for i, j in np.ndindex(laid.shape)
+        for s, (p, q) in enumerate(((i + 1, j), (i, j + 1)))
+        if p < laid.shape[0] and q < laid.shape[1] and laid[i, j] != laid[p, q]
+    ]
+    return sum(across) + rims[laid].sum()
+
+
+def least_cut(costs, rims, must, never):
+    """The least cost of all ways to lay some of the blocks."""
+    ways = itertools.product((False, True), repeat=must.size)
+    every = (np.array(way).reshape(must.shape) for way in ways)
+    return min(cut_cost(costs, rims, w) for w in every if not ((must & ~w) | (never & w)).any())
+
+
+def outline_of_laid(shown, brought, top, left, laid, block):
+    """Mean step along the outline of what is laid of a group, pixel by pixel.
+
+    shown : the fabric before, −1 where nothing stands; brought : the group, from pixel (top,
+    left) on. A step is |brought − shown| on either side of the outline, where both are known;
+    the mean of both sides, if both are.
+    """
+    rows, columns = shown.shape
+    high, wide = brought.shape
+
+    def is_laid(y, x):
+        inside = 0 <= y - top < high and 0 <= x - left < wide
+        return inside and laid[(y - top) // block, (x - left) // block]
+
+    def gap(y, x):
+        if 0 <= y - top < high and 0 <= x - left < wide and shown[y, x] >= 0:
+            return [abs(float(brought[y - top, x - left]) - float(shown[y, x]))]
+        return []
+
+    steps = []
+    for y, x in np.ndindex(rows, columns):
+        for v, u in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+            beside = 0 <= v < rows and 0 <= u < columns and shown[v, u] >= 0
+            if beside and is_laid(y, x) and not is_laid(v, u):
+                steps.append(np.mean(gap(y, x) + gap(v, u)))
+    return float(np.mean(steps)) if steps else 0.0
+
+
+def windows(values, side):
+    """The content of each window by its corner; None where something of it is −1."""
+    found = {}
+    for y, x in np.ndindex(values.shape[0] - side + 1, values.shape[1] - side + 1):
+        window = values[y : y + side, x : x + side]
+        found[y, x] = None if (window < 0).any() else window.tobytes()
+    return found
+
+
+def comes_twice(values, known, exempt, side, apart, box):
+    """Whether a window of ``values`` that touches the box stands at another anchor: among the
+    ``known``, anchor → content, or in ``values``."""
+    found = windows(values, side)
+    for (y, x), content in found.items():
+        touches = y + side > box[0] and x + side > box[1] and y < box[2] and x < box[3]
+        if content is None or not touches or content in exempt:
+            continue
+        for corner, other in (*known.items(), *found.items()):
+            anchored = corner[0] % apart == corner[1] % apart == 0
+            if anchored and corner != (y, x) and other == content:
+                return True
+    return False

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity import isometries
-from evocity.citymap import CityMap
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.coding._kernels import (
     box_means,
     gather,
@@ -287,6 +287,13 @@ def _zoomed_block(pavement: Pavement, zoom: float) -> int:
             f"zoom = {zoom} for range blocks of {pavement.block} px",
             f"a zoom that makes a whole number of pixels, 2 or more, of {pavement.block}",
             f"use a multiple of 1/{pavement.block}, from 2/{pavement.block} up",
+        )
+    height, width = pavement.rows * block, pavement.columns * block
+    if max(height, width) > MAX_SIDE or height * width > MAX_PIXELS:
+        raise GenomeError(
+            f"zoom = {zoom}: a map of {height} × {width} px",
+            f"sides up to {MAX_SIDE} px, {MAX_PIXELS // 10**6} million pixels in all",
+            "choose a smaller zoom",
         )
     return block
 

@@ -20,6 +20,9 @@ from evocity.errors import GenomeError, shown
 from evocity.genome import Genome
 from evocity.pavement import Pavement
 
+#: The largest cap on \\|σ\\| that is a cap.
+_STEEPEST = 1e9
+
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
@@ -230,8 +233,9 @@ def _check(city, block, domains, reach, sigma_max, topological) -> None:
         faults.append((f"domains of {min(domains) * block} px", f"at most {min(city.shape)} px"))
     if reach is not None and not whole(reach, 0):
         faults.append((f"reach = {reach!r}", "a whole number of pixels, or None for the whole map"))
-    if not (isinstance(sigma_max, Real) and sigma_max > 0):
-        faults.append((f"sigma_max = {sigma_max!r}", "a number above 0"))
+    if not (isinstance(sigma_max, Real) and (0 < sigma_max <= _STEEPEST or sigma_max == np.inf)):
+        told = f"a number above 0, at most {_STEEPEST:g}, or inf for no cap"
+        faults.append((f"sigma_max = {sigma_max!r}", told))
     if topological is not None and not (isinstance(topological, Real) and 0 <= topological <= 1):
         faults.append((f"topological = {topological!r}", "a share from 0 to 1, or None"))
     if max(city.shape) > MAX_SIDE or city.heights.size > MAX_PIXELS:

@@ -30,7 +30,7 @@ def circles():
 
 
 MAPS = {
-    "checkerboard of period B": checkerboard(4),
+    "checkerboard of period B": np.roll(checkerboard(4), (1, 2), axis=(0, 1)),
     "checkerboard of period 2": checkerboard(2),
     "circles": circles(),
     "millimetres": circles() * 1e-4,
@@ -39,6 +39,9 @@ MAPS = {
     "noise": np.random.default_rng(4).random((SIDE, SIDE)) * 30,
     "slight relief on a plateau": 300 + 0.02 * np.random.default_rng(5).random((SIDE, SIDE)),
     "camera": skimage.data.camera()[100 : 100 + 4 * SIDE : 4, 180 : 180 + 4 * SIDE : 4],
+    "low relief beside a tower": 1e-3 * np.random.default_rng(6).integers(0, 9, (SIDE, SIDE))
+    + np.pad(np.full((3, 3), 1e4), ((2, 11), (9, 4))),
+    "relief on a high plateau": 4096 + np.random.default_rng(7).integers(0, 9, (SIDE, SIDE)) / 32,
     "one pixel": np.pad(np.full((1, 1), 9.0), ((6, 9), (9, 6))),
 }
 
@@ -117,6 +120,54 @@ def test_the_order_of_range_blocks_does_not_change_their_matches(name, reach):
     mixed = best_matches(domain_pools(heights, 4, (2,)), blocks[order], corners, **asked)
     for field in ("multiple", "y", "x", "iso", "sigma", "beta"):
         assert np.array_equal(getattr(mixed, field), getattr(plain, field)[order])
+
+
+@pytest.mark.parametrize("reach", [4, None])
+def test_the_level_of_a_map_does_not_change_its_matches(reach):
+    relief = np.random.default_rng(8).integers(0, 64, (32, 32)).astype(np.float32) / 64
+    pavement = Pavement(32, 32, 4)
+    low, high = (
+        best_matches(
+            domain_pools(heights, 4, (2, 3)),
+            pavement.blocks(heights),
+            pavement.corners,
+            reach=reach,
+            sigma_max=np.inf,
+        )
+        for heights in (relief, relief + np.float32(4096))
+    )
+    for field in ("multiple", "y", "x", "iso"):
+        assert np.array_equal(getattr(low, field), getattr(high, field))
+
+
+def test_range_blocks_whose_windows_are_empty_find_nothing(town):
+    heights = np.zeros((64, 64), np.float32)
+    heights[1, 61] = 9
+    for options in ({"reach": 3}, {"reach": 24, "domains": (8,)}):
+        genome = encode(town.replace(heights), **options).genome
+        assert genome.uniform.all()
+
+
+@pytest.mark.parametrize("block", [16, 32])
+def test_large_blocks(block):
+    rng = np.random.default_rng(block)
+    side = 3 * block
+    heights = rng.random((side, side)).cumsum(axis=0).cumsum(axis=1) / side
+    compare_with_naive(heights, block, (2,), 6, 0.9)
+    pavement = Pavement(side, side, block)
+    blocks = pavement.blocks(heights.astype(np.float32))
+    everywhere, windowed = (
+        best_matches(
+            domain_pools(heights.astype(np.float32), block, (2,)),
+            blocks,
+            pavement.corners,
+            reach=reach,
+            sigma_max=0.9,
+        )
+        for reach in (None, side)
+    )
+    for field in ("multiple", "y", "x", "iso", "sigma", "beta"):
+        assert np.array_equal(getattr(everywhere, field), getattr(windowed, field))
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])

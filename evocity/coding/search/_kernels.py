@@ -112,8 +112,7 @@ def part_norms(planes, places, sizes, lowest, shares):
     rows, _, columns = planes.shape
     parts = sizes.size
     lines = np.zeros((2 * parts, columns), np.float32)
-    along, across = np.empty(columns, np.float32), np.empty(columns, np.float32)
-    other = np.empty(columns, np.float32)
+    along, across, other = np.empty(columns), np.empty(columns), np.empty(columns)
     n = 0
     for y in range(rows):
         start = 0
@@ -122,19 +121,21 @@ def part_norms(planes, places, sizes, lowest, shares):
             across[:] = 0
             other[:] = 0
             for k in range(start, start + sizes[part]):
-                line, weight = planes[y, k], lowest[k]
+                line, weight = planes[y, k], np.float64(lowest[k])
                 for x in range(columns):
-                    along[x] += weight * line[x]
-                    across[x] += line[x] * line[x]
+                    value = np.float64(line[x])
+                    along[x] += weight * value
+                    across[x] += value * value
                 if part == parts - 1:
                     line = planes[y, k + sizes[part]]
                     for x in range(columns):
-                        other[x] += weight * line[x]
-                        across[x] += line[x] * line[x]
+                        value = np.float64(line[x])
+                        other[x] += weight * value
+                        across[x] += value * value
             for x in range(columns):
                 low = along[x] * along[x] + other[x] * other[x]
                 lines[2 * part, x] = np.sqrt(low)
-                rest = max(across[x] - low, np.float32(0)) + np.float32(1e-6) * across[x]
+                rest = max(across[x] - low, 0.0) + 1e-6 * across[x]
                 lines[2 * part + 1, x] = np.sqrt(rest)
             start += sizes[part]
         while n < places.size and places[n] < (y + 1) * columns:
@@ -585,14 +586,17 @@ def scoring_kernels(block):
                 kept += 1
         if gain < most - slack:
             return kept
-        kept = min(kept, records.size - 1)
+        if kept == records.size:  # the least goes: it wins only if all others are forgotten
+            kept -= 1
+            least = np.argmin(records)
+            records[least], places[least] = records[kept], places[kept]
         records[kept], places[kept] = gain, place
         return kept + 1
 
     @kernel
     def settle(which, y, x, shrunk, step, blocks, sources, cap, slack, records, places, count):
         """Score for range which[n], ascending, the domain at (y[n], x[n]) in float64 and `keep`
-        it where it may be the best."""
+        it where it may be the best. Once one explains everything, none behind it can win."""
         domain = np.empty(pixels)
         gains, slopes = np.empty(8), np.empty(8)
         images = np.empty((pixels, 8))
@@ -601,9 +605,17 @@ def scoring_kernels(block):
             i = which[n]
             if i != before:
                 turned(blocks[i], sources, images)
+                energy = 0.0
+                for t in range(pixels):
+                    energy += blocks[i, t] * blocks[i, t]
                 before = i
-            exact_gains(shrunk, step, y[n], x[n], images, cap, domain, gains, slopes)
             place = (np.int64(step) << 42) | (np.int64(y[n]) << 21) | np.int64(x[n])
+            beaten = False
+            for k in range(count[i]):
+                beaten |= places[i, k] < place and records[i, k] >= energy - slack[i] / 2
+            if beaten:
+                continue
+            exact_gains(shrunk, step, y[n], x[n], images, cap, domain, gains, slopes)
             count[i] = keep(gains.max(), place, slack[i], records[i], places[i], count[i])
 
     @kernel
@@ -632,8 +644,9 @@ def scoring_kernels(block):
         for i in range(blocks.shape[0]):
             turned(blocks[i], sources, images)
             level[i] = exact_gains(shrunk, step, y[i], x[i], images, cap, domain, gains, slopes)
+            enough = min(least[i], gains.max())
             for k in range(8):
-                if gains[k] >= least[i]:
+                if gains[k] >= enough:
                     iso[i], slope[i] = k, slopes[k]
                     break
 

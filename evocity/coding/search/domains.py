@@ -16,8 +16,8 @@ import numpy as np
 from evocity.coding._kernels import box_means
 from evocity.coding.search._kernels import LANES, fold
 
-#: Blocks with less energy than this share of the highest roof's, a pixel, are flat to float32.
-_NOISE = (4e-6) ** 2
+#: Relief below this share of the highest roof is rounding: of float64, and of float32.
+_NOISE, _COARSE = 1e-12, 4e-6
 #: Stands for no cap on \\|σ\\|: finite, so that times the norm 0 of a flat domain it is 0.
 UNCAPPED = np.float32(1e18)
 
@@ -109,8 +109,8 @@ def domain_pools(
     height, width = heights.shape
     highest = float(heights.max(initial=0))
     # a block whose heights span `flat` has at least flat²/2 of energy
-    least = max(flat**2 / 2, block**2 * highest**2 * _NOISE)
-    ones = d4_basis(block).sum(axis=1).astype(np.float32)
+    noise = (_NOISE if exact else _COARSE) * highest
+    least = max(flat**2 / 2, (block * noise) ** 2)
     for multiple in sorted(domains):
         rows, columns = height - multiple * block + 1, width - multiple * block + 1
         if min(rows, columns) < 1:
@@ -118,6 +118,7 @@ def domain_pools(
         shrunk = np.empty((height - multiple + 1, width - multiple + 1))
         box_means(heights.astype(np.float64), multiple, multiple, shrunk)
         lines = shrunk if exact else shrunk.astype(np.float32)
+        ones = d4_basis(block).sum(axis=1).astype(lines.dtype)
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
             band = min(step, rows - top)

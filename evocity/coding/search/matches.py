@@ -107,7 +107,7 @@ class Search:
         kept = np.arange(_ROOM) < self.count[:, None]
         most = self.records.max(axis=1, initial=0, where=kept)
         least = most - TIE * self.energy
-        wins = kept & (self.records >= least[:, None])
+        wins = kept & (self.records >= np.maximum(least, TIE * self.energy)[:, None])
         first = self.places.min(axis=1, initial=np.iinfo(np.int64).max, where=wins)
         place = np.where(wins.any(axis=1), first, 0)[of]
         multiple, y, x = place >> 42, place >> 21 & 0x1FFFFF, place & 0x1FFFFF
@@ -130,7 +130,7 @@ class Search:
             iso=iso,
             sigma=slope,
             beta=means - slope * level,
-            gain=most[of],
+            gain=np.where(wins.any(axis=1), most, 0)[of],
             energy=np.einsum("nk,nk->n", centred, centred),
         )
 

@@ -27,9 +27,9 @@ def best_nearby(
     lane_maxima, list_nearby = window_kernels(search.block)
     window = _window(pool, tuple(corner[part] for corner in corners), reach)
     first_row, last_row = int(window[:, 0].min()), int(window[:, 1].max())
-    if first_row >= last_row:
-        return np.empty((3, 0), np.int64)
     width = window[:, 3] - window[:, 2]
+    if first_row >= last_row or width.max() <= 0:
+        return np.empty((3, 0), np.int64)
     band = max(16, -(-(last_row - first_row) // 32))
     strips = -(-(last_row - first_row) // band)
     best = np.zeros((strips, len(window), int(_whole(width).max())), np.float32)
