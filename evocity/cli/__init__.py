@@ -2,9 +2,11 @@
 
 - `run`, `resume`, `status`: a search, shown while it goes on by `searching`
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
+- `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `pattern`: a town drawn by a rule
-- `cities`, `fitness`: what there is
+- `cities`, `fitness`, `operators`: what there is
 - `given`: what a word on the command line stands for: a map, a genome, a run
+- `parents`, `settings`: what is bred, maps included; what ``--set key=value`` means
 - `common`: options, checks, messages and printing that several commands share
 
 Nothing heavy is imported before a command needs it: ``--help`` answers at once.
@@ -14,11 +16,14 @@ import click
 
 from evocity import __version__
 from evocity.cli.autosimilarity import autosimilarity
+from evocity.cli.breed import breed
 from evocity.cli.cities import cities
 from evocity.cli.common import InputFault, told
 from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
+from evocity.cli.grow import grow
+from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
 from evocity.cli.resume import resume
 from evocity.cli.run import run
@@ -67,12 +72,15 @@ for _command in (
     status,
     encode,
     decode,
+    breed,
+    grow,
     score,
     autosimilarity,
     show,
     pattern,
     cities,
     fitness,
+    operators,
 ):
     main.add_command(_command)
 

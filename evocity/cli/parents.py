@@ -5,14 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 import evocity
 from evocity.cli.common import map_options, note_reading, progress_bar
 from evocity.cli.encode import Domains, Reach, check_block
 from evocity.cli.given import genome_of, is_genome, is_run, refuse_reading
 from evocity.errors import EvocityError
-
-_ALL = "all"
 
 _CODING_OPTIONS = (
     click.option(
@@ -45,8 +44,6 @@ def parent_options(command: Callable) -> Callable:
 
     @functools.wraps(command)
     def gathered(**given):
-        from click.core import ParameterSource
-
         source = click.get_current_context().get_parameter_source
         values = {key: given.pop(key) for key in _CODING_KEYS}
         coding = {k: v for k, v in values.items() if source(k) is not ParameterSource.DEFAULT}
@@ -69,19 +66,20 @@ def parents_of(
     reading, coding : how maps are read (`evocity.read_map`) and coded (`evocity.encode`); where
         there is no map, none of these may be given.
     """
-    runs = [source for source in sources if is_run(source)]
-    if identifiers and len(identifiers) != len(runs):
+    runs = sum(is_run(source) for source in sources)
+    if identifiers and len(identifiers) != runs:
         raise EvocityError(
-            f"{len(identifiers)} × --id for {len(runs)} run folders",
+            f"{len(identifiers)} × --id for {runs} run folders",
             "--id N once for each run folder, in their order",
             "give as many, or leave --id out where there is no run",
         )
-    individuals = dict(enumerate(identifiers))
-    genomes = {
-        place: genome_of(source, individuals.get(runs.index(source)) if source in runs else None)
-        for place, source in enumerate(sources)
-        if source in runs or is_genome(source)
-    }
+    individuals = iter(identifiers)
+    genomes = {}
+    for place, source in enumerate(sources):
+        if is_run(source):
+            genomes[place] = genome_of(source, next(individuals, None))
+        elif is_genome(source):
+            genomes[place] = genome_of(source, None)
     if len(genomes) == len(sources):
         refuse_reading("genomes alone", {**reading, **coding})
     for genome in list(genomes.values())[:1]:

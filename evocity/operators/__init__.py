@@ -1,10 +1,23 @@
 """Genomes -> Genome. One operator, one file; every operator takes parents and a generator.
 
-pavement_fusion    spatial groups of lifs of two or more parents
-lambda_crossover   every lifs between those of two parents
+pavement_fusion    square groups of lifs of two or more parents
+region_fusion      groups that hold whole buildings
+direct_fusion      lifs by lifs, of two or more parents
+asymmetric_fusion  the lifs of the second parent's likest blocks
+symmetric_fusion   of each block's matches in both parents, one or between
+lambda_crossover   every lifs between those of two parents, in patches
+interpolation      all lifs between those of two parents, or their steps of decoding
 mutation           any nucleotide of one parent
+gene_copy          genes of one parent copied to other places
+gene_exchange      genes of one parent exchanged
+block_exchange     macro-blocks of one parent exchanged
+relocation         groups of lifs of one parent moved, their domains with them
+growth             a fabric of any size, of one parent
 repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
+groups, buildings  groups of lifs, and what stands on them
+pairing            which block of another city is likest
+shares             how much of a child is whose
 parameters         what their parameters may be
 """
 
@@ -18,12 +31,21 @@ import numpy as np
 
 from evocity.errors import OperatorError, near_miss, shown, told, with_near_miss
 from evocity.genome import Genome
+from evocity.operators.asymmetric_fusion import AsymmetricFusion
+from evocity.operators.block_exchange import BlockExchange
 from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.direct_fusion import DirectFusion
+from evocity.operators.gene_copy import GeneCopy
+from evocity.operators.gene_exchange import GeneExchange
+from evocity.operators.interpolation import Interpolation
 from evocity.operators.lambda_crossover import LambdaCrossover
 from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
+from evocity.operators.region_fusion import RegionFusion
+from evocity.operators.relocation import Relocation
 from evocity.operators.repair import collage_repair
+from evocity.operators.symmetric_fusion import SymmetricFusion
 from evocity.plugins import load_plugins
 
 
@@ -45,7 +67,21 @@ class Operator(Protocol):
 
 #: The operators of the package, by the name recipes use.
 OPERATORS: Mapping[str, type[Operator]] = {
-    operator.name: operator for operator in (PavementFusion, LambdaCrossover, Mutation)
+    operator.name: operator
+    for operator in (
+        PavementFusion,
+        RegionFusion,
+        DirectFusion,
+        AsymmetricFusion,
+        SymmetricFusion,
+        LambdaCrossover,
+        Interpolation,
+        Mutation,
+        GeneCopy,
+        GeneExchange,
+        BlockExchange,
+        Relocation,
+    )
 }
 
 
@@ -126,12 +162,21 @@ def parameters_of(kind: type[Operator]) -> list[str]:
 
 __all__ = [
     "OPERATORS",
+    "AsymmetricFusion",
+    "BlockExchange",
+    "DirectFusion",
     "Draft",
     "Drafting",
+    "GeneCopy",
+    "GeneExchange",
+    "Interpolation",
     "LambdaCrossover",
     "Mutation",
     "Operator",
     "PavementFusion",
+    "RegionFusion",
+    "Relocation",
+    "SymmetricFusion",
     "collage_repair",
     "make",
     "operators",

@@ -1,5 +1,7 @@
 """Compiled loops of breeding. Slow twins stand in tests/naive.py."""
 
+import numpy as np
+
 from evocity.accelerate import kernel
 
 
@@ -59,5 +61,394 @@ def inject(current, brought, owner, donor, size, block, rows, columns, tolerance
         for i in range(top, top + size):
             for j in range(left, left + size):
                 owner[i, j] = donor
+        owned += gained
+    return owned
+
+
+#: Range blocks of another city are compared in groups of so many, so many pixels at a time: the
+#: compiler must know both numbers to make vector code.
+LANES, CHUNK = 32, 16
+
+
+@kernel
+def block_gaps(image, group, gaps):
+    """gaps[t] = Σ (group[k, t] − image[k])², squared distances of ``image`` to the blocks of a
+    ``group`` (pixels, LANES); pixels are a multiple of CHUNK."""
+    gaps[:] = 0
+    for start in range(0, image.size, CHUNK):
+        for t in range(LANES):
+            total = gaps[t]
+            for k in range(CHUNK):
+                p = np.uintp(start + k)
+                gap = group[p, np.uintp(t)] - image[p]
+                total += gap * gap
+            gaps[t] = total
+
+
+@kernel
+def least_gap(images, group, gaps, least):
+    """The least of the `block_gaps` of all ``images``; ``gaps`` and ``least`` are overwritten."""
+    least[:] = np.inf
+    for s in range(images.shape[0]):
+        block_gaps(images[s], group, gaps)
+        for t in range(LANES):
+            least[t] = gaps[t] if gaps[t] < least[t] else least[t]
+    for t in range(16):  # by halves: vector code
+        least[t] = least[t] if least[t] < least[t + 16] else least[t + 16]
+    for t in range(8):
+        least[t] = least[t] if least[t] < least[t + 8] else least[t + 8]
+    a, b = min(least[0], least[4]), min(least[1], least[5])
+    c, d = min(least[2], least[6]), min(least[3], least[7])
+    return min(min(a, b), min(c, d))
+
+
+@kernel
+def alike_blocks(
+    blocks, here, traits, flat, flat_here, groups, members, corners, sources, slack, keys, count
+):
+    """keys[i, : count[i]] = the blocks, under one of the isometries ``sources``, whose distance
+    to blocks[i] exceeds the least by at most ``slack``: 8 · index + isometry of each, −8 +
+    isometry of that at the same place, of index here[i]. If there are more than there is room
+    for, those of the lowest keys; in no order.
+
+    count[i] = 0 where flat[i], the squared distance to the closest flat block, is below all
+    others; if it equals the least, flat_here[i] decides.
+
+    ``blocks`` (n, B²) are compared with ``groups`` (G, pixels, LANES), filled up with zeros
+    beyond B², of indices ``members`` (G, LANES), −1 for none. traits[i] are what no isometry of a
+    block changes, B · mean and the norm of the rest, and ``corners`` (4, G) from where to
+    where those of each group reach: no block of it is closer than that rectangle.
+    """
+    images = np.zeros((sources.shape[0], groups.shape[1]), np.float32)
+    gaps, least_of = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
+    bounds, near = np.empty((2, groups.shape[0]), np.float32)
+    todo = np.empty(groups.shape[0], np.int64)
+    for i in range(blocks.shape[0]):
+        for s in range(sources.shape[0]):
+            for k in range(sources.shape[1]):
+                images[s, sources[s, k]] = blocks[i, k]
+        u, v = traits[i]
+        for g in range(np.uintp(bounds.size)):
+            du = max(corners[0, g] - u, u - corners[1, g], np.float32(0))
+            dv = max(corners[2, g] - v, v - corners[3, g], np.float32(0))
+            bounds[g] = du * du + dv * dv
+        g, left, count[i] = np.argmin(bounds), 0, 0
+        if bounds[g] > flat[i]:
+            continue
+        least = bounds[g] = least_gap(images, groups[g], gaps, least_of)
+        for h in range(bounds.size):
+            todo[left], near[left] = h, bounds[h]
+            left += h != g and bounds[h] <= min(least, flat[i])
+        while left > 0:  # the likeliest first, until no other can hold a closer block
+            k = 0
+            for m in range(1, left):
+                k = m if near[m] < near[k] else k
+            if near[k] > min(least, flat[i]):
+                break
+            g = todo[k]
+            bounds[g] = least_gap(images, groups[g], gaps, least_of)
+            least = min(least, bounds[g])
+            left -= 1
+            todo[k], near[k] = todo[left], near[left]
+        if flat[i] < least or (flat[i] == least and flat_here[i]):
+            continue
+        limit, last = max(least, (np.sqrt(least) + slack) ** 2), 0
+        for g in range(bounds.size):
+            if bounds[g] > limit:
+                continue
+            for s in range(images.shape[0]):
+                block_gaps(images[s], groups[g], gaps)
+                for t in range(LANES):
+                    if gaps[t] > limit or members[g, t] < 0:
+                        continue
+                    key = 8 * (members[g, t] if members[g, t] != here[i] else -1) + s
+                    if count[i] < keys.shape[1]:
+                        keys[i, count[i]] = key
+                        count[i] += 1
+                    elif key < keys[i, last]:
+                        keys[i, last] = key
+                    else:
+                        continue
+                    last = np.argmax(keys[i, : count[i]])
+
+
+@kernel
+def outline_sides(group):
+    """Outer sides of a ``group`` of blocks ``(2, g)`` (rows, columns, 0 or more), as ``(3, s)``:
+    row, column, and the way a side faces: 0 north, 1 south, 2 west, 3 east."""
+    count = group.shape[1]
+    inside = np.zeros((group[0].max() + 3, group[1].max() + 3), np.bool_)
+    for g in range(count):
+        inside[group[0, g] + 1, group[1, g] + 1] = True
+    sides = np.empty((3, 4 * count), np.int64)
+    found = 0
+    for g in range(count):
+        i, j = group[0, g] + 1, group[1, g] + 1
+        for facing in range(4):
+            y = i + (facing == 1) - (facing == 0)
+            x = j + (facing == 3) - (facing == 2)
+            if not inside[y, x]:
+                sides[0, found], sides[1, found], sides[2, found] = i - 1, j - 1, facing
+                found += 1
+    return sides[:, :found].copy()
+
+
+@kernel
+def outline_step(current, brought, columns, sides, start, end, most):
+    """Mean |brought − current| along the outline of a group of blocks laid from block ``start``
+    at block ``end`` (row, column), metres; inf once it is sure to be above ``most``.
+
+    Both maps are blocks ``(n, B, B)``, ``columns`` of them a row; ``sides`` are those of
+    `outline_sides`. Sides on the map's own border at ``end`` are left out; 0 if all are.
+    """
+    block = current.shape[1]
+    last_row, last_column = current.shape[0] // columns - 1, columns - 1
+    surely = most * block * sides.shape[1]
+    total, count = 0.0, 0
+    for k in range(sides.shape[1]):
+        i, j, facing = sides[0, k] + end[0], sides[1, k] + end[1], sides[2, k]
+        if (
+            (facing == 0 and i == 0)
+            or (facing == 1 and i == last_row)
+            or (facing == 2 and j == 0)
+            or (facing == 3 and j == last_column)
+        ):
+            continue
+        here = i * columns + j
+        there = (sides[0, k] + start[0]) * columns + sides[1, k] + start[1]
+        edge = 0 if facing % 2 == 0 else block - 1
+        count += block
+        for p in range(block):
+            if facing < 2:
+                total += abs(brought[there, edge, p] - current[here, edge, p])
+            else:
+                total += abs(brought[there, p, edge] - current[here, p, edge])
+        if total > surely:
+            return np.inf
+    return total / count if count else 0.0
+
+
+@kernel
+def best_move(blocks, columns, group, sides, starts, ends, exchanged, tolerance, change, choice):
+    """Of the first ``choice`` moves (``starts[k]`` to ``ends[k]``, blocks, ``(m, 2)`` each) of a
+    ``group`` of ``blocks`` that are admissible, the one that steps least along its outline, of
+    equals the first; −1 if none is. Admissible moves step by at most ``tolerance`` metres, at
+    both places if they are ``exchanged`` (the worse counts), and change the map by more than
+    ``change`` metres on average. Arguments as in `outline_step`.
+    """
+    block = blocks.shape[1]
+    best, least = -1, np.inf
+    for k in range(len(starts)):
+        start, end = starts[k], ends[k]
+        step = outline_step(blocks, blocks, columns, sides, start, end, tolerance)
+        if exchanged and step <= tolerance:
+            back = outline_step(blocks, blocks, columns, sides, end, start, tolerance)
+            step = max(step, back)
+        if step > tolerance:
+            continue
+        total = 0.0
+        for g in range(group.shape[1]):
+            here = (group[0, g] + end[0]) * columns + group[1, g] + end[1]
+            there = (group[0, g] + start[0]) * columns + group[1, g] + start[1]
+            for i in range(block):
+                for j in range(block):
+                    total += abs(blocks[there, i, j] - blocks[here, i, j])
+        if total <= change * group.shape[1] * block * block:
+            continue
+        if best < 0 or step < least:
+            best, least = k, step
+        choice -= 1
+        if choice == 0:
+            break
+    return best
+
+
+@kernel
+def tallied(rows):
+    """How often each label stands in each row of ``rows`` (labels from 0, −1 for none): in row r
+    label ``labels[k]`` ``counts[k]`` times for each k in ``starts[r] : starts[r + 1]``."""
+    starts = np.zeros(rows.shape[0] + 1, np.int64)
+    labels, counts = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
+    found = 0
+    for r in range(rows.shape[0]):
+        for p in range(rows.shape[1]):
+            label = rows[r, p]
+            if label < 0:
+                continue
+            k = starts[r]
+            while k < found and labels[k] != label:
+                k += 1
+            if k == found:
+                labels[k], counts[k] = label, 0
+                found += 1
+            counts[k] += 1
+        starts[r + 1] = found
+    return starts, labels[:found].copy(), counts[:found].copy()
+
+
+@kernel
+def fill_courts(region, count, inside, columns):
+    """Add to ``region``, of which ``count`` blocks are set, the blocks it encloses (those from
+    which no path over block sides leads out of it); ``inside`` marks its blocks. Returns the
+    new count."""
+    rows = inside.size // columns
+    top, bottom, left, right = rows, -1, columns, -1
+    for k in range(count):
+        i, j = divmod(region[k], columns)
+        top, bottom, left, right = min(top, i), max(bottom, i), min(left, j), max(right, j)
+    tall, wide = bottom - top + 3, right - left + 3
+    out = np.zeros((tall, wide), np.bool_)
+    stack = np.empty(tall * wide, np.int64)
+    out[0, 0] = True
+    stack[0], room = 0, 1
+    while room:
+        room -= 1
+        i, j = divmod(stack[room], wide)
+        for y, x in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+            if not (0 <= y < tall and 0 <= x < wide) or out[y, x]:
+                continue
+            within = 0 < y < tall - 1 and 0 < x < wide - 1
+            if within and inside[(y + top - 1) * columns + x + left - 1]:
+                continue
+            out[y, x] = True
+            stack[room] = y * wide + x
+            room += 1
+    for i in range(1, tall - 1):
+        for j in range(1, wide - 1):
+            b = (i + top - 1) * columns + j + left - 1
+            if not (out[i, j] or inside[b]):
+                inside[b] = True
+                region[count] = b
+                count += 1
+    return count
+
+
+@kernel
+def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
+    """Grow the blocks ``seed`` over every building of ``donor`` that they touch, over every
+    building standing on the map of which they would take a part so large that more than the
+    share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
+    these enclose, until there is none.
+
+    ``buildings`` are `evocity.operators.buildings.Buildings`; there are ``columns`` blocks a row;
+    ``owner`` says whose each block is now, ``standing`` how many pixels of each building stand
+    now. Returns the region's blocks, none if it grows beyond ``limit`` of them, and how many
+    buildings of ``donor`` it holds.
+    """
+    starts, labels, pixels, spans, places, whose, whole = buildings
+    region = np.empty(owner.size, np.int64)
+    inside = np.zeros(owner.size, np.bool_)
+    brought = np.zeros(whole.size, np.bool_)
+    hit = np.zeros(whole.size, np.int64)
+    struck = np.empty(whole.size, np.int64)
+    count, done, touched, held = 0, 0, 0, 0
+    for b in seed:
+        if not inside[b]:
+            inside[b] = True
+            region[count] = b
+            count += 1
+    before = -1
+    while before < count <= limit:
+        while done < count <= limit:
+            b = region[done]
+            done += 1
+            row = donor * owner.size + b
+            for k in range(starts[row], starts[row + 1]):
+                one = labels[k]
+                if brought[one]:
+                    continue
+                if spans[one + 1] - spans[one] > limit:
+                    return region[:0].copy(), 0
+                brought[one] = True
+                held += 1
+                for q in range(spans[one], spans[one + 1]):
+                    if not inside[places[q]]:
+                        inside[places[q]] = True
+                        region[count] = places[q]
+                        count += 1
+            if owner[b] == donor:
+                continue
+            row = owner[b] * owner.size + b
+            for k in range(starts[row], starts[row + 1]):
+                one = labels[k]
+                if hit[one] == 0:
+                    struck[touched] = one
+                    touched += 1
+                hit[one] += pixels[k]
+        before = count
+        for t in range(touched):
+            one = struck[t]
+            gone = whole[one] - standing[one] + hit[one]
+            if hit[one] == standing[one] or not (kept[one] or gone > cut * whole[one]):
+                continue
+            for q in range(spans[one], spans[one + 1]):
+                b = places[q]
+                if owner[b] == whose[one] and not inside[b]:
+                    inside[b] = True
+                    region[count] = b
+                    count += 1
+                if count > limit:
+                    return region[:0].copy(), 0
+        if before == count <= limit:
+            count = fill_courts(region, count, inside, columns)
+    return (region[:count].copy(), held) if count <= limit else (region[:0].copy(), 0)
+
+
+@kernel
+def inject_regions(
+    current, brought, owner, donor, size, corners, columns, buildings, standing, kept,
+    tolerance, cut, limit, least, most,
+):  # fmt: skip
+    """As `inject`, but each macro-block is `grown` first and holds a building of the donor, if
+    that has any. Maps are blocks ``(n, B, B)``, ``owner`` is ``(n,)``, candidate ``corners``
+    (row, column) are ``(m, 2)``, in blocks. ``current``, ``owner``, ``standing`` and ``kept``
+    are changed in place. Returns the blocks owned."""
+    starts, labels, pixels, _, _, whose, _ = buildings
+    blocks = owner.size
+    owned = 0
+    for value in owner:
+        if value == donor:
+            owned += 1
+    bare = True
+    for value in whose:
+        if value == donor:
+            bare = False
+    seed = np.empty(size * size, np.int64)
+    here = np.zeros(2, np.int64)
+    for m in range(len(corners)):
+        if owned >= least:
+            break
+        gained = 0
+        for i in range(size):
+            for j in range(size):
+                b = (corners[m, 0] + i) * columns + corners[m, 1] + j
+                seed[i * size + j] = b
+                gained += owner[b] != donor
+        if gained == 0 or owned + gained > most:
+            continue
+        region, held = grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit)
+        gained = 0
+        for b in region:
+            gained += owner[b] != donor
+        if gained == 0 or owned + gained > most or (held == 0 and not bare):
+            continue
+        group = np.empty((2, region.size), np.int64)
+        for k in range(region.size):
+            group[0, k], group[1, k] = divmod(region[k], columns)
+        sides = outline_sides(group)
+        if outline_step(current, brought, columns, sides, here, here, tolerance) > tolerance:
+            continue
+        for b in region:
+            row = donor * blocks + b
+            if owner[b] != donor:
+                old = owner[b] * blocks + b
+                for k in range(starts[old], starts[old + 1]):
+                    standing[labels[k]] -= pixels[k]
+                for k in range(starts[row], starts[row + 1]):
+                    standing[labels[k]] += pixels[k]
+            for k in range(starts[row], starts[row + 1]):
+                kept[labels[k]] = True
+            owner[b] = donor
+            current[b] = brought[b]
         owned += gained
     return owned

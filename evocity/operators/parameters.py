@@ -16,7 +16,13 @@ from evocity.errors import OperatorError, shown
 Faults = dict[str, tuple[str, str]]
 
 _STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
-_WORDS = {int: "whole number", float: "finite number", bool: "true or false", NoneType: "none"}
+_WORDS = {
+    str: "text",
+    int: "whole number",
+    float: "finite number",
+    bool: "true or false",
+    NoneType: "none",
+}
 
 
 def wrong_types(kind: type, parameters: Mapping[str, object]) -> Faults:

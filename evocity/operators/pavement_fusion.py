@@ -7,11 +7,11 @@ import numpy as np
 
 from evocity.citymap import MAX_SIDE
 from evocity.coding.decode import decode
-from evocity.errors import shown
 from evocity.genome import Genome
 from evocity.operators._kernels import inject
 from evocity.operators.crossing import Draft, Drafting, assembled
-from evocity.operators.parameters import at_fault, check_parameters, repair_checks
+from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.operators.shares import TOLD, are_shares, shares_of
 
 #: The name under which ground laid by the void parent appears among a child's cities.
 VOID = "void"
@@ -63,7 +63,7 @@ class PavementFusion(Drafting):
             {
                 "size_min": (lambda size: size >= 1, "1 block or more"),
                 "size_max": (lambda size: size >= self.size_min, "at least size_min"),
-                "fill": (_are_shares, "0…1, or a list of such shares"),
+                "fill": (are_shares, TOLD),
                 "margin": (lambda margin: 0 <= margin <= 1, "0…1"),
                 "tolerance": (lambda tolerance: tolerance >= 0, "0 m or more"),
                 "positions": (_are_corners, f"pairs (row, column) within ±{MAX_SIDE}, or none"),
@@ -92,17 +92,7 @@ class PavementFusion(Drafting):
 
     def _shares(self, count: int) -> np.ndarray:
         """The share of each of ``count`` parents, then of the void if it takes part."""
-        total = count + self.void
-        if self.fill is None:
-            return np.full(total, 1 / total)
-        shares = np.atleast_1d(np.asarray(self.fill, float))
-        if shares.size == 1 and total == 2:
-            shares = np.array([1 - shares[0], shares[0]])
-        if shares.size != total or abs(shares.sum() - 1) >= 1e-6:
-            void = " and the void" if self.void else ""
-            allowed = f"one share for each of {count} parents{void}, summing to 1"
-            raise at_fault(self.name, {"fill": (shown(self.fill), allowed)})
-        return shares
+        return shares_of(self.name, self.fill, count, self.void)
 
     def _pave(self, parents, shares, rng) -> tuple[np.ndarray, np.ndarray]:
         pavement = parents[0].pavement
@@ -139,13 +129,6 @@ class PavementFusion(Drafting):
         given = np.array(self.positions, np.int64).reshape(-1, 2)
         fits = (given >= 0).all(axis=1) & (given[:, 0] < high) & (given[:, 1] < wide)
         return given[fits, 0].copy(), given[fits, 1].copy()
-
-
-def _are_shares(fill) -> bool:
-    if fill is None:
-        return True
-    shares = fill if isinstance(fill, Sequence) else [fill]
-    return len(shares) > 0 and all(0 <= share <= 1 for share in shares)
 
 
 def _are_corners(positions) -> bool:

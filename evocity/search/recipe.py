@@ -294,9 +294,11 @@ class Recipe(Section):
         Annotated[OperatorEntry, BeforeValidator(_entry)],
     ] = Field(
         default_factory=lambda: {
-            "pavement_fusion": OperatorEntry(weight=4),
+            "pavement_fusion": OperatorEntry(weight=2),
+            "region_fusion": OperatorEntry(weight=2),
             "lambda_crossover": OperatorEntry(weight=1),
-            "mutation": OperatorEntry(weight=2),
+            "relocation": OperatorEntry(weight=1),
+            "mutation": OperatorEntry(weight=1),
         },
         min_length=1,
     )

@@ -41,12 +41,15 @@ def test_the_commands_are_these():
         "status",
         "encode",
         "decode",
+        "breed",
+        "grow",
         "score",
         "autosimilarity",
         "show",
         "pattern",
         "cities",
         "fitness list",
+        "operators list",
     ]
 
 
@@ -65,7 +68,7 @@ def test_every_command_has_a_help_with_an_example(words, command):
 def test_version_and_usage():
     assert evocity.__version__ in call("--version").stdout
     assert "Usage" in call("encode", code=2).stderr
-    assert "No such command" in call("breed", code=2).stderr
+    assert "No such command" in call("hatch", code=2).stderr
 
 
 def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):

@@ -14,7 +14,8 @@ from evocity.operators import OPERATORS, Mutation, PavementFusion, make
 
 EVERY = [(name, field.name) for name, kind in OPERATORS.items() for field in fields(kind)]
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
-FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso"}
+FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso", "rate", "change", "cut", "alike"}
+TRUTHS = {"void", "isometries", "choose", "stepwise"}
 
 
 def faults(name, **parameters):
@@ -35,9 +36,9 @@ def test_no_parameter_takes_what_it_cannot_be(name, key, wrong):
 
 @pytest.mark.parametrize(("name", "key"), EVERY)
 def test_truth_is_no_number_and_a_number_no_truth(name, key):
-    wrong = 1 if key == "void" else True
+    wrong = 1 if key in TRUTHS else True
     assert faults(name, **{key: wrong})[key][0] == str(wrong)
-    if key not in FLOATS | {"void"}:
+    if key not in FLOATS | TRUTHS:
         assert key in faults(name, **{key: 2.5})
 
 

@@ -1,0 +1,136 @@
+"""`evocity breed`: parents become a child, by one operator."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+
+from evocity.cli.common import check_output, json_option, output_option, print_json, writing
+from evocity.cli.encode import check_no_map_name
+from evocity.cli.parents import parent_options, parents_of
+from evocity.cli.settings import settings_of, settings_option
+from evocity.errors import OperatorError
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity breed pavement_fusion lyon.parquet montpellier.parquet -o child.parquet
+  evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --seed 7 \\
+      --set size_max=8 --set fill=0.3 --set domains=2,3 -o child.parquet
+  evocity breed mutation runs/lyon-x-montpellier --id 97 --set repair=none -o child.parquet"""
+)
+@click.argument("operator", metavar="OPERATOR")
+@click.argument("parents", metavar="PARENT...", nargs=-1, required=True)
+@output_option("GENOME", "Genome file to write, usually .parquet; overwritten if it exists.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of all that is drawn: the same seed makes the same child.",
+)
+@settings_option
+@click.option(
+    "--id",
+    "identifiers",
+    type=int,
+    multiple=True,
+    metavar="N",
+    show_default="none",
+    help="Of a run folder: which individual. Once for each run among the parents, in order.",
+)
+@parent_options
+@json_option
+def breed(
+    operator: str, parents, output: Path, seed, settings, identifiers, reading, coding, as_json
+) -> None:
+    """Breed PARENTs by OPERATOR.
+
+    `evocity operators list` names the operators and their parameters. A PARENT is a genome
+    file, a run folder with --id, a map file or the name of a bundled district; maps are coded
+    first. All must have one size, one pixel and, but for some operators, one block.
+
+    JSON keys: operator, seed, lifs, cities (each source city's share of the lifs), made (what
+    the operator tells: what it reached, how many lifs were repaired).
+    """
+    import numpy as np
+
+    for parent in parents:
+        check_output(output, parent)
+    check_no_map_name(output)
+    breeding = chosen(operator, settings_of(settings))
+    _check_count(breeding, len(parents))
+    genomes = parents_of(parents, identifiers, reading, coding)
+    child = breeding(genomes, np.random.default_rng(seed))
+    with writing(output):
+        child.write(output)
+    counts = np.bincount(child.parent, minlength=len(child.cities)) / len(child)
+    shares = dict(zip(child.cities, counts.tolist(), strict=True))
+    made = {key: value for key, value in child.made.items() if key != "operator"}
+    if as_json:
+        about = {"operator": operator, "seed": seed, "lifs": len(child)}
+        print_json({**about, "cities": shares, "made": made})
+        return
+    p = child.pavement
+    click.echo(
+        f"{operator}: {len(child)} lifs, B = {p.block}, {p.height} × {p.width} px at "
+        f"{child.metres_per_pixel:g} m"
+    )
+    click.echo("lifs of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
+    for key, value in made.items():
+        click.echo(f"{key}: {_told(value)}")
+    click.echo(f"wrote {output}")
+
+
+def chosen(name: str, settings: Mapping[str, object]):
+    """The operator called ``name`` with its parameters as typed: ``reach=all`` stands for None,
+    as in recipes, and a list of one does without its comma. Raises `OperatorError`."""
+    from evocity.operators import make, operators
+    from evocity.operators.parameters import wrong_types
+
+    kind = operators().get(name)
+
+    def meant(key: str, value: object) -> object:
+        if (key, value) == ("reach", "all"):
+            return None
+        if kind and wrong_types(kind, {key: value}) and not wrong_types(kind, {key: [value]}):
+            return [value]
+        return value
+
+    settings = {key: meant(key, value) for key, value in settings.items()}
+    try:
+        return make(name, **settings)
+    except OperatorError as error:
+        if not error.faults:
+            raise
+        # with colons: they are no options of this command, though some have the name of one
+        raise OperatorError(
+            f"{name} with --set "
+            + ", ".join(f"{k}: {found}" for k, (found, _) in error.faults.items()),
+            error.expected,
+            error.remedy,
+        ) from error
+
+
+def _check_count(operator, count: int) -> None:
+    """Raise, before any map is coded, unless ``count`` parents suit the ``operator``."""
+    fewest, most = operator.parents
+    if count < fewest or (most is not None and count > most):
+        wanted = fewest if most == fewest else f"{fewest} or more" if most is None else ""
+        raise OperatorError(
+            f"{operator.name}: {count} parent{'s' * (count > 1)}",
+            f"{wanted or f'{fewest} to {most}'} parent{'s' * (most != 1)}",
+            "name that many genomes, maps or districts after the operator",
+        )
+    if hasattr(operator, "check_count"):
+        operator.check_count(count)
+
+
+def _told(value) -> str:
+    """A fact of an operator's, as it is read."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_told, value)) or "none"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_told(one)}" for key, one in value.items())
+    return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)

@@ -1,0 +1,241 @@
+"""Groups of lifs taken to other places of one map: which groups, where to, and what goes along."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
+from evocity.coding.decode import decode
+from evocity.genome import FIELDS, Genome
+from evocity.operators._kernels import best_move, grown, outline_sides
+from evocity.operators.buildings import Buildings, buildings_of
+from evocity.operators.crossing import Draft
+from evocity.pavement import Pavement
+
+#: Groups drawn until one has a place to go to.
+_TRIES = 64
+
+
+def square(size: int) -> np.ndarray:
+    """The blocks of a macro-block, ``(2, size²)``: rows and columns from its corner."""
+    return np.stack(np.divmod(np.arange(size * size), size))
+
+
+def macro_block(
+    pavement: Pavement, size_min: int, size_max: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """A macro-block of random side and place: its blocks as `square` gives them, its corner."""
+    largest = min(size_max, pavement.rows, pavement.columns)
+    size = int(rng.integers(min(size_min, largest), largest, endpoint=True))
+    return square(size), rng.integers(0, (pavement.rows - size + 1, pavement.columns - size + 1))
+
+
+def corners(pavement: Pavement, group: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """All blocks (row, column), ``(m, 2)``, at which the corner of ``group`` may lie, shuffled."""
+    high, wide = (pavement.rows, pavement.columns) - group.max(axis=1)
+    return np.stack(np.divmod(rng.permutation(high * wide), wide), axis=1)
+
+
+def cells(pavement: Pavement, side: int, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+    """Corners ``(m, 2)`` of the squares of a grid laid at a random offset, those that fit; and
+    their side, ``side`` or what the pavement has room for, in blocks."""
+    side = min(side, pavement.rows, pavement.columns)
+    down, along = rng.integers(0, side, 2)
+    rows = np.arange(down, pavement.rows - side + 1, side)
+    columns = np.arange(along, pavement.columns - side + 1, side)
+    return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2), side
+
+
+def move_checks() -> dict[str, tuple[Callable[..., bool], str]]:
+    """Checks of the parameters of `Rearrangement.best`, for `check_parameters`."""
+    return {
+        "tolerance": (lambda step: step is None or step >= 0, "0 m or more, or none for any"),
+        "change": (lambda step: step >= 0, "0 m or more"),
+        "choice": (lambda count: 1 <= count <= MAX_PIXELS, f"1…{MAX_PIXELS}"),
+    }
+
+
+def macro_block_checks(operator) -> dict[str, tuple[Callable[..., bool], str]]:
+    """Checks of the parameters of `Rearrangement.rearrange` and `macro_block`."""
+    return {
+        "size_min": (lambda size: 1 <= size <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
+        "size_max": (
+            lambda size: operator.size_min <= size <= MAX_SIDE,
+            f"size_min…{MAX_SIDE} blocks",
+        ),
+        "count": (lambda count: 1 <= count <= 1000, "1…1000"),
+        **move_checks(),
+    }
+
+
+class Rearrangement:
+    """The lifs of one parent taken to other places, one group after another.
+
+    A group is given by its blocks ``(2, g)``, rows and columns from its corner, and moves from
+    a corner to another (row, column), in blocks.
+
+    Attributes
+    ----------
+    pavement : that of the parent.
+    blocks : float32 ``(n, B, B)``, the map that is meant to be laid, cut along the pavement.
+    stone : ``(n,)``, which lifs of the parent stands at each place.
+    """
+
+    def __init__(self, parent: Genome):
+        self.pavement = parent.pavement
+        self.blocks = parent.pavement.blocks(decode(parent).city.heights)
+        self.stone = np.arange(len(parent))
+        self._parent = parent
+        self._x, self._y = parent.x.copy(), parent.y.copy()
+        self._buildings: Buildings | None = None
+
+    def grown(
+        self, group: np.ndarray, corner: np.ndarray, limit: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The blocks of a group and of all buildings it touches, and so on, so that none is cut,
+        as another group and its corner; no blocks where these are more than ``limit``."""
+        if self._buildings is None:
+            city = CityMap(self.pavement.raster(self.blocks), self._parent.metres_per_pixel)
+            self._buildings = buildings_of(self.pavement, [city])
+        whole = self._buildings.whole
+        owner, kept = np.zeros(self.stone.size, np.int64), np.zeros(whole.size, bool)
+        seed, columns = self._places(group, corner), self.pavement.columns
+        places, _ = grown(seed, columns, owner, 0, self._buildings, whole, kept, 0.0, limit)
+        if not places.size:
+            return group[:, :0], corner
+        blocks = np.stack(np.divmod(places, self.pavement.columns))
+        corner = blocks.min(axis=1)
+        return blocks - corner[:, None], corner
+
+    def best(
+        self,
+        group: np.ndarray,
+        starts: np.ndarray,
+        ends: np.ndarray,
+        *,
+        exchanged: bool = False,
+        tolerance: float | None,
+        change: float,
+        choice: int,
+    ) -> int | None:
+        """Of the moves from ``starts`` to ``ends`` (``(m, 2)``, or one corner for all), index of
+        the most seamless of the first ``choice`` that are admissible, None if none is.
+
+        An admissible one steps by at most ``tolerance`` metres (None: any) on average along its
+        outline, at both places if they are ``exchanged``, and changes the map by more than
+        ``change`` metres on average.
+        """
+        pairs = np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(ends))
+        starts, ends = (np.array(corner, order="C") for corner in pairs)
+        found = best_move(
+            self.blocks,
+            self.pavement.columns,
+            group,
+            outline_sides(group),
+            starts,
+            ends,
+            exchanged,
+            np.inf if tolerance is None else tolerance,
+            change,
+            choice,
+        )
+        return None if found < 0 else int(found)
+
+    def elsewhere(self, group: np.ndarray, start: np.ndarray, rng) -> np.ndarray:
+        """All corners, ``(m, 2)``, shuffled, at which ``group`` lies clear of where it is now."""
+        tall, wide = group.max(axis=1) + 1
+        ends = corners(self.pavement, group, rng)
+        return ends[(np.abs(ends - start) >= (tall, wide)).any(axis=1)]
+
+    def rearrange(
+        self,
+        draw: Callable[[], tuple[np.ndarray, np.ndarray]],
+        count: int,
+        rng: np.random.Generator,
+        *,
+        copied: bool = False,
+        carried: bool = False,
+        tolerance: float | None,
+        change: float,
+        choice: int,
+    ) -> int:
+        """Take ``count`` groups, each drawn by ``draw`` as (group, start), to the most seamless
+        of ``choice`` admissible places elsewhere; returns how many had one.
+
+        The group is exchanged with what stands there, or ``copied`` onto it.
+        """
+        lay = self.copy if copied else self.exchange
+        moved = 0
+        for _ in range(count):
+            for _ in range(_TRIES):
+                group, start = draw()
+                if not group.size:
+                    continue
+                ends = self.elsewhere(group, start, rng)
+                found = self.best(
+                    group,
+                    start,
+                    ends,
+                    exchanged=not copied,
+                    tolerance=tolerance,
+                    change=change,
+                    choice=choice,
+                )
+                if found is not None:
+                    lay(group, start, ends[found], carried=carried)
+                    moved += 1
+                    break
+        return moved
+
+    def copy(self, group: np.ndarray, start, end, *, carried: bool = False) -> None:
+        """Lay a copy of the group at ``start`` at ``end``; domain blocks inside the group go
+        along with the copy if they are to be ``carried``."""
+        here, there = self._places(group, start), self._places(group, end)
+        self._buildings = None
+        for column in (self.blocks, self.stone, self._x, self._y):
+            column[there] = column[here]
+        if carried:
+            follows = np.zeros(self.stone.size, bool)
+            follows[there] = True
+            self._shift(follows & self._inside(here), start, end)
+
+    def exchange(self, group: np.ndarray, start, end, *, carried: bool = False) -> None:
+        """Exchange the groups at ``start`` and ``end``, clear of one another; domain blocks
+        inside either, whosever they are, go along with it if they are to be ``carried``."""
+        here, there = self._places(group, start), self._places(group, end)
+        self._buildings = None
+        for column in (self.blocks, self.stone, self._x, self._y):
+            column[here], column[there] = column[there], column[here]
+        if carried:
+            forth, back = self._inside(here), self._inside(there)
+            self._shift(forth, start, end)
+            self._shift(back, end, start)
+
+    def draft(self, made: dict) -> Draft:
+        """The child with all moves made."""
+        columns = {name: getattr(self._parent, name)[self.stone] for name in FIELDS}
+        child = self._parent.replace(**columns | {"x": self._x, "y": self._y})
+        return Draft(child, self.pavement.raster(self.blocks), made)
+
+    def _places(self, group: np.ndarray, corner) -> np.ndarray:
+        """Indices of the blocks of ``group`` at ``corner``."""
+        return (group[0] + corner[0]) * self.pavement.columns + group[1] + corner[1]
+
+    def _inside(self, places: np.ndarray) -> np.ndarray:
+        """Bool ``(n,)``: lifs whose domain block lies wholly in the blocks ``places``."""
+        block, rows, columns = self.pavement.block, self.pavement.rows, self.pavement.columns
+        summed = np.zeros((rows + 1, columns + 1), np.int64)
+        summed[1:, 1:].flat[places] = 1
+        summed = summed.cumsum(axis=0).cumsum(axis=1)
+        tall, wide = self._parent.dy[self.stone], self._parent.dx[self.stone]
+        top, left = self._y // block, self._x // block
+        bottom, right = -(-(self._y + tall) // block), -(-(self._x + wide) // block)
+        within = summed[bottom, right] - summed[top, right]
+        within += summed[top, left] - summed[bottom, left]
+        return (wide > 0) & (within == (bottom - top) * (right - left))
+
+    def _shift(self, lifs: np.ndarray, start, end) -> None:
+        """Move the domain blocks of ``lifs`` (bool ``(n,)``) as from ``start`` to ``end``."""
+        down, along = (np.subtract(end, start) * self.pavement.block).tolist()
+        self._y[lifs] += down
+        self._x[lifs] += along

@@ -1,0 +1,352 @@
+"""Region fusion: what it injects stands whole, and what it may cut is told."""
+
+from functools import cache
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rearranged import district, odd_maps, town
+from towns import draw_town
+
+from evocity.citymap import CityMap
+from evocity.coding import decode, encode
+from evocity.errors import OperatorError
+from evocity.fitness.heredity import integrity
+from evocity.genome import NUCLEOTIDES
+from evocity.operators._kernels import fill_courts, grown, inject_regions, tallied
+from evocity.operators.buildings import buildings_of
+from evocity.operators.pavement_fusion import VOID, PavementFusion
+from evocity.operators.region_fusion import RegionFusion
+
+ANY = RegionFusion(size_min=1, tolerance=1000.0, repair=None)
+
+
+def owner_of(child, parents) -> np.ndarray:
+    """Which parent each block of a child is of, by the cities' names."""
+    names = [parent.cities[0] for parent in parents]
+    return np.array([names.index(city) for city in child.cities])[child.parent]
+
+
+def open_town(seed: int):
+    return encode(draw_town(seed, side=96, buildings=22)).genome
+
+
+@cache
+def open_towns(count: int = 3):
+    return [open_town(seed) for seed in range(11, 11 + count)]
+
+
+def injected(parents, owner: np.ndarray):
+    """(parent, label, blocks it stands on, is it whole) of each building of the parents but the
+    first of which a block came to the child."""
+    pavement = parents[0].pavement
+    for donor, parent in enumerate(parents):
+        labels = pavement.blocks(decode(parent).city.labels).reshape(len(pavement), -1)
+        for label in np.unique(labels[(owner == donor)[:, None] & (labels > 0)]):
+            blocks = (labels == label).any(axis=1)
+            if donor > 0:
+                yield donor, label, blocks, (owner[blocks] == donor).all()
+
+
+def likeness(parents, child) -> list[tuple[int, float]]:
+    """(pixels, intersection over union with the child) of each building injected; on the blocks
+    it stands on, and where no other building of its city stands."""
+    decoded, pavement, found = decode(child).city.built, child.pavement, []
+    maps = [decode(parent).city for parent in parents]
+    for donor, label, blocks, whole in injected(parents, owner_of(child, parents)):
+        assert whole
+        labels = maps[donor].labels
+        area = pavement.raster(blocks) & ((labels == 0) | (labels == label))
+        before, after = (labels == label) & area, decoded & area
+        found.append((before.sum(), (before & after).sum() / (before | after).sum()))
+    return found
+
+
+# -- laws ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "operator",
+    [RegionFusion(), ANY, RegionFusion(void=True, cut=0, fill=(0.4, 0.3, 0.3), limit=60)],
+    ids=str,
+)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_laws(operator, seed):
+    parents = open_towns(2)
+    before = [parent.digest for parent in parents]
+    child = operator(parents, np.random.default_rng(seed))
+    assert [parent.digest for parent in parents] == before
+    assert operator(parents, np.random.default_rng(seed)) == child
+    assert decode(child).converged
+    assert np.array_equal(child.source, np.arange(len(child)))
+    assert set(child.cities) <= {parent.cities[0] for parent in parents} | {VOID}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lifs_and_map_are_cut_from_the_parents(seed):
+    parents = open_towns()
+    draft = ANY.draft(parents, np.random.default_rng(seed))
+    owner = owner_of(draft.genome, parents)
+    assert len(np.unique(owner)) > 1
+    for name in NUCLEOTIDES:
+        columns = np.stack([getattr(parent, name) for parent in parents])
+        assert np.array_equal(getattr(draft.genome, name), columns[owner, np.arange(owner.size)])
+    maps = np.stack([decode(parent).city.heights for parent in parents])
+    every = parents[0].pavement.raster(owner)
+    assert np.array_equal(draft.intended, np.take_along_axis(maps, every[None], axis=0)[0])
+
+
+def test_a_city_bred_with_itself_gives_itself():
+    assert ANY([town(), town()], np.random.default_rng(0)) == town()
+
+
+@pytest.mark.parametrize("fill", [0, 1])
+def test_fill_of_nothing_or_all_gives_a_parent(fill):
+    child = RegionFusion(fill=fill)(open_towns(2), np.random.default_rng(0))
+    assert child == open_towns(2)[fill]
+
+
+def test_the_fill_reached_is_told():
+    reached = []
+    for seed in range(4):
+        child = RegionFusion(fill=0.4)(open_towns(2), np.random.default_rng(seed))
+        shares = np.bincount(owner_of(child, open_towns(2)), minlength=2) / len(child)
+        assert child.made["fill_reached"] == pytest.approx(shares, abs=1e-4)
+        reached.append(shares[1])
+    assert max(reached) <= 0.5
+    assert np.mean(reached) > 0.3
+
+
+# -- whole buildings ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cut", [0, 0.2, 1])
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32), count=st.integers(2, 3))
+def test_no_injected_building_is_cut(cut, seed, count):
+    parents = open_towns(count)
+    operator = RegionFusion(cut=cut, tolerance=1000.0, size_min=1, repair=None)
+    child = operator(parents, np.random.default_rng(seed))
+    assert all(whole for *_, whole in injected(parents, owner_of(child, parents)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cut_of_nothing_cuts_no_building_at_all(seed):
+    parents = open_towns()
+    child = RegionFusion(cut=0, size_min=1, tolerance=1000.0)(parents, np.random.default_rng(seed))
+    assert (child.parent > 0).any()
+    assert integrity(child, parents) == 1
+
+
+@pytest.mark.parametrize("cut", [0.1, 0.4])
+def test_standing_buildings_lose_the_cut_at_most(cut):
+    parents = open_towns(2)
+    labels = decode(parents[0]).city.labels
+    lost = []
+    for seed in range(6):
+        operator = RegionFusion(cut=cut, tolerance=1000.0, fill=0.3, margin=0.02)
+        owner = owner_of(operator(parents, np.random.default_rng(seed)), parents)
+        stands = parents[0].pavement.raster(owner == 0)
+        share = 1 - np.bincount(labels[stands], minlength=labels.max() + 1) / np.bincount(
+            labels.ravel()
+        )
+        lost += [one for one in share[1:] if 0 < one < 1]
+    assert lost
+    assert max(lost) <= cut + 1e-9
+
+
+def test_each_region_holds_a_building():
+    heights = np.zeros((64, 64), np.float32)
+    heights[40:50, 8:30] = 9
+    lone = encode(CityMap(heights, 2.0, name="lone")).genome
+    bare = encode(CityMap(np.zeros((64, 64)), 2.0, name="bare")).genome
+    child = RegionFusion(size_min=1, size_max=3, fill=0.2)([bare, lone], np.random.default_rng(0))
+    taken = child.pavement.raster(owner_of(child, [bare, lone]) == 1)
+    assert taken[40:50, 8:30].all()
+    assert np.abs(decode(child).city.heights - heights).max() < 1
+    # what has no building at all, the void, may still be injected
+    child = RegionFusion(fill=0.5, tolerance=1000.0)([lone, bare], np.random.default_rng(0))
+    assert child.made["fill_reached"][1] > 0.3
+
+
+def test_regions_beyond_the_limit_are_refused():
+    parents = open_towns(2)
+    small = RegionFusion(limit=6, size_max=3, size_min=1, tolerance=1000.0, repair=None)
+    child = small(parents, np.random.default_rng(0))
+    assert 0 < child.made["fill_reached"][1] < 0.3
+    none = RegionFusion(limit=1, size_min=2, tolerance=1000.0)(parents, np.random.default_rng(0))
+    assert none == parents[0]
+
+
+@pytest.mark.parametrize("pair", [("new-york-west-village", "montpellier-pas-du-loup"),
+                                  ("lyon-1er", "cape-town-salt-river")])  # fmt: skip
+def test_injected_buildings_of_real_districts_stand_in_the_child(pair):
+    parents = [district(name, 128) for name in pair]
+    found = []
+    for seed in range(4):
+        found += likeness(parents, RegionFusion()(parents, np.random.default_rng(seed)))
+    check_likeness(found)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("pair", [("new-york-west-village", "montpellier-pas-du-loup"),
+                                  ("lyon-1er", "cape-town-salt-river")])  # fmt: skip
+def test_injected_buildings_over_20_seeds(pair):
+    parents = [district(name, 256) for name in pair]
+    for couple in (parents, parents[::-1]):
+        found = []
+        for seed in range(20):
+            found += likeness(couple, RegionFusion()(couple, np.random.default_rng(seed)))
+        check_likeness(found)
+
+
+def check_likeness(found) -> None:
+    """None was cut, see `likeness`; as far as a code renders what stands on a few pixels, all
+    are there in the decoded child."""
+    pixels, like = np.array(found).T
+    houses = pixels >= 6  # less is a crumb
+    assert houses.sum() > 10
+    assert like[houses].min() > 0.75
+    assert np.average(like > 0.9, weights=pixels) > 0.98
+
+
+def test_it_keeps_more_buildings_whole_than_squares_do():
+    parents = open_towns(2)
+    kept = {
+        kind: np.mean(
+            [
+                integrity(kind(tolerance=12.0)(parents, np.random.default_rng(seed)), parents)
+                for seed in range(4)
+            ]
+        )
+        for kind in (RegionFusion, PavementFusion)
+    }
+    assert kept[RegionFusion] > 0.8
+    assert kept[RegionFusion] > kept[PavementFusion] + 0.1
+
+
+@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("void", [False, True])
+def test_ends_well_on_any_map(name, void):
+    odd = odd_maps()[name]
+    other = town() if odd.pavement == town().pavement else odd
+    for parents in ([odd, other], [other, odd]):
+        child = RegionFusion(void=void)(parents, np.random.default_rng(0))
+        assert decode(child).converged
+
+
+def test_all_faults_are_told_at_once():
+    with pytest.raises(OperatorError) as caught:
+        RegionFusion(size_max=1, cut=2, margin=3, tries=0, limit=0.5)
+    assert set(caught.value.faults) == {"size_max", "cut", "margin", "tries", "limit"}
+    assert "region_fusion" in str(caught.value)
+
+
+# -- kernels ------------------------------------------------------------------------------------
+
+
+def table(seeds, side=32):
+    cities = [draw_town(seed, side=side, buildings=9) for seed in seeds]
+    return cities, encode(cities[0]).genome.pavement
+
+
+def test_buildings_are_those_of_the_maps():
+    cities, pavement = table((1, 2))
+    buildings = buildings_of(pavement, cities)
+    first = cities[0].labels.max()
+    assert buildings.whose.tolist() == [0] * first + [1] * cities[1].labels.max()
+    for one in range(buildings.whole.size):
+        city = cities[buildings.whose[one]]
+        mask = city.labels == one + 1 - first * buildings.whose[one]
+        places = buildings.places[buildings.spans[one] : buildings.spans[one + 1]]
+        touched = pavement.blocks(mask).any(axis=(1, 2))
+        assert sorted(places) == np.flatnonzero(touched).tolist()
+        assert buildings.whole[one] == mask.sum()
+
+
+def test_tallies_against_their_naive_twin():
+    rows = np.random.default_rng(0).integers(-1, 3, (20, 9))
+    starts, labels, counts = tallied(rows)
+    for row, truth in enumerate(naive.tallied(rows)):
+        part = slice(starts[row], starts[row + 1])
+        assert dict(zip(labels[part].tolist(), counts[part].tolist(), strict=True)) == truth
+    assert tallied(np.full((3, 4), -1))[0].tolist() == [0, 0, 0, 0]
+
+
+def test_courts_are_filled():
+    mask = np.array(
+        [[1, 1, 1, 0, 1], [1, 0, 1, 0, 1], [1, 1, 0, 1, 1], [0, 1, 1, 0, 1], [0, 0, 0, 1, 0]], bool
+    )
+    (places,) = np.nonzero(mask.ravel())
+    region, inside = np.empty(25, np.int64), mask.ravel().copy()
+    region[: places.size] = places
+    count = fill_courts(region, places.size, inside, 5)
+    filled = mask.ravel().copy()
+    filled[[6, 12, 18]] = True  # diagonals are no way out
+    assert sorted(region[:count]) == np.flatnonzero(filled).tolist()
+    assert np.array_equal(inside, filled)
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.3, 1.0])
+def test_growth_against_its_naive_twin(cut):
+    rng = np.random.default_rng(5)
+    sizes = set()
+    for trial in range(12):
+        cities, pavement = table((3 * trial, 3 * trial + 1, 3 * trial + 2))
+        buildings = buildings_of(pavement, cities)
+        owner = rng.integers(0, 3, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
+        standing = np.zeros(buildings.whole.size, np.int64)
+        for one in range(standing.size):
+            mine = buildings.whose[one]
+            labels = pavement.blocks(cities[mine].labels)[owner == mine]
+            standing[one] = (labels == one + 1 - (buildings.whose < mine).sum()).sum()
+        kept = rng.random(standing.size) < 0.2
+        for limit in (12, 40, 64):
+            seed = np.unique(rng.integers(0, 64, 2))
+            asked = owner, trial % 3, buildings, standing, kept, cut, limit
+            region, held = grown(seed, 8, *asked)
+            truth = naive.grown(seed, 8, *asked)
+            assert (set(region.tolist()), held if region.size else 0) == truth
+            assert len(set(region.tolist())) == region.size
+            sizes.add(region.size)
+    assert 0 in sizes
+    assert len(sizes) > 5
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.3, 1.0])
+def test_injection_against_its_naive_twin(cut):
+    rng = np.random.default_rng(9)
+    injections = 0
+    for trial in range(6):
+        cities, pavement = table((2 * trial + 50, 2 * trial + 51))
+        buildings = buildings_of(pavement, cities)
+        maps = [pavement.blocks(city.heights) for city in cities]
+        owner, kept = np.zeros(64, np.int64), np.zeros(buildings.whole.size, bool)
+        standing = np.where(buildings.whose == 0, buildings.whole, 0)
+        current = maps[0].copy()
+        for donor, tolerance, limit, least, most in [
+            (1, 9.0, 40, 30, 50),
+            (0, 99.0, 64, 45, 64),
+            (1, 99.0, 30, 64, 60),
+        ]:
+            corners = np.stack(np.divmod(rng.permutation(49), 7), axis=1)
+            asked = 2, corners, 8, buildings
+            told = tolerance, cut, limit, least, most
+            truth = naive.inject_regions(current, maps[donor], owner, donor, *asked, kept, *told)
+            before = owner.copy()
+            owned = inject_regions(
+                current, maps[donor], owner, donor, *asked, standing, kept, *told
+            )
+            assert np.array_equal(current, truth[0])
+            assert np.array_equal(owner, truth[1])
+            assert np.array_equal(kept, truth[2])
+            assert owned == (owner == donor).sum()
+            injections += not np.array_equal(owner, before)
+            for one in range(standing.size):  # the pixels that stand are kept up to date
+                mine = buildings.whose[one]
+                labels = pavement.blocks(cities[mine].labels)[owner == mine]
+                assert standing[one] == (labels == one + 1 - (buildings.whose < mine).sum()).sum()
+    assert injections > 3

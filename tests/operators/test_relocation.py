@@ -1,0 +1,200 @@
+"""Relocation: groups go elsewhere, their inner domain blocks with them, and no seam is seen."""
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rearranged import assert_laws, district, odd_maps, town
+from towns import draw_town
+
+from evocity.citymap import CityMap
+from evocity.coding import decode, encode
+from evocity.errors import OperatorError
+from evocity.fitness.heredity import integrity
+from evocity.operators.groups import Rearrangement, square
+from evocity.operators.relocation import Relocation
+
+VARIANTS = [
+    Relocation(),
+    Relocation(mode="copy"),
+    Relocation(shape="square", size_max=6, count=3),
+    Relocation(mode="copy", shape="square", size_min=1, tolerance=None, change=0),
+]
+KEPT = ("sigma", "beta", "dx", "dy", "iso", "parent")
+
+
+@pytest.mark.parametrize("operator", VARIANTS, ids=str)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_laws(operator, seed):
+    parent = town()
+    child = assert_laws(operator, parent, seed)
+    if operator.mode == "move":
+        assert np.array_equal(np.sort(child.source), np.arange(len(parent)))
+    draft = operator.draft([parent], np.random.default_rng(seed))
+    code, heights = draft.genome, decode(parent).city.heights
+    for name in KEPT:
+        assert np.array_equal(getattr(code, name), getattr(parent, name)[code.source])
+    assert ((code.x - parent.x[code.source]) % 4 == 0).all()
+    assert ((code.y - parent.y[code.source]) % 4 == 0).all()
+    pavement = parent.pavement
+    wanted = pavement.raster(pavement.blocks(heights)[code.source])
+    assert np.array_equal(draft.intended, wanted)
+
+
+def domain_blocks(genome, lifs: int) -> list[tuple[int, int]]:
+    b = genome.pavement.block
+    rows = range(genome.y[lifs] // b, -(-(genome.y[lifs] + genome.dy[lifs]) // b))
+    columns = range(genome.x[lifs] // b, -(-(genome.x[lifs] + genome.dx[lifs]) // b))
+    return [(i, j) for i in rows for j in columns]
+
+
+@pytest.mark.parametrize("shape", ["square", "buildings"])
+@pytest.mark.parametrize("mode", ["move", "copy"])
+def test_domain_blocks_inside_a_group_go_with_it_and_no_others(mode, shape):
+    operator = Relocation(
+        mode=mode, shape=shape, count=1, size_min=4, size_max=7, tolerance=None, change=0
+    )
+    parent = encode(draw_town(2, side=96, buildings=16), reach=12).genome
+    columns = parent.pavement.columns
+    carried = kept = 0
+    for seed in range(6):
+        code = operator.draft([parent], np.random.default_rng(seed)).genome
+        gone = {}  # block of the parent -> how far it, or its copy, went
+        for place in np.flatnonzero(code.source != np.arange(len(parent))):
+            row, column = divmod(code.source[place], columns)
+            gone[row, column] = place // columns - row, place % columns - column
+        assert gone
+        for place, stone in enumerate(code.source):
+            ways = {gone.get(one, (0, 0)) for one in domain_blocks(parent, stone)}
+            down, along = ways.pop() if len(ways) == 1 else (0, 0)
+            if mode == "copy" and place == stone:
+                down, along = 0, 0  # what has not come calls what it called
+            assert code.y[place] == parent.y[stone] + 4 * down
+            assert code.x[place] == parent.x[stone] + 4 * along
+            carried += (down, along) != (0, 0)
+            kept += place != stone and not parent.uniform[stone] and (down, along) == (0, 0)
+    assert carried
+    assert kept
+
+
+def test_a_group_of_its_own_kind_needs_no_repair():
+    """Two houses far apart whose lifs call their own domain blocks: they come out elsewhere as
+    they were, code alone."""
+    heights = np.zeros((64, 64), np.float32)
+    rng = np.random.default_rng(0)
+    for y, x in ((10, 10), (42, 42)):
+        heights[y : y + 16, x : x + 16] = 3 * rng.integers(1, 6, (4, 4)).repeat(4, 0).repeat(4, 1)
+    parent = encode(CityMap(heights, 2.0), reach=4).genome
+    before = decode(parent).city.heights
+    moves = Rearrangement(parent)
+    moves.exchange(square(8), np.array([0, 0]), np.array([8, 8]), carried=True)
+    draft = moves.draft({})
+    assert not np.allclose(draft.intended, before, atol=1)
+    assert np.abs(decode(draft.genome).city.heights - draft.intended).max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village", "cape-town-salt-river"])
+@pytest.mark.parametrize("mode", ["move", "copy"])
+def test_real_districts_change_visibly_and_without_a_seam(name, mode):
+    parent, operator = district(name, 256), Relocation(mode=mode, repair=None)
+    before = decode(parent).city.heights
+    made, changed = [], []
+    for seed in range(6):
+        draft = operator.draft([parent], np.random.default_rng(seed))
+        made.append(draft.made["relocated"])
+        changed.append((np.abs(draft.intended - before) > 2).mean())
+    assert np.mean(made) >= 1.5
+    assert np.mean(changed) > 0.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outlines_step_by_the_tolerance_at_most(seed):
+    parent = district("new-york-west-village", 128)
+    operator = Relocation(count=1, size_min=2, size_max=10, tolerance=3.0, change=1.0)
+    code = operator.draft([parent], np.random.default_rng(seed)).genome
+    columns = parent.pavement.columns
+    (places,) = np.nonzero(code.source != np.arange(len(parent)))
+    assert places.size
+    there = np.stack(np.divmod(places, columns))
+    offsets = np.stack(np.divmod(code.source[places], columns)) - there
+    group = there[:, (offsets == offsets[:, :1]).all(axis=0)]
+    corner = group.min(axis=1)
+    blocks = parent.pavement.blocks(decode(parent).city.heights)
+    for start, end in ((corner + offsets[:, 0], corner), (corner, corner + offsets[:, 0])):
+        step = naive.outline_step(blocks, blocks, columns, group - corner[:, None], start, end)
+        assert step <= 3 + 1e-6
+
+
+@pytest.mark.parametrize("mode", ["move", "copy"])
+def test_buildings_that_are_moved_are_not_cut(mode):
+    for name in ("new-york-west-village", "lyon-1er"):
+        parent = district(name, 256)
+        labels = decode(parent).city.labels
+        for seed in range(4):
+            operator = Relocation(mode=mode, count=1, repair=None)
+            code = operator.draft([parent], np.random.default_rng(seed)).genome
+            arrived = np.flatnonzero(code.source != np.arange(len(parent)))
+            if not arrived.size:
+                continue
+            offsets = code.source[arrived] - arrived
+            whole = []
+            for way in np.unique(offsets):
+                group = np.zeros(len(parent), bool)
+                group[code.source[arrived[offsets == way]]] = True
+                inside = parent.pavement.raster(group)
+                held = np.unique(labels[inside & (labels > 0)])
+                whole.append(not np.isin(labels[~inside], held).any())
+            assert any(whole)  # the group's own way; the other is that of what gave way
+            assert mode == "move" or all(whole)
+
+
+def test_relocated_buildings_count_as_whole():
+    parent = district("new-york-west-village", 256)
+    cut, whole = (
+        np.mean(
+            [
+                integrity(Relocation(shape=shape)([parent], np.random.default_rng(seed)), [parent])
+                for seed in range(3)
+            ]
+        )
+        for shape in ("square", "buildings")
+    )
+    assert whole > 0.9
+    assert whole > cut
+
+
+def test_copies_leave_the_group_where_it_is():
+    parent = town()
+    code = (
+        Relocation(mode="copy", shape="square", tolerance=None, change=0, count=1)
+        .draft([parent], np.random.default_rng(1))
+        .genome
+    )
+    copies = np.flatnonzero(code.source != np.arange(len(parent)))
+    assert copies.size
+    assert (code.source[code.source[copies]] == code.source[copies]).all()
+
+
+def test_what_is_not_admissible_stays():
+    for impossible in ({"change": 1000.0}, {"tolerance": 0.0, "change": 5.0}):
+        child = Relocation(**impossible)([town()], np.random.default_rng(0))
+        assert child == town()
+        assert child.made["relocated"] == 0
+
+
+@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("mode", ["move", "copy"])
+@pytest.mark.parametrize("shape", ["square", "buildings"])
+def test_ends_well_on_any_map(name, mode, shape):
+    child = assert_laws(Relocation(mode=mode, shape=shape, size_max=99), odd_maps()[name], 0)
+    if name in ("empty", "one roof"):
+        assert child.made["relocated"] == 0
+
+
+def test_faults_are_told():
+    with pytest.raises(OperatorError, match="mode = 'jump', shape = 'round'"):
+        Relocation(mode="jump", shape="round")
+    with pytest.raises(OperatorError, match="move or copy"):
+        Relocation(mode="jump")
