@@ -1,6 +1,7 @@
 """Files that appear whole or not at all."""
 
 import contextlib
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -14,9 +15,12 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 
     If the block raises, the temporary file is removed and ``path`` is as it was. The
     temporary name starts with a dot and keeps the suffix, so that writers which choose a
-    format by it still do.
+    format by it still do. A link is followed. Raises `FileExistsError` where ``path`` is a folder,
+    a device or a pipe: to rename over one would put a file in its place.
     """
-    path = Path(path)
+    path = Path(path).resolve()
+    if path.exists() and not path.is_file():
+        raise FileExistsError(errno.EEXIST, "there is something else than a file", str(path))
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
     try:
         yield temporary

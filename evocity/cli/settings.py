@@ -29,7 +29,7 @@ def settings_of(settings: tuple[str, ...]) -> dict[str, object]:
             raise EvocityError(
                 f"--set {setting}, the second of {key}" if key in chosen else f"--set {setting}",
                 "KEY=VALUE, once for each parameter",
-                "for example --set size_max=8 --set fill=0.3 --set domains=2,3",
+                "for example --set size_max=8 --set fill=0.3 --set repair=none",
             )
         chosen[key] = value_of(value.strip())
     return chosen

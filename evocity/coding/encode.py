@@ -237,7 +237,7 @@ def _check(city, block, domains, reach, sigma_max, topological) -> None:
         told = f"a number above 0, at most {_STEEPEST:g}, or inf for no cap"
         faults.append((f"sigma_max = {sigma_max!r}", told))
     if topological is not None and not (isinstance(topological, Real) and 0 <= topological <= 1):
-        faults.append((f"topological = {topological!r}", "a share from 0 to 1, or None"))
+        faults.append((f"topological = {topological!r}", "a share from 0 to 1"))
     if max(city.shape) > MAX_SIDE or city.heights.size > MAX_PIXELS:
         sides = f"a map of {city.shape[0]} × {city.shape[1]} px"
         faults.append(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.citymap import CityMap
 from evocity.coding.decode import decode
 from evocity.errors import FitnessError
 from evocity.fitness.sizes import crumbs
@@ -43,7 +42,8 @@ def integrity(genome: Genome, parents: Sequence[Genome]) -> float:
     A building, a built component of a parent's decoded map, is whole where all range blocks it
     stands on came to the child together, each in its place beside the others: traced by
     ``parent`` and ``source``, wherever in the child that is. Macro-blocks cut buildings at
-    their edges; this says how many.
+    their edges; this says how many. Of children between two parents (interpolation, pairing of
+    contents), whose lifs are named after one of them, it says nothing.
 
     Formula: Σ area of whole buildings / Σ built area of the stones (range blocks of the parents)
     that the child is laid of.
@@ -52,29 +52,30 @@ def integrity(genome: Genome, parents: Sequence[Genome]) -> float:
     Source: ours, see `evocity.operators` on crossing groups of lifs.
     """
     stones = _Stones(genome)
-    whole = 0.0
-    built = np.full(len(genome), -1.0)
+    pixels = genome.pavement.block**2
+    whole, built = np.zeros((2, len(genome), pixels), bool)
+    traced = np.zeros(len(genome), bool)
     for parent in parents:
         city = decode(parent).city
         keys = stones.keys_of(parent)
+        blocks = parent.pavement.blocks(city.built).reshape(-1, pixels)
         order = np.argsort(keys, kind="stable")
-        at = np.minimum(np.searchsorted(keys[order], stones.keys), keys.size - 1)
-        found = (keys[order][at] == stones.keys) & (built < 0)
-        area = parent.pavement.blocks(city.built).sum(axis=(1, 2))
-        built[found] = area[order][at][found]
-        whole += sum(
-            size * stones.copies(keys, lifs, parent.pavement.columns)
-            for size, lifs in _buildings(city, parent)
-        )
-    if (built < 0).any():
-        strange = sorted({genome.cities[one] for one in np.unique(genome.parent[built < 0])})
+        at = order[np.minimum(np.searchsorted(keys[order], stones.keys), keys.size - 1)]
+        found = (keys[at] == stones.keys) & ~traced
+        built[found], traced = blocks[at][found], traced | found
+        labels = parent.pavement.blocks(city.labels).reshape(-1, pixels)
+        for building, lifs in _buildings(labels):
+            for places in stones.copies(keys, lifs, parent.pavement.columns):
+                whole[places] |= labels[lifs] == building
+    if not traced.all():
+        strange = sorted({genome.cities[one] for one in np.unique(genome.parent[~traced])})
         raise FitnessError(
-            f"{np.count_nonzero(built < 0)} lifs from {', '.join(strange)}, of none of the parents",
+            f"{np.count_nonzero(~traced)} lifs from {', '.join(strange)}, of none of the parents",
             "the parents a child was bred from",
             "pass all its parents, or the sources of all its cities",
         )
-    total = float(built.sum())
-    return min(whole / total, 1.0) if total else math.nan
+    total = np.count_nonzero(built)
+    return np.count_nonzero(whole & built) / total if total else math.nan
 
 
 class _Stones:
@@ -94,33 +95,30 @@ class _Stones:
         numbers = np.array([self.cities.get(name, -1) for name in genome.cities], np.int64)
         return numbers[genome.parent] << 32 | genome.source.astype(np.int64)
 
-    def copies(self, keys: np.ndarray, lifs: np.ndarray, columns: int) -> int:
-        """How often the parent's ``lifs``, indices into ``keys``, lie together in the child."""
+    def copies(self, keys: np.ndarray, lifs: np.ndarray, columns: int) -> np.ndarray:
+        """Where the parent's ``lifs``, indices into ``keys``, lie together in the child: a row of
+        range blocks ``(len(lifs),)`` each time."""
         row, column = np.divmod(lifs, columns)
         found = self.places.get(int(keys[lifs[0]]), np.empty(0, np.int64))
         down, across = np.divmod(found, self.columns)
         for k in range(1, lifs.size):
             i, j = down + row[k] - row[0], across + column[k] - column[0]
             inside = (i >= 0) & (i < self.shape[0]) & (j >= 0) & (j < self.shape[1])
-            there = np.zeros(found.size, bool)
+            there = np.zeros(down.size, bool)
             there[inside] = self.keys[i[inside] * self.columns + j[inside]] == keys[lifs[k]]
-            found, down, across = found[there], down[there], across[there]
-        return found.size
+            down, across = down[there], across[there]
+        rows, sides = down[:, None] + row - row[0], across[:, None] + column - column[0]
+        return rows * self.columns + sides
 
 
-def _buildings(city: CityMap, parent: Genome):
-    """(built pixels, lifs it stands on) of each building of a parent's decoded map."""
-    pavement = parent.pavement
-    labels = pavement.blocks(city.labels).reshape(len(pavement), -1)
+def _buildings(labels: np.ndarray):
+    """(label, lifs it stands on) of each building of ``labels`` (n, B²)."""
     lifs, pixel = np.nonzero(labels)
-    which = labels[lifs, pixel]
-    pairs, counts = np.unique(np.stack([which, lifs]), axis=1, return_counts=True)
+    pairs = np.unique(np.stack([labels[lifs, pixel], lifs]), axis=1)
     starts = np.flatnonzero(np.diff(pairs[0], prepend=-1))
-    for members, sizes in zip(
-        np.split(pairs[1], starts[1:]), np.split(counts, starts[1:]), strict=True
-    ):
+    for members in np.split(pairs, starts[1:], axis=1):
         if members.size:
-            yield int(sizes.sum()), members
+            yield int(members[0, 0]), members[1]
 
 
 __all__ = ["Heritability", "heritability", "integrity"]

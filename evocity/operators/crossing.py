@@ -128,9 +128,10 @@ class Drafting:
         What the parents condense stands in both; where several cover, what the first does.
         """
         check_call(self, parents, rng)
-        draft = self._draft(parents, rng)
-        kept = merged(genome.condensation for genome in (*parents, draft.genome))
+        kept = merged(parent.condensation for parent in parents)
         if kept is None:
-            return draft
+            return self._draft(parents, rng)
+        # laid in all parents first, so that outlines and buildings are those that will stand
+        draft = self._draft([parent.replace(condensation=kept) for parent in parents], rng)
         child = draft.genome.replace(condensation=kept)
         return replace(draft, genome=child, intended=kept.laid(draft.intended))

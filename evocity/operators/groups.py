@@ -83,7 +83,7 @@ class Rearrangement:
 
     def __init__(self, parent: Genome):
         self.pavement = parent.pavement
-        self.blocks = parent.pavement.blocks(decode(parent).city.heights)
+        self.blocks = parent.pavement.blocks(decode(parent).city.heights).copy()
         self.stone = np.arange(len(parent))
         self._parent = parent
         self._x, self._y = parent.x.copy(), parent.y.copy()

@@ -123,7 +123,8 @@ def _refitted(genome: Genome, attractor: np.ndarray) -> Genome:
     wanted = _flat(pavement.blocks(attractor))
     laid = _flat(pavement.blocks(collage(attractor)))
     stray = ((laid - wanted) ** 2).mean(axis=1) > _TOLERANCE**2
-    domains = collage.recoded(~genome.uniform, np.zeros(len(genome)))(attractor)
+    bare = CollageMap(genome.replace(condensation=None))  # what is kept is no domain block's
+    domains = bare.recoded(~genome.uniform, np.zeros(len(genome)))(attractor)
     read = _flat(pavement.blocks(domains))
     level, mean = wanted.mean(axis=1), read.mean(axis=1)
     relief = read - mean[:, None]

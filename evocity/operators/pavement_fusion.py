@@ -81,6 +81,7 @@ class PavementFusion(Drafting):
             "size_min": self.size_min,
             "size_max": self.size_max,
             "tolerance": self.tolerance,
+            "margin": self.margin,
             "fill": [round(float(share), 4) for share in shares],
             "fill_reached": [round(float(share), 4) for share in reached],
         }
@@ -101,8 +102,7 @@ class PavementFusion(Drafting):
         owner = np.full((pavement.rows, pavement.columns), first, np.int64)
         current = maps[first].copy()
         margin, donor = self.margin, first
-        largest = min(self.size_max, pavement.rows, pavement.columns)
-        for size in range(largest, min(self.size_min, largest) - 1, -1):
+        for size in self._sizes(pavement, len(parents)):
             donor = (donor + 1) % len(parents)
             rows, columns = self._candidates(pavement, size, rng)
             inject(
@@ -120,6 +120,14 @@ class PavementFusion(Drafting):
             )
             margin *= 0.8
         return owner, current
+
+    def _sizes(self, pavement, count: int) -> list[int]:
+        """Side of the macro-blocks at each change of parent, falling; each size as often as it
+        takes for all of ``count`` parents to have their turn."""
+        largest = min(self.size_max, pavement.rows, pavement.columns)
+        sizes = range(largest, min(self.size_min, largest) - 1, -1)
+        turns = -(-(count - 1) // len(sizes))
+        return [size for size in sizes for _ in range(turns)]
 
     def _candidates(self, pavement, size, rng) -> tuple[np.ndarray, np.ndarray]:
         """Corners of macro-blocks that fit, as contiguous rows and columns, in blocks."""

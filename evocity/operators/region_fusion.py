@@ -80,8 +80,7 @@ class RegionFusion(PavementFusion):
         owner, current = np.full(len(pavement), donor), maps[donor].copy()
         standing = np.where(buildings.whose == donor, buildings.whole, 0)
         kept = np.zeros(standing.size, bool)
-        largest = min(self.size_max, pavement.rows, pavement.columns)
-        for size in range(largest, min(self.size_min, largest) - 1, -1):
+        for size in self._sizes(pavement, len(parents)):
             donor = (donor + 1) % len(parents)
             corners = np.stack(self._candidates(pavement, size, rng), axis=1)
             inject_regions(

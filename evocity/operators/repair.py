@@ -8,11 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evocity.coding.decode import decode
+from evocity.coding.decode import CollageMap, decode
 from evocity.coding.encode import with_matches
 from evocity.coding.search import best_matches
 from evocity.coding.search.domains import domain_pools
+from evocity.errors import GenomeError
 from evocity.genome import Genome
+
+#: The cap on |σ| of what is matched again where the code has none below 1: a parent's steep lifs
+#: are tamed by its own fabric, and a child has another.
+_CONTRACTIVE = 0.9
 
 
 def collage_repair(
@@ -46,10 +51,13 @@ def collage_repair(
     wanted = pavement.blocks(intended)
     pools = None
     replaced = np.zeros(len(pavement), bool)
-    for _ in range(rounds):
-        decoded = decode(genome, start=intended).city.heights
+    steepest = genome.sigma_max if genome.sigma_max < 1 else _CONTRACTIVE
+    # with a cap below 1 nothing can diverge; else the last round looks for that alone
+    for turn in range(rounds + (genome.sigma_max >= 1)):
+        decoded, steep = _decoded(genome, intended)
         strayed = (pavement.blocks(decoded) - wanted) ** 2
-        bad = np.flatnonzero((strayed.mean(axis=(1, 2)) > threshold**2) & ~replaced)
+        wrong = (strayed.mean(axis=(1, 2)) > threshold**2) & ~replaced
+        bad = np.flatnonzero(steep | (wrong & (turn < rounds)))
         if bad.size == 0:
             break
         if pools is None:
@@ -59,8 +67,20 @@ def collage_repair(
             wanted[bad],
             tuple(corner[bad] for corner in pavement.corners),
             reach=reach,
-            sigma_max=genome.sigma_max,
+            sigma_max=steepest,
         )
         genome = with_matches(genome, bad, matches)
         replaced[bad] = True
     return genome, int(replaced.sum())
+
+
+def _decoded(genome: Genome, intended: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the genome decodes to, and which lifs are to be matched again whatever they decode to.
+
+    Codes without a cap on σ may diverge once crossed: then one step from what is ``intended``
+    stands for the decoded map, and the lifs that do not contract are to blame.
+    """
+    try:
+        return decode(genome, start=intended).city.heights, np.zeros(len(genome), bool)
+    except GenomeError:
+        return CollageMap(genome)(intended), np.abs(genome.sigma) >= 1

@@ -57,6 +57,18 @@ def test_a_building_laid_elsewhere_is_whole(two_houses):
     assert integrity(moved, [two_houses]) == 1
 
 
+def test_parents_that_share_stones_count_once(two_houses):
+    empty = hamlet("empty")
+    owner = np.zeros((8, 8), int)
+    owner[:2] = 1
+    child = assembled([two_houses, empty], owner.ravel())
+    for parents in ([two_houses, empty], [two_houses, empty, two_houses]):
+        assert integrity(child, parents) == pytest.approx(32 / 64)
+    twice = make("relocation", mode="copy", shape="square", repair=None, tolerance=None)
+    copied = twice([encode(draw_town(1)).genome], np.random.default_rng(0))
+    assert integrity(copied, [copied]) == 1
+
+
 def test_bare_ground_has_no_integrity(two_houses):
     bare = hamlet("bare")
     assert math.isnan(integrity(bare, [bare]))

@@ -3,10 +3,12 @@
 import naive
 import numpy as np
 import pytest
+import skimage.data
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
+from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import OperatorError
 from evocity.genome import FIELDS, Genome
@@ -93,7 +95,14 @@ def test_laws(operator, genomes, seed):
     truth = {city: parent for parent in parents for city in parent.cities}
     names = np.array(child.cities)[child.parent]
     assert set(names) <= set(truth) | {VOID}
-    assert child.source.max() < len(child)
+    stones = {
+        (parent.cities[city], source)
+        for parent in parents
+        for city, source in zip(parent.parent, parent.source, strict=True)
+    }
+    assert {
+        (name, source) for name, source in zip(names, child.source, strict=True) if name != VOID
+    } <= stones
     if not isinstance(operator, MOVING):
         assert np.array_equal(child.source, np.arange(len(child)))
     for parent in parents:
@@ -161,6 +170,50 @@ def test_fill_is_reached_within_the_margin_or_the_shortfall_told(genomes):
         assert reached[1] == pytest.approx(0.4, abs=0.05)
     strict = PavementFusion(fill=0.4, tolerance=0)(genomes[:2], np.random.default_rng(0))
     assert strict.made["fill_reached"][1] < 0.35
+
+
+def test_every_parent_has_its_turn():
+    parents = [encode(draw_town(seed)).genome for seed in range(5)]
+    for sizes in ({"size_min": 4, "size_max": 4}, {"size_min": 3, "size_max": 4}):
+        fusion = PavementFusion(tolerance=100, repair=None, **sizes)
+        child = fusion(parents, np.random.default_rng(0))
+        assert min(child.made["fill_reached"]) > 0
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_codes_without_a_cap_are_mended(name):
+    parents = [encode(draw_town(seed), sigma_max=np.inf).genome for seed in (2, 3)]
+    operator = make(name)
+    for seed in range(3):
+        child = operator(parents[: operator.parents[0]], np.random.default_rng(seed))
+        decode(child)  # raises if it diverges
+
+
+def pattern_of(kind):
+    y, x = np.mgrid[:64, :64]
+    return {
+        "camera": skimage.data.camera()[::8, ::8] / 8.0,
+        "circles": 10 + 10 * np.sin(np.hypot(y - 31, x - 33) / 2),
+        "chessboard": 12.0 * ((y // 9 + x // 9) % 2),
+        "concentric town": 9.0 * (np.hypot(y - 31, x - 33) % 14 > 5),
+        "chessboard town": 9.0 * ((y % 16 > 4) & (x % 16 > 4)),
+    }[kind]
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("camera", None), ("circles", "chessboard"), ("concentric town", "chessboard town")],
+)
+def test_the_papers_own_patterns(genomes, name, one, other):
+    """Robustness: whatever the parents are, breeding ends well and the child decodes."""
+    first = encode(CityMap(pattern_of(one), 2.0, name=one)).genome
+    second = encode(CityMap(pattern_of(other), 2.0, name=other)).genome if other else genomes[0]
+    for repair in (0.5, None):
+        operator = make(name, repair=repair)
+        few = [first, second][: operator.parents[0]]
+        child = operator(few, np.random.default_rng(1))
+        assert decode(child).converged
 
 
 def test_stitched_map_is_cut_from_the_parents(genomes):
