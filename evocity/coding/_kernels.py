@@ -28,22 +28,28 @@ def box_means(heights, tall, wide, means):
 
 
 @kernel
-def gather_table(top, left, y, x, tall, wide, layer, iso, sources, size, table):
+def gather_table(top, left, y, x, tall, wide, layer, iso, down, across, size, table):
     """table[py, px] = flat index, into the stack of box-mean layers, of the value that pixel
     (py, px) is made from; -1 where its lifs has no domain (layer < 0).
 
-    ``size`` is the range block's side, ``tall`` and ``wide`` the pixels averaged into one.
+    ``size`` is the range block's side, ``tall`` and ``wide`` the pixels averaged into one;
+    ``down`` and ``across`` (8, size²) where in its block an isometry takes each pixel from.
     """
     rows, columns = table.shape
     for i in range(top.size):
-        for t in range(size * size):
-            py, px = top[i] + t // size, left[i] + t % size
-            if layer[i] < 0:
-                table[py, px] = -1
-            else:
-                s = sources[iso[i], t]
-                sy, sx = y[i] + tall[i] * (s // size), x[i] + wide[i] * (s % size)
-                table[py, px] = (layer[i] * rows + sy) * columns + sx
+        if layer[i] < 0:
+            for a in range(size):
+                for b in range(size):
+                    table[top[i] + a, left[i] + b] = -1
+            continue
+        start = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
+        one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
+        v, u = down[iso[i]], across[iso[i]]
+        for a in range(size):
+            line = table[top[i] + a]
+            for b in range(size):
+                t = np.uintp(a * size + b)
+                line[np.uintp(left[i] + b)] = start + one * v[t] + two * u[t]
 
 
 @kernel
@@ -51,6 +57,18 @@ def gather(layers, table, sigma, beta, target):
     """One step of the collage map W: every pixel from its place in the flat ``layers``."""
     for p in range(table.size):
         target[p] = sigma[p] * layers[max(table[p], 0)] + beta[p]
+
+
+@kernel
+def moved(before, after, tolerance, sky):
+    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
+    counts as both. (Whole numbers: a maximum makes no vector code.)"""
+    some, most = np.int32(0), np.int32(0)
+    for p in range(after.size):
+        change = abs(after[p] - before[p])
+        some += np.int32(not change <= tolerance)
+        most += np.int32(not change < sky)
+    return some, most
 
 
 @kernel

@@ -34,7 +34,7 @@ _STEPS = 2.0**26
 #: Bytes that the blocks of one band of rows may take in float64.
 _BAND = 32 << 20
 #: Domain blocks in a row of a pool, range blocks a thread takes at a time.
-_ROW, _CHUNK = 256, 64
+_ROW, _CHUNK = 256, 512
 
 Progress = Callable[[int, int], None]
 

@@ -11,6 +11,7 @@ from evocity.coding._kernels import (
     box_means,
     gather,
     gather_table,
+    moved,
     scatter,
     shrink_blocks,
     spread_blocks,
@@ -77,8 +78,10 @@ class CollageMap:
         count = len(self._kinds) + (rare.size > 0)
         self._layers = np.zeros((max(count, 1), *self.shape), dtype)
         self._table = np.empty(self.shape, np.int32)
-        sources = isometries.sources(block)
-        gather_table(top, left, y, x, tall, wide, layer, genome.iso, sources, block, self._table)
+        gather_table(
+            top, left, y, x, tall, wide, layer, genome.iso,
+            *np.divmod(isometries.sources(block), block), block, self._table,
+        )  # fmt: skip
         layer = genome.condensation
         self._kept = None if layer is None else layer.resampled(*self.shape)
         self._recode(genome.sigma, genome.beta)
@@ -107,11 +110,16 @@ class CollageMap:
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
+        target = np.empty(self.shape, self._layers.dtype)
+        self.lay(heights, target)
+        return target
+
+    def lay(self, heights: np.ndarray, target: np.ndarray) -> None:
+        """W applied once to ``heights``, in ``target``: both ``(H, W)`` and of W's own type."""
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
         self._shrink_rare(heights)
-        target = np.empty(self.shape, self._layers.dtype)
         gather(
             self._layers.ravel(),
             self._table.ravel(),
@@ -119,7 +127,6 @@ class CollageMap:
             self._beta.ravel(),
             target.ravel(),
         )
-        return target
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
         """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
@@ -186,23 +193,27 @@ def decode(
             "leave them out for 0.01 m and 500",
         )
     collage = CollageMap(genome, zoom)
-    heights = collage.flat_start if start is None else np.array(start, np.float32)
+    heights = collage.flat_start if start is None else np.array(start, np.float32, order="C")
     if heights.shape != collage.shape:
         raise GenomeError(
             f"a start of shape {heights.shape}",
             f"{collage.shape}, the size of the decoded map",
             "leave start out, or give it that shape",
         )
-    change, iterations = np.inf, 0
-    while change > tolerance and iterations < max_iterations:
-        before, heights = heights, collage(heights)
+    before = np.empty_like(heights)
+    limits = np.float32(tolerance), np.float32(_SKY)
+    iterations, unsettled = 0, heights.size
+    while unsettled and iterations < max_iterations:
+        before, heights = heights, before
+        collage.lay(before, heights)
         iterations += 1
-        steps = np.abs(heights - before)
-        change = float(steps.max())
-        if not change < _SKY:
-            _diverged(genome, collage, steps, iterations)
-    converged = change <= tolerance
-    blamed = np.empty(0, np.intp) if converged else _blame(genome, collage, steps, tolerance)
+        unsettled, lost = moved(before.ravel(), heights.ravel(), *limits)
+        if lost:
+            _diverged(genome, collage, np.abs(heights - before), iterations)
+    steps = np.abs(heights - before)
+    blamed = np.empty(0, np.intp)
+    if unsettled:
+        blamed = _blame(genome, collage, steps, tolerance)
     city = CityMap(
         np.maximum(heights, 0),
         genome.metres_per_pixel * genome.pavement.block / collage.pavement.block,
@@ -211,7 +222,7 @@ def decode(
         origin=genome.origin,
         crs=genome.crs,
     )
-    return Decoding(city, heights, iterations, converged, change, blamed)
+    return Decoding(city, heights, iterations, not unsettled, float(steps.max()), blamed)
 
 
 def _common_shrinkings(

@@ -182,6 +182,7 @@ def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
     one = encode(town, threads=1, reach=None).genome
     assert encode(town, threads=3, reach=None).genome == one
     monkeypatch.setattr("evocity.coding.search.CHUNK", 7)
+    monkeypatch.setattr("evocity.coding.search.NEARBY", 7)
     assert encode(town, threads=2, reach=None).genome == one
 
 

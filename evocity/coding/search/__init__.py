@@ -21,9 +21,9 @@ import numpy as np
 
 from evocity.coding.search.domains import DomainPool
 from evocity.coding.search.matches import TIE, Matches, Search
-from evocity.coding.search.nearby import CHUNK, best_correlations, best_nearby, pairs_compared
+from evocity.coding.search.nearby import NEARBY, best_correlations, best_nearby, pairs_compared
 from evocity.coding.search.shapes import same_shape
-from evocity.coding.search.tiles import best_everywhere, cut_tiles, distinct
+from evocity.coding.search.tiles import CHUNK, best_everywhere, cut_tiles, distinct
 from evocity.coding.topology import Candidates
 
 #: Domain positions of one pool that a range block may choose among.
@@ -139,7 +139,8 @@ def _sweep(
     """
     threads = threads or available_cores()
     count = len(search.codes)
-    step = max(1, min(CHUNK, -(-count // threads)))
+    most = CHUNK if reach is None else NEARBY
+    step = max(1, min(most, -(-count // threads)))
     parts = [slice(k, min(k + step, count)) for k in range(0, count, step)]
     crew = ThreadPoolExecutor(threads)
     try:

@@ -11,7 +11,7 @@ LANES = 32
 #: Tiles of `LANES` domain blocks that stand side by side in a row.
 ABREAST = 8
 #: Tiles times B² that stay in the cache together.
-SPAN = 4096
+SPAN = 2048
 
 
 @kernel
@@ -449,28 +449,27 @@ def window_kernels(block):
     row_gains = row_kernel(block)
 
     @kernel
-    def lane_maxima(planes, norms, codes, window, lanes, cap, first_row, band, best):
-        """best[s, i, j] = largest gain of range i over the domains in column window.left + j, in
-        the s-th ``band`` of rows from ``first_row`` on.
+    def lane_maxima(planes, norms, codes, window, step, cap, first_row, band, lanes, best):
+        """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes
+        the largest over the domains in column window.left + j, in the s-th ``band`` of rows from
+        ``first_row`` on.
 
-        ``window`` holds (top, bottom, left, right) of each range's domain positions; ``lanes``
-        columns are compared, those beyond the window too.
+        ``window`` holds (top, bottom, left, right) of each range's domain positions; columns are
+        compared ``step`` at a time, those beyond the window set back to 0.
         """
         for i in range(codes.shape[0]):
-            for strip in range(best.shape[0]):
-                start = first_row + strip * band
+            width = window[i, 3] - window[i, 2]
+            whole = -(-width // step) * step
+            for strip in range(lanes.shape[0]):
+                start, line = first_row + strip * band, lanes[strip, i]
                 top, bottom = max(start, window[i, 0]), min(start + band, window[i, 1])
-                row_gains(
-                    planes,
-                    norms,
-                    codes[i],
-                    top,
-                    bottom,
-                    window[i, 2],
-                    lanes[i],
-                    cap,
-                    best[strip, i],
-                )
+                row_gains(planes, norms, codes[i], top, bottom, window[i, 2], whole, cap, line)
+                line[max(width, 0) :] = 0
+                most = best[i]
+                for j in range(width):
+                    if line[j] > most:
+                        most = line[j]
+                best[i] = most
 
     @kernel
     def list_windows(

@@ -12,8 +12,8 @@ from evocity.coding.search.matches import Search, listed
 _GROUP = 16
 #: Columns that cost no more than one, at most `LANES`.
 _STEP = 8
-#: Range blocks compared at a time.
-CHUNK = 64
+#: Range blocks whose surroundings are searched at a time.
+NEARBY = 128
 
 
 def best_nearby(
@@ -27,21 +27,19 @@ def best_nearby(
     lane_maxima, list_nearby = window_kernels(search.block)
     window = _window(pool, tuple(corner[part] for corner in corners), reach)
     first_row, last_row = int(window[:, 0].min()), int(window[:, 1].max())
-    width = window[:, 3] - window[:, 2]
-    if first_row >= last_row or width.max() <= 0:
+    width = int((window[:, 3] - window[:, 2]).max())
+    if first_row >= last_row or width <= 0:
         return np.empty((3, 0), np.int64)
     band = max(16, -(-(last_row - first_row) // 32))
     strips = -(-(last_row - first_row) // band)
-    best = np.zeros((strips, len(window), int(_whole(width).max())), np.float32)
+    lanes = np.zeros((strips, len(window), width + -width % _STEP), np.float32)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.codes[part], window, _whole(width), cap, first_row, band,
-        best,
+        pool.planes, pool.norms, search.codes[part], window, _STEP, cap, first_row, band,
+        lanes, search.best[part],
     )  # fmt: skip
-    best[:, np.arange(best.shape[2]) >= width[:, None]] = 0
-    search.best[part] = np.maximum(search.best[part], best.max(axis=(0, 2)))
     return listed(
-        list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, best, first_row,
+        list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, lanes, first_row,
         band, search.near(part, tolerance), _GROUP,
     )  # fmt: skip
 
@@ -68,12 +66,17 @@ def best_correlations(
     codes = flat_blocks[busy] @ d4_matrix(block).T
     corners = (busy // columns * block, busy % columns * block)
     gain = np.zeros(busy.size, np.float32)
+    lane_maxima, _ = window_kernels(block)
     for pool in domain_pools(heights, block, domains, flat, exact=False):
-        for start in range(0, busy.size, CHUNK):
-            part = slice(start, start + CHUNK)
+        for start in range(0, busy.size, NEARBY):
+            part = slice(start, start + NEARBY)
             window = _window(pool, tuple(corner[part] for corner in corners), reach)
-            best = _lane_maxima(pool, window, codes[part]).max(axis=1, initial=0)
-            np.maximum(gain[part], best, out=gain[part])
+            width = max(0, int((window[:, 3] - window[:, 2]).max()))
+            lanes = np.zeros((1, len(window), width + -width % _STEP), np.float32)
+            lane_maxima(
+                pool.planes, pool.norms, codes[part], window, _STEP, UNCAPPED, 0, pool.shape[0],
+                lanes, gain[part],
+            )  # fmt: skip
     rho2 = np.zeros(rows * columns, np.float32)
     rho2[busy] = np.clip(gain / np.einsum("nk,nk->n", codes, codes), 0, 1)
     return rho2, uniform
@@ -107,19 +110,3 @@ def _clipped(top: int, rows: int, columns: int, corners, reach: int | None) -> n
         window[:, 2] = np.clip(x - reach, 0, columns)
         window[:, 3] = np.clip(x + reach + 1, 0, columns)
     return window
-
-
-def _lane_maxima(pool: DomainPool, window, codes) -> np.ndarray:
-    """Largest gain of each range in each column of its window; 0 beyond the window."""
-    lane_maxima, _ = window_kernels(int(np.sqrt(codes.shape[1])))
-    width = window[:, 3] - window[:, 2]
-    best = np.zeros((1, len(codes), int(_whole(width).max(initial=0))), np.float32)
-    rows = pool.shape[0]
-    lane_maxima(pool.planes, pool.norms, codes, window, _whole(width), UNCAPPED, 0, rows, best)
-    best[:, np.arange(best.shape[2]) >= width[:, None]] = 0
-    return best[0]
-
-
-def _whole(width: np.ndarray) -> np.ndarray:
-    """Columns to compare: vector code takes `_STEP` at a time, and pools are padded."""
-    return -(-width // _STEP) * _STEP

@@ -29,6 +29,8 @@ from evocity.coding.search._kernels import (
 from evocity.coding.search.domains import LANES, UNCAPPED, DomainPool, d4_basis, part_sizes
 from evocity.coding.search.matches import Search, listed
 
+#: Range blocks searched at a time: the more, the more often a tile is used while in the cache.
+CHUNK = 1024
 #: Norms that the order of domain blocks goes by, and bits of each.
 _KEYS, _BITS = 5, 3
 #: Rows of tiles that a range block begins with.
