@@ -9,6 +9,11 @@ from evocity import isometries
 from evocity.coding.search.matches import TIE
 
 
+def moved(before, after, tolerance, sky):
+    changes = [abs(b - a) for a, b in zip(before, after, strict=True)]
+    return sum(not c <= tolerance for c in changes), sum(not c < sky for c in changes)
+
+
 def box_means(heights, tall, wide):
     rows, columns = heights.shape
     means = np.empty((rows - tall + 1, columns - wide + 1))
@@ -345,6 +350,13 @@ def inject_regions(
         current[region], owner[region] = brought[region], donor
         kept[buildings.labels[(whose == donor) & np.isin(place, region)]] = True
     return current, owner, kept
+
+
+def block_traits(blocks):
+    """B · mean and the norm of the rest, of blocks (n, B²)."""
+    side = np.sqrt(blocks.shape[1])
+    rest = [np.linalg.norm(block - block.mean()) for block in blocks.astype(float)]
+    return np.stack([side * blocks.mean(axis=1, dtype=float), rest], axis=1)
 
 
 def alike_blocks(blocks, here, flat, flat_here, others, members, turns, slack, room):

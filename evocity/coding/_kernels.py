@@ -11,26 +11,32 @@ def box_means(heights, tall, wide, means):
     rows, columns = heights.shape
     scale = heights.dtype.type(1.0 / (tall * wide))
     sums = np.empty(columns, heights.dtype)
+    fits = columns - wide + 1
     for y in range(rows - tall + 1):
+        line = means[y]
+        if tall == 2 and wide == 2:  # by far the most frequent, in one go
+            upper, lower = heights[y], heights[y + 1]
+            for x in range(fits):
+                line[x] = ((upper[x] + lower[x]) + (upper[x + 1] + lower[x + 1])) * scale
+            continue
         for x in range(columns):
             sums[x] = heights[y, x]
         for i in range(1, tall):
             for x in range(columns):
                 sums[x] += heights[y + i, x]
-        fits = columns - wide + 1
         for x in range(fits):
-            means[y, x] = sums[x]
+            line[x] = sums[x]
         for j in range(1, wide):
             for x in range(fits):
-                means[y, x] += sums[x + j]
+                line[x] += sums[x + j]
         for x in range(fits):
-            means[y, x] *= scale
+            line[x] *= scale
 
 
 @kernel
 def gather_table(top, left, y, x, tall, wide, layer, iso, down, across, size, table):
     """table[py, px] = flat index, into the stack of box-mean layers, of the value that pixel
-    (py, px) is made from; -1 where its lifs has no domain (layer < 0).
+    (py, px) is made from; 0 where its lifs has no domain (layer < 0), and so no σ.
 
     ``size`` is the range block's side, ``tall`` and ``wide`` the pixels averaged into one;
     ``down`` and ``across`` (8, size²) where in its block an isometry takes each pixel from.
@@ -40,7 +46,7 @@ def gather_table(top, left, y, x, tall, wide, layer, iso, down, across, size, ta
         if layer[i] < 0:
             for a in range(size):
                 for b in range(size):
-                    table[top[i] + a, left[i] + b] = -1
+                    table[top[i] + a, left[i] + b] = 0
             continue
         start = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
         one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
@@ -56,7 +62,7 @@ def gather_table(top, left, y, x, tall, wide, layer, iso, down, across, size, ta
 def gather(layers, table, sigma, beta, target):
     """One step of the collage map W: every pixel from its place in the flat ``layers``."""
     for p in range(table.size):
-        target[p] = sigma[p] * layers[max(table[p], 0)] + beta[p]
+        target[p] = sigma[p] * layers[np.uintp(table[p])] + beta[p]
 
 
 @kernel
@@ -77,8 +83,7 @@ def scatter(values, table, sigma, layers):
     place in the flat ``layers``, which are overwritten, that the pixel was made from."""
     layers[:] = 0
     for p in range(table.size):
-        if table[p] >= 0:
-            layers[table[p]] += sigma[p] * values[p]
+        layers[np.uintp(table[p])] += sigma[p] * values[p]
 
 
 @kernel

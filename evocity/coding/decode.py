@@ -58,7 +58,9 @@ class CollageMap:
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
         block = _zoomed_block(genome.pavement, zoom)
         pavement = genome.pavement
-        self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
+        self.pavement = pavement
+        if block != pavement.block:
+            self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
         tall, wide = genome.dy // pavement.block, genome.dx // pavement.block
         top, left = self.pavement.corners
         y, down = _zoomed(genome.y, zoom)
@@ -144,7 +146,8 @@ class CollageMap:
     def _shrink_rare(self, heights: np.ndarray) -> None:
         layer = self._layers[-1]
         if self._rare[0][0] is None:
-            shrink_blocks(heights, *self._rare[0][1], layer)
+            if self._rare[0][1][0].size:
+                shrink_blocks(heights, *self._rare[0][1], layer)
             return
         if len(self._layers) > len(self._kinds):
             layer[:] = 0
@@ -311,6 +314,8 @@ def _zoomed_block(pavement: Pavement, zoom: float) -> int:
 
 def _zoomed(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarray]:
     """Whole pixels, int32, and the fraction left, 0…1, of ``corner`` on the zoomed map."""
+    if zoom == 1:
+        return corner.astype(np.int32), np.zeros(corner.size)
     exact = corner * zoom
     whole = np.floor(exact + 1e-9)
     return whole.astype(np.int32), np.maximum(np.round(exact - whole, 9), 0)

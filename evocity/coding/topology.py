@@ -6,6 +6,7 @@ whose neighbourhood is closest keeps the links between a block and what stands a
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -101,14 +102,17 @@ def _shrunk(heights: np.ndarray, multiple: np.ndarray) -> tuple[np.ndarray, np.n
     """Means of all cells of m × m pixels, a layer ``(H, W)`` for each ``multiple`` m that
     occurs, by their north-west pixels; and which layer is whose: ``layer_of[m]``."""
     occurring = np.unique(multiple)
-    layers = np.zeros((len(occurring), *heights.shape))
     layer_of = np.zeros(occurring.max(initial=0) + 1, np.int64)
+    if occurring.tolist() == [1]:
+        return heights[None], layer_of
+    layers = np.zeros((len(occurring), *heights.shape))
     for k, m in enumerate(occurring.tolist()):
         box_means(heights, m, m, layers[k])
         layer_of[m] = k
     return layers, layer_of
 
 
+@cache
 def _turns(block: int) -> np.ndarray:
     """Int64 ``(8, 2, 3)``: where isometry k takes pixel (i, j) from, inside a block and around
     it: row Σ turns[k, 0] · (1, i, j), column Σ turns[k, 1] · (1, i, j), counted from the block's

@@ -71,6 +71,20 @@ LANES, CHUNK = 32, 16
 
 
 @kernel
+def block_traits(blocks, traits):
+    """traits[i] = B · mean of blocks[i] (B² pixels), and the norm of the block made zero-mean."""
+    count, pixels = blocks.shape
+    for i in range(count):
+        mean = energy = 0.0
+        for k in range(pixels):
+            mean += blocks[i, k]
+        mean /= pixels
+        for k in range(pixels):
+            energy += (blocks[i, k] - mean) ** 2
+        traits[i, 0], traits[i, 1] = mean * np.sqrt(pixels), np.sqrt(energy)
+
+
+@kernel
 def block_gaps(image, group, gaps):
     """gaps[t] = Σ (group[k, t] − image[k])², squared distances of ``image`` to the blocks of a
     ``group`` (pixels, LANES); pixels are a multiple of CHUNK."""
@@ -88,8 +102,8 @@ def block_gaps(image, group, gaps):
 @kernel
 def least_gap(images, group, gaps, least):
     """The least of the `block_gaps` of all ``images``; ``gaps`` and ``least`` are overwritten."""
-    least[:] = np.inf
-    for s in range(images.shape[0]):
+    block_gaps(images[0], group, least)
+    for s in range(1, images.shape[0]):
         block_gaps(images[s], group, gaps)
         for t in range(LANES):
             least[t] = gaps[t] if gaps[t] < least[t] else least[t]
@@ -124,6 +138,9 @@ def alike_blocks(
     bounds, near = np.empty((2, groups.shape[0]), np.float32)
     todo = np.empty(groups.shape[0], np.int64)
     for i in range(blocks.shape[0]):
+        count[i] = 0
+        if flat[i] == 0 and flat_here[i]:  # no other can be closer
+            continue
         for s in range(sources.shape[0]):
             for k in range(sources.shape[1]):
                 images[s, sources[s, k]] = blocks[i, k]
@@ -132,7 +149,7 @@ def alike_blocks(
             du = max(corners[0, g] - u, u - corners[1, g], np.float32(0))
             dv = max(corners[2, g] - v, v - corners[3, g], np.float32(0))
             bounds[g] = du * du + dv * dv
-        g, left, count[i] = np.argmin(bounds), 0, 0
+        g, left = np.argmin(bounds), 0
         if bounds[g] > flat[i]:
             continue
         least = bounds[g] = least_gap(images, groups[g], gaps, least_of)

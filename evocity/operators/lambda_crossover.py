@@ -86,10 +86,31 @@ def interpolated(first: Genome, second: Genome, lambdas: np.ndarray, draws: np.n
     without a domain is taken as one of σ = 0 on the other's domain. Provenance follows the
     larger λ. Where λ is 0 or 1 the lifs is its parent's, bit for bit.
     """
-    pavement, block = first.pavement, first.pavement.block
     cities, pointers, attribution = merged_cities([first, second])
     ours, theirs = _columns(first, pointers[0]), _columns(second, pointers[1])
+    between = (lambdas > 0) & (lambdas < 1)
+    mixed = _mixed(first, second, ours, theirs, lambdas, draws) if between.any() else {}
     columns = {}
+    for name, nucleotide in FIELDS.items():
+        values = np.where(lambdas >= 0.5, ours[name], theirs[name])
+        if name in mixed:
+            values = np.where(between, mixed[name], values)
+        columns[name] = values.astype(nucleotide.dtype)
+    return first.replace(
+        **columns,
+        cities=cities,
+        attribution=attribution,
+        sigma_max=max(first.sigma_max, second.sigma_max),
+    )
+
+
+def _columns(genome: Genome, pointers: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: getattr(genome, name) for name in FIELDS} | {"parent": pointers}
+
+
+def _mixed(first: Genome, second: Genome, ours, theirs, lambdas, draws) -> dict[str, np.ndarray]:
+    """Nucleotides between those of two genomes, as `interpolated` tells, by name."""
+    pavement, block = first.pavement, first.pavement.block
     lone = {"ours": first.uniform & ~second.uniform, "theirs": second.uniform & ~first.uniform}
     mixed = {}
     for name in ("sigma", "beta", "x", "y", "dx", "dy"):
@@ -105,19 +126,4 @@ def interpolated(first: Genome, second: Genome, lambdas: np.ndarray, draws: np.n
     mixed["iso"] = np.where(
         lone["ours"] | (~lone["theirs"] & (draws >= lambdas)), theirs["iso"], ours["iso"]
     )
-    for name, nucleotide in FIELDS.items():
-        values = np.where(lambdas >= 0.5, ours[name], theirs[name])
-        if name in mixed:
-            between = (lambdas > 0) & (lambdas < 1)
-            values = np.where(between, mixed[name], values)
-        columns[name] = values.astype(nucleotide.dtype)
-    return first.replace(
-        **columns,
-        cities=cities,
-        attribution=attribution,
-        sigma_max=max(first.sigma_max, second.sigma_max),
-    )
-
-
-def _columns(genome: Genome, pointers: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: getattr(genome, name) for name in FIELDS} | {"parent": pointers}
+    return mixed

@@ -11,7 +11,7 @@ import numpy as np
 from evocity.coding.topology import Candidates, closest_neighbourhood
 from evocity.genome import FIELDS, Genome
 from evocity.isometries import COMPOSITION, sources
-from evocity.operators._kernels import CHUNK, LANES, alike_blocks
+from evocity.operators._kernels import CHUNK, LANES, alike_blocks, block_traits
 from evocity.pavement import Pavement
 
 #: Blocks, each under one isometry, that a range block may choose among by their surroundings.
@@ -123,10 +123,9 @@ def level_blocks(genome: Genome, heights: np.ndarray) -> np.ndarray:
 def _traits(blocks: np.ndarray) -> np.ndarray:
     """Float32 ``(n, 2)``: B · mean, and the norm of the block made zero-mean. No isometry changes
     them, and blocks are no closer than these points."""
-    mean = blocks.mean(axis=1, dtype=np.float64)
-    relief = blocks - mean[:, None]
-    norm = np.sqrt(np.einsum("nk,nk->n", relief, relief))
-    return np.stack([mean * np.sqrt(blocks.shape[1]), norm], axis=1).astype(np.float32)
+    traits = np.empty((len(blocks), 2), np.float32)
+    block_traits(blocks, traits)
+    return traits
 
 
 def _closest_level(
@@ -159,8 +158,8 @@ def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndar
     traits = _traits(blocks)
     slab = np.empty(count, np.int64)
     slabs = int(np.ceil(np.sqrt(count / LANES)))
-    slab[np.argsort(traits[:, 0], kind="stable")] = np.arange(count) * slabs // count
-    order = np.lexsort((traits[:, 1], slab))
+    slab[np.argsort(traits[:, 0])] = np.arange(count) * slabs // count
+    order = np.argsort(slab + traits[:, 1].astype(np.float64) / (1 + float(traits[:, 1].max())))
     order = np.append(order, np.repeat(order[-1], -count % LANES))  # filled up with its last
     members = which[order]
     members[count:] = -1

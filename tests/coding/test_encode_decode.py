@@ -10,7 +10,7 @@ from towns import draw_town
 from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import CollageMap, decode, encode, psnr
-from evocity.coding._kernels import box_means
+from evocity.coding._kernels import box_means, moved
 from evocity.errors import GenomeError, MapError
 from evocity.io import read_map
 
@@ -146,6 +146,23 @@ def test_a_decoding_cut_short_says_so(encoding):
 def test_parameters_at_fault_are_named(town, parameters, word):
     with pytest.raises(GenomeError, match=word):
         encode(town, **parameters)
+
+
+def test_moved_against_its_naive_twin():
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(0, 2, (2, 500)).astype("f4")
+    after[:40], after[40:60], after[60:70] = before[:40], np.inf, np.nan
+    after[70] = before[70] + np.float32(1)
+    limits = np.float32(1), np.float32(5)
+    assert moved(before, after, *limits) == naive.moved(before, after, *limits)
+    assert moved(before, before, *limits) == (0, 0)
+
+
+def test_a_start_that_is_not_finite_is_no_start(town):
+    start = town.heights.copy()
+    start[3, 4] = np.nan
+    with pytest.raises(GenomeError, match="diverges"):
+        decode(encode(town).genome, start=start)
 
 
 @pytest.mark.parametrize("zoom", [0, -1, 0.3, 0.25, np.inf, np.nan])

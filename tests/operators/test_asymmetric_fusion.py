@@ -64,6 +64,7 @@ def test_kernel_against_its_naive_twin(block, count, turns, slack):
     flat[1::4] = ((ours[1::4, None, None] - images) ** 2).sum(axis=(3, 4)).min(axis=(1, 2))
     keys, found = np.empty((50, 8), np.int64), np.empty(50, np.int64)
     traits = _traits(ours.reshape(50, -1))
+    assert traits == pytest.approx(naive.block_traits(ours.reshape(50, -1)), rel=1e-5, abs=1e-5)
     groups = _grouped(members, others.reshape(count, -1))
     assert groups[0].shape[2] == LANES
     images = isometries.sources(block)[:turns].astype(np.int64)
