@@ -18,7 +18,7 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.fitness.heredity import heritability, integrity
+from evocity.fitness.heredity import heritability, integrity_of
 from evocity.fitness.registry import get
 from evocity.operators import OPERATORS
 
@@ -67,7 +67,7 @@ def main() -> None:
         pairs = list(zip(drafts, children, strict=True))
         crumbled = [heritability(draft.genome, draft.intended) for draft, _ in pairs]
         repaired = [heritability(child, draft.intended) for draft, child in pairs]
-        kept = mean(integrity(child, few) for child in children)
+        kept = mean(integrity_of(child, few) for child in children)
         plain = median(milliseconds(lambda rng, op=crumbling, of=few: op(of, rng), SEEDS))
         whole = median(milliseconds(lambda rng, op=repairing, of=few: op(of, rng), SEEDS))
         print(

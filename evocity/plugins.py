@@ -18,3 +18,9 @@ def load_plugins(group: str, take: Callable[[EntryPoint], None]) -> tuple[str, .
         except (Exception, SystemExit) as error:
             faults.append(f"plugin {entry.name} ({entry.value}) not loaded: {told(error)}")
     return tuple(faults)
+
+
+def origin_of(entry: EntryPoint) -> str:
+    """Whose ``entry`` it is: package and version, if it is known of one, else what it names."""
+    package = getattr(entry, "dist", None)
+    return f"{package.name} {package.version}" if package else entry.value

@@ -1,8 +1,10 @@
 """Slow, obvious twins of the compiled kernels. Tests compare both on awkward inputs."""
 
 import itertools
+import math
 
 import numpy as np
+import shapely
 from scipy import ndimage
 
 from evocity import isometries
@@ -464,3 +466,280 @@ def comes_twice(values, known, exempt, side, apart, box):
             if anchored and corner != (y, x) and other == content:
                 return True
     return False
+
+
+def mean_over_nearest(points, directions, nearest, difference):
+    """Mean over all of the mean difference to the nearest, and to those as near as the last."""
+    means = []
+    for i, (y, x) in enumerate(points):
+        gaps = {j: math.hypot(v - y, u - x) for j, (v, u) in enumerate(points) if j != i}
+        reach = sorted(gaps.values())[min(nearest, len(gaps)) - 1]
+        near = [j for j, gap in gaps.items() if gap <= reach + 1e-9]
+        means.append(sum(difference(directions[i], directions[j]) for j in near) / len(near))
+    return sum(means) / len(means)
+
+
+def mark_whole(labels, stones, laid):
+    """Pixels (rows, columns, B²) of a child ``laid`` of stones where a building of the parent's
+    ``labels`` (rows, columns, B²) lies whole, its range blocks beside each other as there."""
+    whole = np.zeros((*laid.shape, labels.shape[2]), bool)
+    rows, columns = stones.shape
+    for building in range(1, labels.max() + 1):
+        members = [(i, j) for i, j in np.ndindex(rows, columns) if building in labels[i, j]]
+        for down in range(-rows, laid.shape[0]):
+            for across in range(-columns, laid.shape[1]):
+                places = [(i + down, j + across) for i, j in members]
+                there = all(
+                    0 <= i < laid.shape[0] and 0 <= j < laid.shape[1] and laid[i, j] == stones[m]
+                    for (i, j), m in zip(places, members, strict=True)
+                )
+                for place, member in zip(places, members, strict=True):
+                    if there:
+                        whole[place] |= labels[member] == building
+    return whole
+
+
+def squared_distances(built):
+    sites = np.argwhere(built)
+    pixels = np.argwhere(np.ones(built.shape, bool))
+    if not sites.size:
+        return np.full(built.shape, -1)
+    gaps = ((pixels[:, None] - sites[None]) ** 2).sum(axis=2)
+    return gaps.min(axis=1).reshape(built.shape)
+
+
+def nest(grounds, buildings):
+    """Pixels of each ground component, the innermost built one that has it in a hole, and how
+    many pixels lie in the holes of each built one."""
+    corners = np.ones((3, 3))  # ground leaves a hole by a corner
+    built = [buildings == k for k in range(1, buildings.max() + 1)]
+    filled = [ndimage.binary_fill_holes(one, structure=corners) for one in built]
+    courtyards = [int(f.sum() - one.sum()) for f, one in zip(filled, built, strict=True)]
+    pixels, enclosed_by = [], []
+    for label in range(1, grounds.max() + 1):
+        ground = grounds == label
+        around = [k for k, inside in enumerate(filled) if (inside & ground).any()]
+        pixels.append(int(ground.sum()))
+        enclosed_by.append(min(around, key=lambda k: filled[k].sum(), default=-1))
+    return pixels, enclosed_by, courtyards
+
+
+def sky_seen(heights, y, x, starts, down, along, slopes):
+    seen = []
+    for v, u in zip(y, x, strict=True):
+        parts = []
+        for start, end in itertools.pairwise(starts):
+            steepest = 0.0
+            for k in range(start, end):
+                i, j = v + down[k], u + along[k]
+                if 0 <= i < heights.shape[0] and 0 <= j < heights.shape[1]:
+                    steepest = max(steepest, float(heights[i, j] - heights[v, u]) * slopes[k])
+            parts.append(math.cos(math.atan(steepest)) ** 2)
+        seen.append(sum(parts) / len(parts))
+    return np.array(seen)
+
+
+def count_boxes(mask, size, top, left):
+    return len({((y - top) // size, (x - left) // size) for y, x in np.argwhere(mask)})
+
+
+def count_around(mask, reach):
+    within, room = 0, 0
+    for y, x in np.argwhere(mask):
+        window = mask[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1]
+        within, room = within + int(window.sum()), room + window.size
+    return within, room
+
+
+def gliding_moments(mask, size):
+    boxes = np.lib.stride_tricks.sliding_window_view(mask, (size, size))
+    masses = boxes.sum(axis=(2, 3))
+    return int(masses.sum()), int((masses**2).sum())
+
+
+def flat_zones(heights, built, step):
+    """Zones in raster order, 0 on open ground, grown pixel by pixel."""
+    zones = np.zeros(heights.shape, np.int32)
+    for start in np.argwhere(built):
+        if zones[tuple(start)]:
+            continue
+        number = zones.max() + 1
+        zones[tuple(start)] = number
+        stack = [tuple(start)]
+        while stack:
+            y, x = stack.pop()
+            for pixel in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+                inside = 0 <= pixel[0] < heights.shape[0] and 0 <= pixel[1] < heights.shape[1]
+                if not inside or not built[pixel] or zones[pixel]:
+                    continue
+                if abs(heights[pixel] - heights[y, x]) <= step:
+                    zones[pixel] = number
+                    stack.append(pixel)
+    return zones
+
+
+def join_crumbs(heights, zones, least):
+    """Rounds in which every zone too small points at a neighbour, until none has any."""
+    zones = zones.copy()
+    while True:
+        sets = {int(a): {int(a)} for a in np.unique(zones[zones > 0])}
+        for a in list(sets):
+            mask = zones == a
+            if mask.sum() >= least:
+                continue
+            facing = []
+            for y, x in np.argwhere(mask):
+                for v, u in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+                    if 0 <= v < zones.shape[0] and 0 <= u < zones.shape[1]:
+                        facing.append(int(zones[v, u]))
+            claims = []
+            for b in set(facing) - {0, a}:
+                gap = abs(heights[zones == b].mean(dtype=float) - heights[mask].mean(dtype=float))
+                claims.append((facing.count(b), -gap, int((zones == b).sum()), -b))
+            if claims:
+                joined = sets[a] | sets[-max(claims)[3]]
+                sets |= dict.fromkeys(joined, joined)
+        if all(len(joined) == 1 for joined in sets.values()):
+            break
+        for a, joined in sets.items():
+            zones[zones == a] = -min(joined)
+        zones = -zones
+    for number, a in enumerate(np.unique(zones[zones > 0]), 1):
+        zones[zones == a] = number
+    return zones
+
+
+def outline_steps(labels, a):
+    """Steps out of building a: over sides, over sides into another building, over corners."""
+    padded = np.pad(labels, 1)
+    sides = shared = corners = 0
+    for y, x in np.argwhere(padded == a):
+        for dy, dx in itertools.product((-1, 0, 1), repeat=2):
+            there = padded[y + dy, x + dx]
+            if there != a and dy and dx:
+                corners += 1
+            elif there != a:
+                sides, shared = sides + 1, shared + int(there > 0)
+    return sides, shared, corners
+
+
+def fourfold(labels, a):
+    """Σ |∇m| e^{4iθ} of the smoothed mask of building a, θ from east to south."""
+    mask = np.pad(labels == a, 4, mode="edge").astype(float)
+    for axis in (0, 1):
+        mask = ndimage.convolve1d(mask, [1, 4, 6, 4, 1], axis=axis)
+    dy, dx = np.gradient(mask)
+    g = (dx + 1j * dy)[4:-4, 4:-4] * 2  # the kernel takes whole differences
+    g = g[np.abs(g) > 0.5]
+    return (g**4 / np.abs(g) ** 3).sum()
+
+
+def least_shapes(mask):
+    """Pixels of the hull, long and short side of the least box, diameter of the least circle."""
+    y, x = np.nonzero(mask)
+    hull = shapely.convex_hull(shapely.multipoints(np.column_stack([x, y]).astype(float)))
+    grid = np.stack(np.meshgrid(*map(np.arange, mask.shape[::-1])), axis=-1).reshape(-1, 2)
+    inside = int(shapely.covers(hull, shapely.points(grid.astype(float))).sum())
+    boxes = [(1, -1, 1.0, 1.0)]
+    corners = shapely.get_coordinates(hull).astype(int)
+    if len(corners) > 1:
+        boxes = []
+        for dx, dy in np.diff(corners, axis=0):
+            step, length = math.gcd(dx, dy), math.hypot(dx, dy)
+            along = np.ptp(x * dx + y * dy) + step
+            across = np.ptp(y * dx - x * dy) + step
+            long, short = max(along, across), min(along, across)
+            boxes.append((long * short / length**2, -long / length, long / length, short / length))
+    least = min(boxes, key=lambda box: (round(box[0], 9), box[1]))
+    corners = np.concatenate([np.column_stack([y + v, x + u]) for v in (0, 1) for u in (0, 1)])
+    diameter = 2 * shapely.minimum_bounding_radius(shapely.multipoints(corners.astype(float)))
+    return inside, least[2:], diameter
+
+
+def enclosed(labels, a):
+    """Pixels of open ground that building a alone keeps from the rim of the map."""
+    outside = np.pad(labels != a, 1, constant_values=True)
+    pieces, _ = ndimage.label(outside, np.ones((3, 3)))
+    return int(((pieces != pieces[0, 0])[1:-1, 1:-1] & (labels == 0)).sum())
+
+
+def simple(lines, y, x):
+    """Whether the ground around (y, x) is one piece that reaches a gap beside it, and its size."""
+    ground = lines[y - 1 : y + 2, x - 1 : x + 2].copy()
+    ground[1, 1] = False
+    gaps = ~ground
+    gaps[1, 1] = False
+    labels, _ = ndimage.label(gaps)
+    beside = {labels[0, 1], labels[1, 0], labels[1, 2], labels[2, 1]} - {0}
+    pieces = ndimage.label(ground, structure=np.ones((3, 3)))[1]
+    return pieces == 1 and len(beside) == 1, int(ground.sum())
+
+
+def opposed(built, nearest, y, x):
+    if (built[y - 1, x] and built[y + 1, x]) or (built[y, x - 1] and built[y, x + 1]):
+        return True
+    own = np.array([y, x]) - nearest[:, y, x]
+    for v, u in itertools.product(range(y - 1, y + 2), range(x - 1, x + 2)):
+        other = np.array([v, u]) - nearest[:, v, u]
+        lengths = math.hypot(*own) * math.hypot(*other)
+        if lengths and own @ other <= -0.5 * lengths * (1 - 1e-12):
+            return True
+    return False
+
+
+def neighbours(lines, y, x):
+    around = itertools.product(range(y - 1, y + 2), range(x - 1, x + 2))
+    return [pixel for pixel in around if lines[pixel] and pixel != (y, x)]
+
+
+def thin(built, squares, nearest, solid, depth):
+    lines = ~built
+    order = sorted((squares[p], *p) for p in np.ndindex(built.shape) if lines[p] and not solid[p])
+    order = [(int(y), int(x)) for _, y, x in order]
+    between = {p for p in order if opposed(built, nearest, *p)}
+    for p in order:
+        if p not in between and simple(lines, *p)[0]:
+            lines[p] = False
+    changed = True
+    while changed:
+        before = None
+        while before is None or not np.array_equal(before, lines):
+            before = lines.copy()
+            for p in order:
+                can, count = simple(lines, *p)
+                if lines[p] and can and (count > 1 or p not in between):
+                    lines[p] = False
+        changed = False
+        for p in order:
+            if not lines[p] or len(neighbours(lines, *p)) != 1:
+                continue
+            path = [p, *neighbours(lines, *p)]
+            while not solid[path[-1]] and len(neighbours(lines, *path[-1])) == 2:
+                path += [q for q in neighbours(lines, *path[-1]) if q != path[-2]]
+            end = path[-1]
+            if not solid[end] and len(neighbours(lines, *end)) == 1:
+                continue
+            if math.dist(p, end) + math.sqrt(squares[p]) - math.sqrt(squares[end]) <= depth:
+                changed = True
+                for q in path[:-1]:
+                    lines[q] = False
+    return lines
+
+
+def widths_across(squares, lines):
+    root, widths = np.sqrt(np.abs(squares)), np.zeros(lines.shape)
+    for y, x in np.argwhere(lines):
+        down, along = root[y - 1, x] + root[y + 1, x], root[y, x - 1] + root[y, x + 1]
+        widths[y, x] = min(down, along) + 1
+    return widths
+
+
+def link_lengths(lines):
+    lengths = []
+    for y, x in np.argwhere(lines):
+        total = 0.0
+        for v, u in neighbours(lines, y, x):
+            if not (v != y and u != x and (lines[v, x] or lines[y, u])):
+                total += math.dist((y, x), (v, u))
+        lengths.append(total / 2)
+    return np.array(lengths)

@@ -1,6 +1,8 @@
 """README and docs name what exists, and what they show works."""
 
+import functools
 import re
+import runpy
 import shlex
 import tomllib
 from pathlib import Path
@@ -19,7 +21,7 @@ from evocity.store import STATUSES
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-OWN_MEASURES = [m for m in measures() if m.function.__module__.startswith("evocity.fitness")]
+OWN_MEASURES = [m for m in measures() if m.origin == "evocity"]
 
 
 def text_of(name: str) -> str:
@@ -61,16 +63,36 @@ def test_readme_shows_every_command():
     assert not missing
 
 
-def test_measures_page_tells_what_the_registry_says():
+def test_measures_page_is_what_the_docstrings_say():
+    reference = runpy.run_path(str(ROOT / "docs" / "reference.py"))
     text = text_of("docs/measures.md")
-    told = {row[0].split("`")[1]: row[1:] for row in rows(text) if "`" in row[0]}
-    expected = {}
+    assert reference["page"](text, OWN_MEASURES) == text, "run python docs/reference.py"
+    headings = re.findall(r"^## (\w+)$", text.split(reference["BEGIN"])[1], re.M)
+    assert headings == [m.name for m in OWN_MEASURES]
     for measure in OWN_MEASURES:
-        low, high = ("∞" if bound == float("inf") else f"{bound:g}" for bound in measure.range)
-        goal = measure.goal or "a target"
-        expected[measure.name] = [goal, measure.unit or "–", f"{low}…{high}"]
-    assert told == expected
-    assert [m.name for m in OWN_MEASURES] == re.findall(r"^## (\w+)$", text, re.M)
+        entry = reference["entry"](measure)
+        for part in ("Formula", "Unit", "Range", "Empty map", "Source"):
+            assert f"- **{part}**: " in entry, measure.name
+        assert ">>> " in entry
+
+
+def test_fitness_page_names_every_view_of_a_map():
+    text = text_of("docs/fitness.md")
+    views = {
+        name
+        for name, kind in vars(evocity.CityMap).items()
+        if isinstance(kind, functools.cached_property)
+    }
+    told = {row[0].strip("`") for row in rows(text) if row[0].strip("`") in views}
+    assert told == views
+
+
+@pytest.mark.parametrize("name", ["winter_sun.py", "winter-sun.toml"])
+def test_fitness_page_shows_the_files_of_its_example(name):
+    (shown,) = re.findall(
+        rf"<!-- the same as runs/{name} -->\n```\w+\n(.*?)```", text_of("docs/fitness.md"), re.S
+    )
+    assert shown == text_of(f"runs/{name}")
 
 
 def test_operators_page_tells_every_parameter_and_its_default():
@@ -162,9 +184,12 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, request):
         names = {}
     for number, block in enumerate(found):
         if "@evocity.fitness" in block:  # a file of the user's own, as the text says
-            (tmp_path / "my_measure.py").write_text(block, encoding="utf-8")
-            (measure,) = evocity.fitness.load_file(tmp_path / "my_measure.py")
-            assert measure(evocity.read_map("lyon-1er", pixels=64)) > 0
+            (name,) = re.findall(r"@evocity.fitness.*\ndef (\w+)", block)
+            (tmp_path / f"{name}.py").write_text(block, encoding="utf-8")
+            lyon = evocity.read_map("lyon-1er", pixels=64)
+            code = evocity.encode(lyon).genome
+            for measure in evocity.fitness.load_file(tmp_path / f"{name}.py"):
+                assert measure(lyon, genome=code, parents=[code]) >= 0
         else:
             exec(compile(block, f"{page.name}, block {number + 1}", "exec"), names)
 

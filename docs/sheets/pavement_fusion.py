@@ -7,7 +7,7 @@ import numpy as np
 from _sheet import contact_sheet, save
 
 import evocity
-from evocity.fitness.heredity import integrity
+from evocity.fitness.heredity import integrity_of
 from evocity.io.picture import render
 from evocity.operators import make
 
@@ -32,7 +32,7 @@ def main() -> None:
                 fill=0.5,
             )
             child = fuse(parents, np.random.default_rng(5))
-            reached, whole = child.made["fill_reached"][1], integrity(child, parents)
+            reached, whole = child.made["fill_reached"][1], integrity_of(child, parents)
             row.append(
                 (
                     f"S = {tolerance:g} m: fill {reached:.2f}, whole buildings {whole:.2f}",

@@ -4,7 +4,9 @@
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `pattern`: a town drawn by a rule
-- `cities`, `fitness`, `operators`: what there is
+- `cities`, `operators`, `readers`: what there is
+- `fitness`: the measures there are; `fitness_new`, `fitness_check`, `fitness_bench`: one's own;
+  `trials`: what they are tried on
 - `given`: what a word on the command line stands for: a map, a genome, a run
 - `parents`, `settings`: what is bred, maps included; what ``--set key=value`` means
 - `common`: options, checks, messages and printing that several commands share
@@ -18,40 +20,23 @@ from evocity import __version__
 from evocity.cli.autosimilarity import autosimilarity
 from evocity.cli.breed import breed
 from evocity.cli.cities import cities
-from evocity.cli.common import InputFault, told
+from evocity.cli.common import Commands
 from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
 from evocity.cli.grow import grow
 from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
+from evocity.cli.readers import readers
 from evocity.cli.resume import resume
 from evocity.cli.run import run
 from evocity.cli.score import score
 from evocity.cli.show import show
 from evocity.cli.status import status
-from evocity.errors import EvocityError
-
-
-class _Commands(click.Group):
-    """Commands in the order of use; input at fault ends any of them with exit code 2."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
-
-    def invoke(self, ctx: click.Context):
-        try:
-            return super().invoke(ctx)
-        except EvocityError as error:
-            command = self.commands[ctx.invoked_subcommand]
-            raise InputFault(told(error, command)) from error
-        except KeyboardInterrupt:
-            click.echo("\nStopped.", err=True)
-            ctx.exit(130)
 
 
 @click.group(
-    cls=_Commands,
+    cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="""\b
 Examples:
@@ -81,6 +66,7 @@ for _command in (
     cities,
     fitness,
     operators,
+    readers,
 ):
     main.add_command(_command)
 

@@ -27,6 +27,23 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
+class Commands(click.Group):
+    """Commands in the order of use; input at fault ends any of them with exit code 2."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context):
+        try:
+            return super().invoke(ctx)
+        except EvocityError as error:
+            command = self.commands[ctx.invoked_subcommand]
+            raise InputFault(told(error, command)) from error
+        except KeyboardInterrupt:
+            click.echo("\nStopped.", err=True)
+            ctx.exit(130)
+
+
 def told(error: EvocityError, command: click.Command) -> str:
     """The message of an ``error``, in the terms of the ``command``: its options in place of the
     library's keywords, and each part on one line, whatever a measure of the user's own raised."""
@@ -223,6 +240,8 @@ def print_json(document: Mapping) -> None:
 def _finite(value):
     if isinstance(value, Mapping):
         return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -241,6 +260,22 @@ def describe(city) -> str:
         f"{city.name}: {height} × {width} px at {city.metres_per_pixel:g} m, "
         f"built on {city.built.mean():.2f}, highest {city.heights.max():.1f} m"
     )
+
+
+def near(path: str) -> str:
+    """A ``path`` as it would be typed here, if it lies below."""
+    with contextlib.suppress(ValueError):  # on another drive
+        relative = os.path.relpath(path)
+        return path if relative.startswith("..") else relative
+    return path
+
+
+def span(bounds: tuple[float, float]) -> str:
+    """The lowest and the highest value of a measure."""
+    low, high = (
+        f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞" for bound in bounds
+    )
+    return f"{low}…{high}"
 
 
 def warn(text: str) -> None:

@@ -1,16 +1,36 @@
-"""`evocity fitness list`: the measures there are."""
+"""`evocity fitness`: what maps can be measured by; and `list`, the measures there are."""
 
-import math
+import os.path
 
 import click
 
 import evocity
-from evocity.cli.common import print_table, quiet_stdout, warn
+from evocity.cli.common import (
+    Commands,
+    json_option,
+    near,
+    print_json,
+    print_table,
+    quiet_stdout,
+    span,
+    warn,
+)
+from evocity.cli.fitness_bench import bench
+from evocity.cli.fitness_check import check
+from evocity.cli.fitness_new import new
+
+#: Seconds a listing spends on one measure, and on all.
+_EACH, _ALL = 0.5, 1.5
 
 
-@click.group()
+@click.group(cls=Commands)
 def fitness() -> None:
-    """What maps can be measured by."""
+    """What maps can be measured by, and measures of your own."""
+
+
+fitness.add_command(new)
+fitness.add_command(check)
+fitness.add_command(bench)
 
 
 @fitness.command(
@@ -22,25 +42,77 @@ Examples:
   evocity score lyon-1er --fitness gsi --fitness my_measure.py""",
 )
 @click.argument("files", metavar="[FILE.py]...", nargs=-1)
-def list_measures(files: tuple[str, ...]) -> None:
-    """List the measures: name, goal, unit, range, and what each says.
+@click.option("--no-cost", is_flag=True, help="Measure no cost.")
+@json_option
+def list_measures(files: tuple[str, ...], no_cost: bool, as_json: bool) -> None:
+    """List the measures: name, goal, unit, range, cost, where from, and what each says.
 
     A measure without a goal of its own takes a target (target = 0.35) or a city to be like
     (like = "lyon-1er") in the recipe. Measures of your own live in Python files: those named
-    are executed, and their measures listed too. How to write one: `evocity score --help`.
+    are executed, and their measures listed too. `evocity fitness new` begins one.
+
+    The cost is of one call on lyon-1er, 256 × 256 px, in milliseconds; "-" of those that ask
+    for genome or parents, which `evocity fitness bench` times, and more exactly.
+
+    JSON: each name to goal, unit, range (null: no bound), milliseconds, origin, doc.
     """
     with quiet_stdout():
         for file in files:
             evocity.fitness.load_file(file)
-    rows = [("name", "goal", "unit", "range", "what it says")]
-    for measure in evocity.fitness.measures():
-        low, high = (_bound(bound) for bound in measure.range)
-        says = measure.doc.partition("\n\n")[0].replace("\n", " ")
-        rows.append((measure.name, measure.goal or "-", measure.unit or "-", f"{low}…{high}", says))
-    print_table(rows)
+        measures = evocity.fitness.measures()
+        costs = {} if no_cost else _costs(measures)
+    if as_json:
+        print_json({measure.name: _about(measure, costs) for measure in measures})
+    else:
+        rows = [("name", "goal", "unit", "range", "ms", "from", "what it says")]
+        print_table([*rows, *(_row(measure, costs) for measure in measures)])
     for text in evocity.fitness.plugin_warnings():
         warn(text)
 
 
-def _bound(value: float) -> str:
-    return f"{value:g}" if math.isfinite(value) else "∞" if value > 0 else "-∞"
+def _costs(measures) -> dict[str, float]:
+    """Seconds of one call of each measure, those left out that ask for more than a map, or for
+    which no time is left."""
+    import time
+
+    from evocity.fitness import Case
+    from evocity.fitness.watching import watched
+
+    case = Case(evocity.read_map("lyon-1er"))
+    end = time.perf_counter() + _ALL
+    costs = {}
+    for measure in measures:
+        seconds = []
+        while case.serves(measure) and len(seconds) < 3 and time.perf_counter() < end:
+            call = watched(measure, case.fresh(), _EACH)
+            if call.error:
+                break
+            seconds.append(call.seconds)
+        if seconds:
+            costs[measure.name] = min(seconds)
+    return costs
+
+
+def _about(measure, costs) -> dict[str, object]:
+    seconds = costs.get(measure.name)
+    return {
+        "goal": measure.goal,
+        "unit": measure.unit,
+        "range": list(measure.range),
+        "milliseconds": None if seconds is None else 1e3 * seconds,
+        "origin": measure.origin,
+        "doc": measure.summary,
+    }
+
+
+def _row(measure, costs) -> tuple[str, ...]:
+    seconds = costs.get(measure.name)
+    return (
+        measure.name,
+        measure.goal or "-",
+        measure.unit or "-",
+        span(measure.range),
+        "-" if seconds is None else f"{1e3 * seconds:.2g}",
+        near(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
+        measure.summary or "-",
+    )

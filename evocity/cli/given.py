@@ -1,4 +1,5 @@
-"""What was named on the command line: a map, a genome, a run, or one individual of a run?"""
+"""What was named on the command line: a map, a genome, a run, or one individual of a run? And
+which measures?"""
 
 import contextlib
 from collections.abc import Mapping
@@ -8,7 +9,7 @@ import click
 
 import evocity
 from evocity.cli.common import converged, note_reading
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, FitnessError
 
 id_option = click.option(
     "--id",
@@ -73,6 +74,40 @@ def city_of(source: str, reading: Mapping[str, object], identifier: int | None =
     what = f"the genome {source}" if is_genome(source) else f"the run {source}"
     refuse_reading(what, reading)
     return decoded(genome_of(source, identifier), source, identifier)
+
+
+def case_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
+    """What to measure, a `Case`: the map as `city_of` finds it; of a genome also the genome, and
+    of an individual of a run those it was bred from."""
+    from evocity.fitness import Case
+
+    if identifier is None and not is_genome(source) and not is_run(source):
+        return Case(city_of(source, reading))
+    refuse_reading(f"the {'genome' if is_genome(source) else 'run'} {source}", reading)
+    genome = genome_of(source, identifier)
+    parents = None if identifier is None else _parents(source, identifier, genome)
+    return Case(decoded(genome, source, identifier), genome, parents)
+
+
+def _parents(folder: str, identifier: int, genome) -> tuple:
+    """The genomes an individual of a run was bred from; a source city is its own parent."""
+    run = evocity.open_run(folder)
+    ids = run.individuals([identifier])[0].parents
+    return tuple(birth.genome for birth in run.individuals(ids)) or (genome,)
+
+
+def measures_of(word: str) -> list:
+    """The measures that ``word`` names: one; all numbers of a function that returns several; or
+    those of a Python file, which is executed. Raises `FitnessError`."""
+    fitness = evocity.fitness
+    if word.endswith(".py"):
+        return fitness.load_file(word)
+    try:
+        return fitness.named(word)
+    except FitnessError as error:
+        if Path(f"{word}.py").is_file():
+            raise FitnessError(error.found, error.expected, f"did you mean {word}.py?") from error
+        raise
 
 
 def decoded(genome, source: str, identifier: int | None):

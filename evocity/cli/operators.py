@@ -21,26 +21,27 @@ Examples:
 )
 @json_option
 def list_operators(as_json: bool) -> None:
-    """List the operators: parents they take, what each does, its parameters and their defaults.
+    """List the operators: parents they take, where each comes from and what it does, its
+    parameters and their defaults.
 
     docs/operators.md tells what the parameters mean. They are set in a recipe, or by --set of
     `evocity breed`.
 
     JSON: each name to parents (fewest, most; null for any number), parameters (each to its
-    default; null for none), doc.
+    default; null for none), origin, doc.
     """
     from evocity.operators import operators as every
-    from evocity.operators import plugin_warnings
+    from evocity.operators import origins, plugin_warnings
 
-    told = {name: _about(kind) for name, kind in sorted(every().items())}
+    told = {name: _about(kind, origins()[name]) for name, kind in sorted(every().items())}
     if as_json:
         print_json(told)
     else:
-        rows = [("name", "parents", "what it does")]
+        rows = [("name", "parents", "from", "what it does")]
         for name, about in told.items():
             fewest, most = about["parents"]
             count = f"{fewest}" if most == fewest else f"{fewest}…{most or ''}"
-            rows.append((name, count, about["doc"]))
+            rows.append((name, count, about["origin"], about["doc"]))
         print_table(rows)
         for name, about in told.items():
             parameters = "  ".join(f"{k}={_typed(v)}" for k, v in about["parameters"].items())
@@ -50,7 +51,7 @@ def list_operators(as_json: bool) -> None:
         warn(text)
 
 
-def _about(kind: type) -> dict[str, object]:
+def _about(kind: type, origin: str) -> dict[str, object]:
     parameters = inspect.signature(kind).parameters.values()
     return {
         "parents": list(kind.parents),
@@ -59,6 +60,7 @@ def _about(kind: type) -> dict[str, object]:
             for one in parameters
             if one.kind is not inspect.Parameter.VAR_KEYWORD
         },
+        "origin": origin,
         "doc": (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " "),
     }
 

@@ -92,13 +92,17 @@ def _tell_failures(folder: Path) -> None:
 
 
 def goal_signs(recipe) -> dict[str, str]:
-    """Measure -> what a ``recipe`` wants of it: ↑ more, ↓ less, →0.35 a target, →CITY."""
+    """Measure -> what a ``recipe`` wants of it: ↑ more, ↓ less, →0.35 a target, →CITY, and the
+    bounds of constraints, ≥0.2 ≤0.4."""
     signs = {}
     for entry in recipe.fitness:
+        bounds = ("≥", entry.min), ("≤", entry.max)
+        limits = [f"{sign}{bound:.4g}" for sign, bound in bounds if bound is not None]
         for measure in entry.measures:
             goal = {"max": "↑", "min": "↓"}.get(entry.goal or measure.goal, "")
             target = entry.like if entry.target is None else f"{entry.target:.4g}"
-            signs[measure.name] = goal if target is None else f"→{target}"
+            aim = goal if target is None else f"→{target}"
+            signs[measure.name] = " ".join([aim] * entry.is_objective + limits).strip()
     return signs
 
 

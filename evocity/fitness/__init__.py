@@ -1,11 +1,26 @@
 """Fitness: a city map in, one number out.
 
-- `registry`: `Measure`, what makes one of a plain function, the table of names, users' files
+- `measure`: `Measure`, what one is and how its faults are told; `Undefined`
+- `registry`: what makes one of a plain function, the table of names, users' files
 - `goals`: `Objective`, a measure with a goal (max, min, a target, like a city) as a loss
-- `density`: how much is built: `gsi`, `fsi`, `mean_height`
+- `composition`: `Aims`, all that is wanted: objectives, weighted sums of them, constraints
+- `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
+- `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
+  `roof_flatness`
 - `sizes`: how the sizes of buildings are distributed: `salingaros`, `fit_sizes`, `crumbs`
-- `order`: how façades lie to each other: `alignment`
+- `shape`: what shape buildings have, how many there are: `elongation`, `rectangularity`,
+  `convexity`, `compactness`, `eri`, `shape_index`, `building_density`, `component_density`,
+  `party_wall_ratio`
+- `order`: how façades lie to each other: `alignment`, `alignment_global`
+- `directions`: which way buildings are turned: `alignment_neighbours`, `alignment_momepy`,
+  `orientation_order`
+- `openness`: how open ground is: `street_width`, `open_space_connectivity`, `courtyard_index`,
+  `sky_view_factor`
+- `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
+- `heredity`: what a child keeps of its parents: `integrity`, `heritability`
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
+- `checking`: `check`, what is wrong with a measure; `findings`: what that shows; `watching`: one
+  call of it, on a `Case`; `timing`: what measures cost
 
 A measure of one's own is a function with one decorator:
 
@@ -20,20 +35,48 @@ A measure of one's own is a function with one decorator:
 import sys
 from types import ModuleType
 
-from evocity.fitness.density import fsi, gsi, mean_height
+from evocity.fitness.checking import check
+from evocity.fitness.composition import WEIGHTED, Aims, Constraint, Wanted
+from evocity.fitness.density import fsi, gsi, mean_height, osr, storeys
+from evocity.fitness.directions import (
+    alignment_momepy,
+    alignment_neighbours,
+    orientation_order,
+)
 from evocity.fitness.goals import GOALS, Objective
-from evocity.fitness.order import alignment
+from evocity.fitness.heredity import heritability, integrity
+from evocity.fitness.measure import EXTRAS, Family, Measure, Undefined
+from evocity.fitness.openness import (
+    courtyard_index,
+    open_space_connectivity,
+    sky_view_factor,
+    street_width,
+)
+from evocity.fitness.order import alignment, alignment_global
 from evocity.fitness.registry import (
-    Measure,
-    Undefined,
     fitness,
     get,
     load_file,
     measures,
+    named,
     plugin_warnings,
+)
+from evocity.fitness.roofs import height_deviation, height_entropy, roof_flatness
+from evocity.fitness.shape import (
+    building_density,
+    compactness,
+    component_density,
+    convexity,
+    elongation,
+    eri,
+    party_wall_ratio,
+    rectangularity,
+    shape_index,
 )
 from evocity.fitness.similarity import autosimilarity
 from evocity.fitness.sizes import SizeFit, crumbs, fit_sizes, salingaros
+from evocity.fitness.texture import box_dimension, correlation_dimension, lacunarity
+from evocity.fitness.watching import Case
 
 
 class _CallableModule(ModuleType):
@@ -46,22 +89,58 @@ class _CallableModule(ModuleType):
 sys.modules[__name__].__class__ = _CallableModule
 
 __all__ = [
+    "EXTRAS",
     "GOALS",
+    "WEIGHTED",
+    "Aims",
+    "Case",
+    "Constraint",
+    "Family",
     "Measure",
     "Objective",
     "SizeFit",
     "Undefined",
+    "Wanted",
     "alignment",
+    "alignment_global",
+    "alignment_momepy",
+    "alignment_neighbours",
     "autosimilarity",
+    "box_dimension",
+    "building_density",
+    "check",
+    "compactness",
+    "component_density",
+    "convexity",
+    "correlation_dimension",
+    "courtyard_index",
     "crumbs",
+    "elongation",
+    "eri",
     "fit_sizes",
     "fitness",
     "fsi",
     "get",
     "gsi",
+    "height_deviation",
+    "height_entropy",
+    "heritability",
+    "integrity",
+    "lacunarity",
     "load_file",
     "mean_height",
     "measures",
+    "named",
+    "open_space_connectivity",
+    "orientation_order",
+    "osr",
+    "party_wall_ratio",
     "plugin_warnings",
+    "rectangularity",
+    "roof_flatness",
     "salingaros",
+    "shape_index",
+    "sky_view_factor",
+    "storeys",
+    "street_width",
 ]

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.fitness.registry import Undefined, fitness
+from evocity.fitness.measure import Undefined
+from evocity.fitness.registry import fitness
 
 #: Height of one floor, metres.
 FLOOR = 3.0
@@ -41,10 +42,47 @@ def fsi(city: CityMap) -> float:
     >>> fsi(CityMap(heights, 2.0))
     0.75
     """
-    # Not np.rint: it would round 7.5 m, two floors and a half, down but 4.5 m up. A built pixel
-    # is above half a floor, so open ground has none.
-    floors = np.floor(city.heights / np.float32(FLOOR) + np.float32(0.5))
-    return float(floors.sum(where=city.built, dtype=np.float64)) / floors.size
+    return _floors(city) / city.heights.size
+
+
+@fitness(range=(0, math.inf))
+def osr(city: CityMap) -> float:
+    """Open space ratio: open ground a unit of floor area, how hard the open ground is used.
+
+    Formula: (1 − GSI) / FSI, see `gsi` and `fsi`.
+    Unit: none. Range: 0 (no open ground) upwards. Empty map: NaN, nothing is built.
+    Source: Berghauser Pont & Haupt, Spacematrix (2010), who also call it spaciousness.
+
+    >>> heights = np.zeros((8, 8))
+    >>> heights[:4, :4] = 9
+    >>> osr(CityMap(heights, 2.0))
+    1.0
+    """
+    count = np.count_nonzero(city.built)
+    if not count:
+        return Undefined("nothing is built")
+    return (city.built.size - count) / _floors(city)
+
+
+@fitness(range=(1, math.inf))
+def storeys(city: CityMap) -> float:
+    """Mean number of floors of what is built.
+
+    Formula: L = FSI / GSI, see `fsi` and `gsi`: a mean weighted by footprint.
+    Unit: none. Range: 1 upwards, for what is lower than half a floor is not built.
+    Empty map: NaN, nothing is built.
+    Source: Berghauser Pont & Haupt, Spacematrix (2010).
+
+    >>> heights = np.zeros((8, 8))
+    >>> heights[:4, :4] = 9
+    >>> heights[4:, 4:] = 15
+    >>> storeys(CityMap(heights, 2.0))
+    4.0
+    """
+    count = np.count_nonzero(city.built)
+    if not count:
+        return Undefined("nothing is built")
+    return _floors(city) / count
 
 
 @fitness(unit="m", range=(0, math.inf))
@@ -65,3 +103,11 @@ def mean_height(city: CityMap) -> float:
     if not count:
         return Undefined("nothing is built")
     return float(city.heights.sum(where=city.built, dtype=np.float64)) / count
+
+
+def _floors(city: CityMap) -> float:
+    """Floors of all built pixels, summed; at least one each."""
+    # Not np.rint: it would round 7.5 m, two floors and a half, down but 4.5 m up. A built pixel
+    # is above half a floor, so open ground has none.
+    floors = np.floor(city.heights / np.float32(FLOOR) + np.float32(0.5))
+    return float(floors.sum(where=city.built, dtype=np.float64))

@@ -6,7 +6,7 @@ from numbers import Real
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
-from evocity.fitness.registry import Measure
+from evocity.fitness.measure import Measure
 
 GOALS = ("max", "min", "target", "like")
 

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evocity.citymap import CityMap
 from evocity.coding.decode import decode
 from evocity.errors import FitnessError
+from evocity.fitness._kernels import mark_whole
+from evocity.fitness.measure import Undefined
+from evocity.fitness.registry import fitness
 from evocity.fitness.sizes import crumbs
 from evocity.genome import Genome
 
@@ -36,8 +40,9 @@ def heritability(genome: Genome, intended: np.ndarray) -> Heritability:
     return Heritability(distance, float(crumbs(decoded)) - float(crumbs(meant)))
 
 
-def integrity(genome: Genome, parents: Sequence[Genome]) -> float:
-    """Share of the built area that belongs to a parent's building still present whole.
+@fitness(goal="max", range=(0, 1))
+def integrity(city: CityMap, genome: Genome, parents: Sequence[Genome]) -> float:
+    """Share of what is built that belongs to parents' buildings still present whole.
 
     A building, a built component of a parent's decoded map, is whole where all range blocks it
     stands on came to the child together, each in its place beside the others: traced by
@@ -47,26 +52,46 @@ def integrity(genome: Genome, parents: Sequence[Genome]) -> float:
 
     Formula: Σ area of whole buildings / Σ built area of the stones (range blocks of the parents)
     that the child is laid of.
-    Unit: none. Range: 0 to 1; NaN if no stone is built on. Raises `FitnessError` if a lifs of
-    the child comes from none of the parents.
+    Unit: none. Range: 0 to 1. Empty map: NaN, no stone is built on.
     Source: ours, see `evocity.operators` on crossing groups of lifs.
+
+    >>> heights = np.zeros((32, 32))
+    >>> heights[4:12, 4:20] = 9
+    >>> code = evocity.encode(CityMap(heights, 2.0)).genome
+    >>> integrity(evocity.decode(code).city, genome=code, parents=[code])
+    1.0
     """
-    stones = _Stones(genome)
+    share = integrity_of(genome, parents)
+    return Undefined("no stone is built on") if math.isnan(share) else share
+
+
+def integrity_of(genome: Genome, parents: Sequence[Genome]) -> float:
+    """The measure `integrity` of a child ``genome`` of ``parents``; NaN if no stone is built on.
+
+    Raises `FitnessError` if a lifs of the child comes from none of the parents.
+    """
+    numbers = {name: number for number, name in enumerate(genome.cities)}
+    laid = _stones(genome, numbers)
+    order = np.argsort(laid, kind="stable")
     pixels = genome.pavement.block**2
     whole, built = np.zeros((2, len(genome), pixels), bool)
     traced = np.zeros(len(genome), bool)
     for parent in parents:
         city = decode(parent).city
-        keys = stones.keys_of(parent)
+        stones = _stones(parent, numbers)
         blocks = parent.pavement.blocks(city.built).reshape(-1, pixels)
-        order = np.argsort(keys, kind="stable")
-        at = order[np.minimum(np.searchsorted(keys[order], stones.keys), keys.size - 1)]
-        found = (keys[at] == stones.keys) & ~traced
+        by_stone = np.argsort(stones, kind="stable")
+        at = by_stone[np.minimum(np.searchsorted(stones[by_stone], laid), stones.size - 1)]
+        found = (stones[at] == laid) & ~traced
         built[found], traced = blocks[at][found], traced | found
         labels = parent.pavement.blocks(city.labels).reshape(-1, pixels)
-        for building, lifs in _buildings(labels):
-            for places in stones.copies(keys, lifs, parent.pavement.columns):
-                whole[places] |= labels[lifs] == building
+        starts, members = _footings(labels)
+        begins = stones[members[starts[:-1]]]
+        first, last = (np.searchsorted(laid[order], begins, side) for side in ("left", "right"))
+        mark_whole(
+            starts, members, labels, stones, parent.pavement.columns,
+            order, first, last, laid, genome.pavement.columns, whole,
+        )  # fmt: skip
     if not traced.all():
         strange = sorted({genome.cities[one] for one in np.unique(genome.parent[~traced])})
         raise FitnessError(
@@ -78,47 +103,21 @@ def integrity(genome: Genome, parents: Sequence[Genome]) -> float:
     return np.count_nonzero(whole & built) / total if total else math.nan
 
 
-class _Stones:
-    """Where in a child each stone, (city, source), lies."""
-
-    def __init__(self, child: Genome):
-        self.cities = {name: number for number, name in enumerate(child.cities)}
-        self.keys = self.keys_of(child)
-        self.columns = child.pavement.columns
-        self.shape = child.pavement.rows, child.pavement.columns
-        order = np.argsort(self.keys, kind="stable")
-        kinds, first = np.unique(self.keys[order], return_index=True)
-        self.places = dict(zip(kinds.tolist(), np.split(order, first[1:]), strict=True))
-
-    def keys_of(self, genome: Genome) -> np.ndarray:
-        """One number a stone, the same in parent and child; negative for cities the child lacks."""
-        numbers = np.array([self.cities.get(name, -1) for name in genome.cities], np.int64)
-        return numbers[genome.parent] << 32 | genome.source.astype(np.int64)
-
-    def copies(self, keys: np.ndarray, lifs: np.ndarray, columns: int) -> np.ndarray:
-        """Where the parent's ``lifs``, indices into ``keys``, lie together in the child: a row of
-        range blocks ``(len(lifs),)`` each time."""
-        row, column = np.divmod(lifs, columns)
-        found = self.places.get(int(keys[lifs[0]]), np.empty(0, np.int64))
-        down, across = np.divmod(found, self.columns)
-        for k in range(1, lifs.size):
-            i, j = down + row[k] - row[0], across + column[k] - column[0]
-            inside = (i >= 0) & (i < self.shape[0]) & (j >= 0) & (j < self.shape[1])
-            there = np.zeros(down.size, bool)
-            there[inside] = self.keys[i[inside] * self.columns + j[inside]] == keys[lifs[k]]
-            down, across = down[there], across[there]
-        rows, sides = down[:, None] + row - row[0], across[:, None] + column - column[0]
-        return rows * self.columns + sides
+def _stones(genome: Genome, numbers: dict[str, int]) -> np.ndarray:
+    """One number a lifs for the stone it is, (city, source), the same in parent and child, whose
+    cities are ``numbers``; negative for cities the child lacks."""
+    cities = np.array([numbers.get(name, -1) for name in genome.cities], np.int64)
+    return cities[genome.parent] << 32 | genome.source.astype(np.int64)
 
 
-def _buildings(labels: np.ndarray):
-    """(label, lifs it stands on) of each building of ``labels`` (n, B²)."""
+def _footings(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lifs that each building of ``labels`` (n, B²) stands on: building b (label b + 1) on
+    members[starts[b] : starts[b + 1]], ascending."""
+    count = int(labels.max(initial=0))
     lifs, pixel = np.nonzero(labels)
-    pairs = np.unique(np.stack([labels[lifs, pixel], lifs]), axis=1)
-    starts = np.flatnonzero(np.diff(pairs[0], prepend=-1))
-    for members in np.split(pairs, starts[1:], axis=1):
-        if members.size:
-            yield int(members[0, 0]), members[1]
+    pairs = np.flatnonzero(np.bincount((labels[lifs, pixel] - 1) * len(labels) + lifs))
+    building, members = np.divmod(pairs, len(labels))
+    return np.searchsorted(building, np.arange(count + 1)), members
 
 
-__all__ = ["Heritability", "heritability", "integrity"]
+__all__ = ["Heritability", "heritability", "integrity", "integrity_of"]

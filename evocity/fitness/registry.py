@@ -1,24 +1,30 @@
-"""What a measure is, which ones there are, and how a name or a file becomes one."""
+"""Which measures there are, and how a function, a name or a file becomes one."""
 
 import contextlib
-import hashlib
 import inspect
 import linecache
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from dataclasses import replace
+from functools import cache
 from importlib.metadata import EntryPoint
-from numbers import Real
 from pathlib import Path
 from types import ModuleType
 
-from evocity.citymap import CityMap
 from evocity.errors import EvocityError, FitnessError, near_miss, told
-from evocity.plugins import load_plugins
+from evocity.fitness.measure import (
+    EXTRAS,
+    Family,
+    Measure,
+    Several,
+    content_hash,
+    line_in,
+    shown,
+)
+from evocity.plugins import load_plugins, origin_of
 
 #: Entry points of this group name modules, or single measures, of other packages.
 PLUGINS = "evocity.fitness"
@@ -26,115 +32,24 @@ PLUGINS = "evocity.fitness"
 _HOW_TO_DECLARE = '@evocity.fitness(goal="max", unit="m", range=(0, 1)) above def name(city):'
 
 
-class Undefined(float):
-    """NaN that says why: what a measure returns where its formula has no meaning.
-
-    >>> value = Undefined("no building to measure")
-    >>> value, value.reason
-    (nan, 'no building to measure')
-    """
-
-    reason: str
-
-    def __new__(cls, reason: str):
-        nan = super().__new__(cls, "nan")
-        nan.reason = reason
-        return nan
-
-
-@dataclass(frozen=True, eq=False)
-class Measure:
-    """A named function from a city map to one number, with what is needed to search by it.
-
-    Call it on a `CityMap`: it returns a float, NaN (often an `Undefined`) where the measure
-    has no meaning. It raises `FitnessError`, with file and line, if the function raises or
-    returns anything but one finite real number or NaN.
-
-    Attributes
-    ----------
-    name : the function's name: how recipes, logs and tables call the measure.
-    function : the plain function, ``function(city) -> float``.
-    goal : "max" or "min", its own default; None if it takes a target, or a city to be like.
-    unit : the unit of the number; "" for a pure number.
-    range : lowest and highest value; ``inf`` where there is no bound.
-    doc : the function's documentation.
-    file : the file that declares it.
-    line : the line in that file.
-    """
-
-    name: str
-    function: Callable[[CityMap], float] = field(repr=False)
-    goal: str | None
-    unit: str
-    range: tuple[float, float]
-    doc: str = field(repr=False)
-    file: str
-    line: int
-
-    def __post_init__(self):
-        object.__setattr__(self, "__doc__", self.doc)
-
-    def __call__(self, city: CityMap) -> float:
-        if not isinstance(city, CityMap):
-            raise FitnessError(
-                f"{self.name} of a {type(city).__name__}",
-                "a CityMap",
-                "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)",
-            )
-        try:
-            value = self.function(city)
-        except EvocityError:
-            raise
-        except Exception as error:
-            line = _line_in(self.file, error) or self.line
-            raise FitnessError(
-                f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
-                "a measure that copes with every map, the empty one too",
-                "correct that line, or return float('nan') where the measure has no meaning",
-            ) from error
-        if isinstance(value, Undefined):
-            return value
-        if isinstance(value, Real) and not isinstance(value, bool):
-            with contextlib.suppress(OverflowError):
-                number = float(value)
-                if not math.isinf(number):
-                    return number
-        raise FitnessError(
-            f"{self.name} ({self.file}, line {self.line}) returned {_shown(value)} for {city.name}",
-            "one finite real number, or NaN where the measure has no meaning",
-            f"end {self.name} with: return float(...)",
-        )
-
-    @cached_property
-    def source_hash(self) -> str:
-        """Hexadecimal hash of the source that declares the measure, helpers beside it included:
-        of its whole file, as it was when loaded; of the function alone if there is no file."""
-        with contextlib.suppress(OSError):
-            return _hash(Path(self.file).read_bytes())
-        with contextlib.suppress(OSError, TypeError):
-            return _hash(inspect.getsource(self.function).encode())
-        return _hash(self.function.__code__.co_code)
-
-    def __reduce__(self):
-        # To another process goes the name, and the file to load there, never the function.
-        return _found_again, (self.name, self.file if self.name in _from_files else None)
-
-
-def _found_again(name: str, file: str | None) -> Measure:
-    return get(name) if file is None else {m.name: m for m in load_file(file)}[name]
-
-
 _table: dict[str, Measure] = {}  # declared by this package, by plugins, in the user's session
 _from_files: dict[str, Measure] = {}  # declared in files that `load_file` executed
 _collecting: ContextVar[list[Measure] | None] = ContextVar("collecting", default=None)
 
+_PACKAGE = str(Path(__file__).parent.parent)
+
 
 def fitness(
-    goal: str | None = None,
-    unit: str = "",
-    range: tuple[float, float] = (-math.inf, math.inf),
-) -> Callable[[Callable[[CityMap], float]], Measure]:
-    """Decorator that makes a `Measure` of a function of one city map, under its name.
+    goal: str | Mapping[str, str | None] | None = None,
+    unit: str | Mapping[str, str] = "",
+    range: tuple[float, float] | Mapping[str, tuple[float, float]] = (-math.inf, math.inf),
+    *,
+    numbers: Sequence[str] = (),
+) -> Callable[[Callable], Measure | Family]:
+    """Decorator that makes a `Measure` of a function of a city map, under its name.
+
+    The function takes the city, and if it names them so, ``genome`` (the code that was decoded)
+    and ``parents`` (the genomes it was bred from).
 
     Parameters
     ----------
@@ -142,40 +57,60 @@ def fitness(
         recipe must give a target, or a city to be like.
     unit : unit of the number, "" for a pure number.
     range : lowest and highest value it can take.
+    numbers : names, if the function returns several numbers, as a mapping from each name; it
+        becomes a `Family` of measures called function.number. goal, unit and range are then
+        those of all, or mappings from a number's name.
 
     Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
     is taken.
     """
     if callable(goal):
         raise FitnessError("@evocity.fitness without brackets", _HOW_TO_DECLARE, "add brackets")
-    if goal not in ("max", "min", None):
-        raise FitnessError(
-            f"goal = {goal!r}",
-            '"max", "min" or None',
-            "give targets in the recipe (target = 0.35, or like = a city), not here",
+    several = _checked_names(numbers)
+    each = [
+        (
+            number,
+            _goal(_own(goal, number, None)),
+            _unit(_own(unit, number, "")),
+            _bounds(_own(range, number, (-math.inf, math.inf))),
         )
-    if not isinstance(unit, str):
-        raise FitnessError(f"unit = {unit!r}", 'text, for example "m"', "put the unit in quotes")
-    bounds = _bounds(range)
+        for number in several or [None]
+    ]
+    for told_by_name in (goal, unit, range):
+        strange = set(told_by_name) - set(several) if isinstance(told_by_name, Mapping) else ()
+        if strange:
+            raise FitnessError(
+                f"{', '.join(map(str, strange))}, which is none of numbers = {several}",
+                "goals, units and ranges of the numbers the function returns",
+                "name them in numbers=(…) too",
+            )
 
-    def declare(function: Callable[[CityMap], float]) -> Measure:
-        _check_function(function)
-        measure = Measure(
-            name=function.__name__,
-            function=function,
-            goal=goal,
-            unit=unit,
-            range=bounds,
-            doc=inspect.cleandoc(function.__doc__ or ""),
-            file=function.__code__.co_filename,
-            line=function.__code__.co_firstlineno,
-        )
+    def declare(function: Callable) -> Measure | Family:
+        needs = _check_function(function)
+        name, called = function.__name__, Several(function) if several else function
+        file = function.__code__.co_filename
+        found = [
+            Measure(
+                name=name if number is None else f"{name}.{number}",
+                function=called,
+                goal=goal,
+                unit=unit,
+                range=bounds,
+                doc=inspect.cleandoc(function.__doc__ or ""),
+                file=file,
+                line=function.__code__.co_firstlineno,
+                needs=needs,
+                number=number,
+                origin="evocity" if file.startswith(_PACKAGE) else "this session",
+            )
+            for number, goal, unit, bounds in each
+        ]
         collected = _collecting.get()
         if collected is None:
-            _add(_table, [measure], taken=_table)
+            _add(_table, found, taken=_table)
         else:
-            collected.append(measure)
-        return measure
+            collected.extend(found)
+        return Family(name, tuple(found)) if several else found[0]
 
     return declare
 
@@ -192,11 +127,32 @@ def get(name: str) -> Measure:
     )
 
 
+def named(name: str) -> list[Measure]:
+    """The measure called ``name``, or all those of the function so called that returns several
+    numbers. Raises `FitnessError` as `get` does."""
+    return family_of(name, measures()) or [get(name)]
+
+
+def family_of(name: str, among: Sequence[Measure]) -> list[Measure]:
+    """Those ``among`` measures that the function ``name`` returns as several numbers."""
+    return [one for one in among if one.number is not None and one.name == f"{name}.{one.number}"]
+
+
 def measures() -> list[Measure]:
     """All measures, by name: the package's, plugins', and those of files loaded so far."""
     plugin_warnings()  # the first call loads the plugins
     known = _table | _from_files
     return [known[name] for name in sorted(known)]
+
+
+def file_of(name: str) -> str | None:
+    """The file `load_file` found the measure in; None for those registered otherwise."""
+    return _from_files[name].file if name in _from_files else None
+
+
+def found_again(name: str, file: str | None) -> Measure:
+    """The measure called ``name``, in another process: from its ``file`` if it has one."""
+    return get(name) if file is None else {m.name: m for m in load_file(file)}[name]
 
 
 @cache
@@ -208,11 +164,13 @@ def plugin_warnings() -> tuple[str, ...]:
 def _take(entry: EntryPoint) -> None:
     with _collected() as found:
         loaded = entry.load()
-    if not isinstance(loaded, Measure | ModuleType):
+    if not isinstance(loaded, Measure | Family | ModuleType):
         raise TypeError(f"it is a {type(loaded).__name__}, not a measure or a module")
-    if isinstance(loaded, Measure) and loaded.name not in (m.name for m in found):
-        found.append(loaded)
-    _add(_table, found, taken=_table)
+    single = {Measure: lambda: [loaded], Family: lambda: loaded.measures}
+    for one in single.get(type(loaded), list)():
+        if one.name not in (m.name for m in found):
+            found.append(one)
+    _add(_table, [replace(one, origin=origin_of(entry)) for one in found], taken=_table)
 
 
 def load_file(path: str | os.PathLike) -> list[Measure]:
@@ -233,7 +191,7 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     path = path.resolve()
     content = path.read_bytes()
     linecache.checkcache(str(path))  # an edited file: show its new lines
-    module = ModuleType(f"evocity_user_{path.stem}_{_hash(str(path).encode())[:8]}")
+    module = ModuleType(f"evocity_user_{path.stem}_{content_hash(str(path).encode())[:8]}")
     module.__file__ = str(path)
     before = sys.modules.get(module.__name__)
     sys.modules[module.__name__] = module  # where dataclasses and pickle look for its classes
@@ -243,6 +201,7 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
             exec(code, module.__dict__)
         if not found:
             raise FitnessError("no measure in it", f"at least one {_HOW_TO_DECLARE}", "add it")
+        found = [replace(one, origin=str(path)) for one in found]
         _add(_from_files, found, taken=_table)
     except (Exception, SystemExit) as error:
         if before is None:
@@ -251,12 +210,12 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
             sys.modules[module.__name__] = before
         raise _file_fault(path, error) from error
     for measure in found:
-        measure.__dict__["source_hash"] = _hash(content)  # the file may change later
+        measure.__dict__["source_hash"] = content_hash(content)  # the file may change later
     return found
 
 
 def _file_fault(path: Path, error: BaseException) -> FitnessError:
-    line = _line_in(str(path), error)
+    line = line_in(str(path), error)
     unreadable = isinstance(error, SyntaxError) and line is None  # else it is another file's
     if unreadable:
         line = error.lineno
@@ -307,22 +266,60 @@ def _origin(measure: Measure) -> tuple[str, str]:
     return measure.function.__module__, measure.function.__qualname__
 
 
-def _check_function(function) -> None:
+def _check_function(function) -> tuple[str, ...]:
+    """Which of `EXTRAS` the ``function`` takes."""
     if not inspect.isfunction(function) or not function.__name__.isidentifier():
         raise FitnessError(
-            f"@evocity.fitness(...) above {_shown(function)}",
+            f"@evocity.fitness(...) above {shown(function)}",
             "a function with a name",
             f"write {_HOW_TO_DECLARE}",
         )
+    signature = inspect.signature(function)
+    needs = tuple(name for name in EXTRAS if name in list(signature.parameters)[1:])
     try:
-        signature = inspect.signature(function)
-        signature.bind("city")
+        signature.bind("city", **dict.fromkeys(needs))
     except TypeError as error:
         raise FitnessError(
             f"{function.__name__}{signature}: {error}",
-            f"a function of one argument: def {function.__name__}(city):",
-            "take the city map only; give other parameters default values",
+            f"a function of the city map: def {function.__name__}(city):, which may ask for "
+            f"{' and '.join(EXTRAS)} besides",
+            "take these alone; give other parameters default values",
         ) from None
+    return needs
+
+
+def _checked_names(numbers: Sequence[str]) -> tuple[str, ...]:
+    listed = isinstance(numbers, Sequence) and not isinstance(numbers, str)
+    names = tuple(numbers) if listed else ()
+    right = all(isinstance(name, str) and name.isidentifier() for name in names)
+    if not (listed and right and len(set(names)) == len(names)):
+        raise FitnessError(
+            f"numbers = {numbers!r}",
+            'names of the numbers that the function returns, for example ("count", "tallest")',
+            "leave it out if the function returns one number",
+        )
+    return names
+
+
+def _own(told, number: str | None, default):
+    """What is told of one ``number``, or of all."""
+    return told.get(number, default) if isinstance(told, Mapping) else told
+
+
+def _goal(goal) -> str | None:
+    if goal not in ("max", "min", None):
+        raise FitnessError(
+            f"goal = {goal!r}",
+            '"max", "min" or None',
+            "give targets in the recipe (target = 0.35, or like = a city), not here",
+        )
+    return goal
+
+
+def _unit(unit) -> str:
+    if not isinstance(unit, str):
+        raise FitnessError(f"unit = {unit!r}", 'text, for example "m"', "put the unit in quotes")
+    return unit
 
 
 def _bounds(range) -> tuple[float, float]:
@@ -335,25 +332,3 @@ def _bounds(range) -> tuple[float, float]:
         "two numbers, the lower first; float('inf') for no bound",
         "write for example range=(0, 1)",
     )
-
-
-def _line_in(file: str, error: BaseException) -> int | None:
-    """The innermost line of ``file`` that ``error`` passed through."""
-    line, step = None, error.__traceback__
-    while step is not None:
-        if step.tb_frame.f_code.co_filename == file:
-            line = step.tb_lineno
-        step = step.tb_next
-    return line
-
-
-def _shown(value) -> str:
-    shape = getattr(value, "shape", None)
-    if shape is not None and not isinstance(value, Real):
-        return f"{type(value).__name__} of shape {shape}"
-    text = repr(value)
-    return f"{type(value).__name__} {text if len(text) < 60 else text[:57] + '…'}"
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()

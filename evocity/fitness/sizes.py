@@ -8,7 +8,9 @@ from scipy.optimize import brentq
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
-from evocity.fitness.registry import Undefined, fitness
+from evocity.fitness.measure import Undefined
+from evocity.fitness.registry import fitness
+from evocity.views.buildings import CRUMB
 
 #: Bounds of the sizes that count, metres: from a garage (25 m²; below are `crumbs`), four
 #: e-classes up, to the largest block (273 m). Fixed, for a fit on the sample's own maximum is
@@ -17,8 +19,6 @@ SMALLEST = 5.0
 LARGEST = SMALLEST * math.e**4
 #: Fewer sizes than this say nothing of a distribution.
 FEWEST = 30
-#: Footprints under this area, m², are crumbs.
-CRUMB = 24.0
 
 _STEEPEST = 700.0  # bound on |m| ln(b/a), near the end of exp's range
 

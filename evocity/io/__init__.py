@@ -24,7 +24,7 @@ from evocity.io.patterns import (
     radial_town,
     substitution_town,
 )
-from evocity.io.reading import READERS, plugin_warnings, read_map, suffixes
+from evocity.io.reading import READERS, plugin_warnings, read_map, readers, suffixes
 from evocity.io.sources import Footprints, Grid, Reader, Request
 from evocity.io.writing import (
     FIELD_WRITERS,
@@ -58,6 +58,7 @@ __all__ = [
     "radial_town",
     "read_condensation",
     "read_map",
+    "readers",
     "substitution_town",
     "suffixes",
     "write_field",

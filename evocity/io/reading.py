@@ -18,7 +18,7 @@ from evocity.io.raster import read_geotiff, read_npy, read_png
 from evocity.io.resampling import gridded
 from evocity.io.sources import Footprints, Grid, Reader, Request, content_of
 from evocity.io.vector import read_layers
-from evocity.plugins import load_plugins
+from evocity.plugins import load_plugins, origin_of
 
 _PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
 
@@ -136,15 +136,25 @@ def suffixes() -> list[str]:
     return sorted({*READERS, *_from_plugins()[0]})
 
 
+def readers() -> dict[str, tuple[Reader, str]]:
+    """All readers by suffix, each with where it comes from: "evocity", or a plugin's package and
+    version."""
+    ours = {suffix: (reader, "evocity") for suffix, reader in READERS.items()}
+    found, _, origins = _from_plugins()
+    return ours | {suffix: (found[suffix], origins[suffix]) for suffix in found}
+
+
 def plugin_warnings() -> tuple[str, ...]:
     """One text for each entry point of the group ``evocity.readers`` that could not be loaded."""
     return _from_plugins()[1]
 
 
 @cache
-def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...]]:
-    """Readers of other packages by suffix, and what is wrong with those left out."""
+def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...], dict[str, str]]:
+    """Readers of other packages by suffix, what is wrong with those left out, and where each is
+    from."""
     found: dict[str, Reader] = {}
+    origins: dict[str, str] = {}
 
     def take(entry: EntryPoint) -> None:
         suffix, reader = entry.name.lower(), entry.load()
@@ -153,8 +163,9 @@ def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...]]:
         if suffix in READERS or suffix in found:
             raise ValueError(f"a second reader of {suffix}")
         found[suffix] = reader if isinstance(reader, Reader) else Reader(reader)
+        origins[suffix] = origin_of(entry)
 
-    return found, load_plugins("evocity.readers", take)
+    return found, load_plugins("evocity.readers", take), origins
 
 
 def _found(source: str | os.PathLike) -> tuple[Path, str]:
@@ -293,4 +304,4 @@ def _place(center: object) -> tuple[float, float] | None:
     )
 
 
-__all__ = ["READERS", "data_of", "options_of", "plugin_warnings", "read_map", "suffixes"]
+__all__ = ["READERS", "data_of", "options_of", "plugin_warnings", "read_map", "readers", "suffixes"]

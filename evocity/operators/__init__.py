@@ -46,7 +46,7 @@ from evocity.operators.region_fusion import RegionFusion
 from evocity.operators.relocation import Relocation
 from evocity.operators.repair import collage_repair
 from evocity.operators.symmetric_fusion import SymmetricFusion
-from evocity.plugins import load_plugins
+from evocity.plugins import load_plugins, origin_of
 
 
 class Operator(Protocol):
@@ -90,15 +90,21 @@ def operators() -> dict[str, type[Operator]]:
     return OPERATORS | _from_plugins()[0]
 
 
+def origins() -> dict[str, str]:
+    """Where each of `operators` comes from: "evocity", or a plugin's package and version."""
+    return dict.fromkeys(OPERATORS, "evocity") | _from_plugins()[2]
+
+
 def plugin_warnings() -> tuple[str, ...]:
     """One text for each entry point ``evocity.operators`` that could not be loaded."""
     return _from_plugins()[1]
 
 
 @cache
-def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...]]:
-    """Operators of other packages, and what is wrong with those left out."""
+def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[str, str]]:
+    """Operators of other packages, what is wrong with those left out, and where each is from."""
     found: dict[str, type[Operator]] = {}
+    origins: dict[str, str] = {}
 
     def take(entry: EntryPoint) -> None:
         kind = entry.load()
@@ -107,9 +113,9 @@ def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...]]:
         if entry.name in OPERATORS or entry.name in found:
             raise ValueError(f"a second operator called {entry.name}")
         wrong_types(kind, {})  # raises if its annotations cannot be checked
-        found[entry.name] = kind
+        found[entry.name], origins[entry.name] = kind, origin_of(entry)
 
-    return found, load_plugins("evocity.operators", take)
+    return found, load_plugins("evocity.operators", take), origins
 
 
 def make(name: str, **parameters) -> Operator:
@@ -180,6 +186,7 @@ __all__ = [
     "collage_repair",
     "make",
     "operators",
+    "origins",
     "parameters_of",
     "plugin_warnings",
 ]

@@ -25,31 +25,55 @@ _TURNS = ("start", "resume", "stop", "finish")
 
 @dataclass(frozen=True)
 class Aim:
-    """A measure of the run and what was wanted of it: max, min, like, a target, or unknown."""
+    """A measure of the run and what was wanted of it: max, min, like, a target, bounds (for a
+    constraint alone), or unknown; and what it counted in if it was part of a sum."""
 
     name: str
     unit: str
     goal: str
     target: float | None = None
+    low: float | None = None
+    high: float | None = None
+    total: str | None = None
 
     @property
     def wanted(self) -> str:
         """The goal in words."""
+        words = {
+            "max": "more is better",
+            "min": "less is better",
+            "like": "as in one city",
+            "bounds": "",
+        }
+        parts = [words.get(self.goal, "as its file declares")]
         if self.target is not None:
-            return f"{self.target:.4g} {self.unit}".rstrip() + " is wanted"
-        words = {"max": "more is better", "min": "less is better", "like": "as in one city"}
-        return words.get(self.goal, "as its file declares")
+            parts = [f"{self.target:.4g} {self.unit}".rstrip() + " is wanted"]
+        if self.low is not None:
+            parts.append(f"at least {self.low:.4g} {self.unit}".rstrip())
+        if self.high is not None:
+            parts.append(f"at most {self.high:.4g} {self.unit}".rstrip())
+        if self.total is not None:
+            parts.append(f"part of {self.total}")
+        return ", ".join(part for part in parts if part)
 
     @property
     def sign(self) -> str:
-        """The goal as a sign: ↑ more, ↓ less, →0.35 a target; nothing if it is unknown."""
+        """The goal as a sign: ↑ more, ↓ less, →0.35 a target, ≥ and ≤ bounds; nothing if it is
+        unknown."""
         if self.target is not None:
             return f"→{self.target:.4g}"
+        if self.goal == "bounds":
+            bounds = ("≥", self.low), ("≤", self.high)
+            return " ".join(f"{sign}{b:.4g}" for sign, b in bounds if b is not None)
         return {"max": "↑", "min": "↓"}.get(self.goal, "")
 
     def loss(self, value: float) -> float:
-        """Lower is better, as in `evocity.fitness.Objective`; that one needs the measure itself,
+        """Lower is better, as in `evocity.fitness.Wanted`; that one needs the measure itself,
         which a stranger's run may not have."""
+        if self.goal == "bounds":
+            low = -math.inf if self.low is None else self.low
+            high = math.inf if self.high is None else self.high
+            return min(max(low - value, value - high, 0.0), sys.float_info.max)
         if self.target is not None:
             return min(abs(float(value) - self.target), sys.float_info.max)
         return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
@@ -98,11 +122,22 @@ class Facts:
 
     def _aim(self, name: str, stated: dict) -> Aim:
         known = {measure.name: measure for measure in fitness.measures()}.get(name)
-        target = stated.get("target")
-        target = float(target) if isinstance(target, int | float) else None
+        numbers = (stated.get(key) for key in ("target", "min", "max"))
+        target, low, high = (float(n) if isinstance(n, int | float) else None for n in numbers)
         own = known.goal if known else None
-        goal = str(stated.get("goal") or ("like" if "like" in stated else own) or "unknown")
-        return Aim(name, known.unit if known else "", goal, target)
+        if (low, high) != (None, None) and stated.get("goal") is None and target is None:
+            own = "bounds"
+        goal = str(stated.get("goal") or ("like" if stated.get("like") else own) or "unknown")
+        total = stated.get("objective")
+        return Aim(
+            name,
+            known.unit if known else "",
+            goal,
+            target,
+            low,
+            high,
+            str(total) if total else None,
+        )
 
     @cached_property
     def recipe(self) -> dict:
@@ -159,7 +194,7 @@ class Facts:
     def births(self):
         """All births, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
-        columns = ["generation", "id", "operator", "status", "error", *values]
+        columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
         return self.run.births(columns=columns)
 
     @cached_property
@@ -195,8 +230,16 @@ class Facts:
         rows = {row["id"]: row for row in self.members}
         where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
         self.run.individuals([one for one in rows if one not in where])  # says who is missing
+        kept = self.births["feasible"].to_pylist()
         by_aim = [
-            sorted(rows, key=lambda one: (aim.loss(self.values[where[one], column]), one))
+            sorted(
+                rows,
+                key=lambda one: (
+                    not kept[where[one]],
+                    aim.loss(self.values[where[one], column]),
+                    one,
+                ),
+            )
             for column, aim in enumerate(self.aims)
         ]
         chosen: dict[int, dict] = {}

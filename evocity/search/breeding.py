@@ -13,12 +13,14 @@ from evocity.search.recipe import OperatorEntry, Recipe
 @dataclass(frozen=True)
 class Individual:
     """One of the living: ``values`` maps measures to raw values, ``losses`` are what selection
-    makes small, in the order of the objectives; ``rank`` is its front, 0 the best."""
+    makes small, in the order of the objectives; ``violation`` is how far constraints are broken, 0
+    if they are kept; ``rank`` is its front, 0 the best."""
 
     id: int
     genome: Genome = field(repr=False)
     values: dict[str, float]
     losses: tuple[float, ...] = field(repr=False)
+    violation: float = 0.0
     rank: int = 0
     crowding: float = 0.0
 

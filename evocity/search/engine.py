@@ -111,7 +111,7 @@ class Search:
         search = cls(taken.prepared.recipe, None, workers, progress)
         search.out, search._writer = path, taken.writer
         search._prepared = taken.prepared
-        search._population = Population(taken.prepared.header.population, taken.prepared.losses)
+        search._population = Population(taken.prepared.header.population, taken.prepared.aims)
         search._population.begin_with(taken.first_births)
         search._population.restore(taken.living)
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
@@ -135,8 +135,8 @@ class Search:
         """Breed, evaluate and select until the recipe's last generation; then close."""
         try:
             while not self.finished:
-                genomes = self.ask()
-                yield self.tell(self._pool.run("evaluate", [(genome,) for genome in genomes]))
+                self.ask()
+                yield self.tell(self._pool.run("evaluate", self._jobs()))
             self._event("finish", generation=self._next - 1)
             self._ended = True
         except BaseException as error:
@@ -250,7 +250,7 @@ class Search:
                 self._prepared.sources,
                 self._prepared.condensation,
             )
-        self._population = Population(self._prepared.header.population, self._prepared.losses)
+        self._population = Population(self._prepared.header.population, self._prepared.aims)
         self._start_pool()
         self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
@@ -283,6 +283,14 @@ class Search:
 
     # -- one generation ------------------------------------------------------------------
 
+    def _jobs(self) -> list[tuple]:
+        """Arguments of `Evaluator.evaluate`; parents travel only where a measure asks for them."""
+        wanted = any("parents" in measure.needs for measure in self.recipe.measures)
+        return [
+            (outcome.genome, plan.genomes if wanted and plan.operator else ())
+            for plan, outcome in self._bred()
+        ]
+
     def _bred(self) -> list[tuple[Plan, Outcome]]:
         return [(plan, outcome) for plan, outcome in self._asked if outcome.genome is not None]
 
@@ -298,6 +306,7 @@ class Search:
             error=ended.error if evaluated is not None else f"{plan.name}: {bred.error}",
             seconds=bred.seconds + (evaluated.seconds if evaluated else 0.0),
             values=ended.values,
+            feasible=ended.status == "ok" and not self._prepared.aims.violation(ended.values),
             genome=bred.genome,
             made=made or {"operator": plan.name},
         )

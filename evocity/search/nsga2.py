@@ -19,15 +19,25 @@ class _Crowded:
         self.fitness = kind(losses)
 
 
-def ranks_and_crowding(losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ranks_and_crowding(
+    losses: np.ndarray, violations: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Front (int, 0 = not dominated) and crowding distance of each row of ``(n, m)`` losses.
+
+    Those of ``violations`` (n,) above 0 break a constraint: they come after all that do not, in
+    fronts of equal violation, the least first (constrained domination, Deb et al. 2002 §VI).
 
     Raises ValueError for a loss that is not finite: moocore and DEAP would rank NaN first.
     """
     losses = np.ascontiguousarray(losses, np.float64)
-    if not np.isfinite(losses).all():
-        raise ValueError("losses must be finite to be ranked")
-    ranks = _ranks(losses)
+    broken = np.zeros(len(losses)) if violations is None else np.asarray(violations, float)
+    if not (np.isfinite(losses).all() and np.isfinite(broken).all()):
+        raise ValueError("losses and violations must be finite to be ranked")
+    ranks = np.empty(len(losses), np.int64)
+    kept = broken <= 0
+    ranks[kept] = _ranks(losses[kept]) if kept.any() else 0
+    fronts = int(ranks[kept].max()) + 1 if kept.any() else 0
+    ranks[~kept] = fronts + np.unique(broken[~kept], return_inverse=True)[1]
     kind = type("Losses", (base.Fitness,), {"weights": (-1.0,) * losses.shape[1]})
     crowding = np.zeros(len(losses))
     for front in np.unique(ranks):
@@ -38,12 +48,15 @@ def ranks_and_crowding(losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ranks, crowding
 
 
-def select(ids: Sequence[int], losses: np.ndarray, count: int) -> np.ndarray:
+def select(
+    ids: Sequence[int], losses: np.ndarray, count: int, violations: np.ndarray | None = None
+) -> np.ndarray:
     """Indices of the ``count`` that live, best first: by front, then crowding, then id."""
     if not len(ids):
         return np.empty(0, np.intp)
     by_id = np.argsort(ids, kind="stable")
-    ranks, crowding = ranks_and_crowding(losses[by_id])
+    broken = None if violations is None else np.asarray(violations)[by_id]
+    ranks, crowding = ranks_and_crowding(losses[by_id], broken)
     return by_id[np.lexsort((-crowding, ranks))][:count]
 
 

@@ -1,10 +1,11 @@
 """The living, generation by generation: who is let in, and how good they are together."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from evocity.fitness import Aims
 from evocity.search.breeding import Individual
 from evocity.search.nsga2 import Hypervolume, ranks_and_crowding, select
 from evocity.store import Birth, Member
@@ -13,12 +14,12 @@ from evocity.store import Birth, Member
 class Population:
     """At most ``size`` individuals with finite losses and different genomes, best first.
 
-    ``losses`` maps raw values to losses. Failed births never enter; a genome that lives
-    already is not let in twice.
+    ``aims`` tell losses and broken constraints from raw values. Failed births never enter; a
+    genome that lives already is not let in twice.
     """
 
-    def __init__(self, size: int, losses: Callable[[Mapping], tuple[float, ...]]):
-        self._size, self._losses = size, losses
+    def __init__(self, size: int, aims: Aims):
+        self._size, self._aims = size, aims
         self._hypervolume: Hypervolume | None = None
         self.living: list[Individual] = []
 
@@ -33,7 +34,7 @@ class Population:
 
     def begin_with(self, births: Sequence[Birth]) -> None:
         """Fix the hypervolume's unit by the first generation's births; later calls do nothing."""
-        first = [self._losses(born.values) for born in births if born.ok]
+        first = [self._aims.losses(born.values) for born in births if born.ok]
         if self._hypervolume is None and first:
             self._hypervolume = Hypervolume(np.array(first))
 
@@ -43,19 +44,23 @@ class Population:
 
     @property
     def hypervolume(self) -> float:
-        """In units of the first population's ranges, see `Hypervolume`; 0 if nobody lives."""
-        if not self.living:
-            return 0.0
-        return self._hypervolume(np.array([one.losses for one in self.living]))
+        """Of those that break no constraint, in units of the first population's ranges, see
+        `Hypervolume`; 0 if there are none."""
+        feasible = [one.losses for one in self.living if not one.violation]
+        return self._hypervolume(np.array(feasible)) if feasible else 0.0
 
     @property
     def best(self) -> dict[str, float]:
-        """Raw value of the best individual, for each measure."""
+        """Raw value of the best individual, for each measure; of those that break the constraints
+        least."""
         if not self.living:
             return {}
+        least = min(one.violation for one in self.living)
+        among = [one.values for one in self.living if one.violation == least]
         return {
-            name: min(self.living, key=lambda one: one.losses[k]).values[name]
-            for k, name in enumerate(self.living[0].values)
+            name: min((values[name] for values in among), key=wanted.loss)
+            for wanted in self._aims.wanted
+            for name in [wanted.measure.name]
         }
 
     @property
@@ -63,7 +68,9 @@ class Population:
         return [Member(s, one.id, one.rank, one.crowding) for s, one in enumerate(self.living)]
 
     def _individual(self, born: Birth) -> Individual:
-        return Individual(born.id, born.genome, dict(born.values), self._losses(born.values))
+        values = dict(born.values)
+        losses, violation = self._aims.losses(values), self._aims.violation(values)
+        return Individual(born.id, born.genome, values, losses, violation)
 
     def _keep(self, candidates: list[Individual]) -> None:
         if not candidates:
@@ -72,7 +79,9 @@ class Population:
         chosen = [candidates[i] for i in _selected(candidates, self._size)]
         ordered = [chosen[i] for i in _selected(chosen, self._size)]
         by_id = sorted(ordered, key=lambda one: one.id)
-        ranks, crowding = ranks_and_crowding(np.array([one.losses for one in by_id]))
+        ranks, crowding = ranks_and_crowding(
+            np.array([one.losses for one in by_id]), np.array([one.violation for one in by_id])
+        )
         judged = {
             one.id: (int(r), float(c)) for one, r, c in zip(by_id, ranks, crowding, strict=True)
         }
@@ -83,4 +92,5 @@ class Population:
 
 def _selected(individuals: Sequence[Individual], count: int) -> np.ndarray:
     losses = np.array([one.losses for one in individuals])
-    return select([one.id for one in individuals], losses, count)
+    violations = np.array([one.violation for one in individuals])
+    return select([one.id for one in individuals], losses, count, violations)

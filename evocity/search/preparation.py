@@ -1,6 +1,5 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
-import sys
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import chain, count
@@ -27,7 +26,7 @@ class Prepared:
 
     recipe: Recipe
     sources: list[Source]
-    objectives: list[fitness.Objective]
+    aims: fitness.Aims
     header: Header
     condensation: Condensation | None = None
 
@@ -40,11 +39,6 @@ class Prepared:
             for measure in entry.measures
         )
         return Setup(self.header, measures, self.condensation)
-
-    def losses(self, values) -> tuple[float, ...]:
-        """Losses, lower is better and always finite, of raw ``values`` (measure -> number)."""
-        losses = (one.loss(values[one.measure.name]) for one in self.objectives)
-        return tuple(min(loss, sys.float_info.max) for loss in losses)
 
 
 def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Prepared:
@@ -78,7 +72,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     header = _header(recipe, cities, condensation, attribution)
     adopted = [header.adopt(genome, condensation) for genome in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
-    return Prepared(recipe, sources, objectives_of(recipe), header, condensation)
+    return Prepared(recipe, sources, aims_of(recipe), header, condensation)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
@@ -98,25 +92,37 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     )
 
 
-def objectives_of(recipe: Recipe, targets: dict | None = None) -> list[fitness.Objective]:
-    """The recipe's objectives; ``targets`` (measure -> number) spare measuring the cities."""
-    objectives = []
-    for entry in recipe.fitness:
-        for measure in entry.measures:
-            if entry.like is None:
-                objectives.append(fitness.Objective(measure, entry.goal, entry.target))
-            elif targets and measure.name in targets:
-                target = targets[measure.name]
-                objectives.append(fitness.Objective(measure, "like", target))
-            else:
-                city = read_parent(recipe, entry.like)
-                objectives.append(fitness.Objective.like(measure, city))
-    return objectives
+def aims_of(recipe: Recipe, targets: dict | None = None) -> fitness.Aims:
+    """What the recipe wants; ``targets`` (measure -> number) spare measuring the cities."""
+    return fitness.Aims(
+        tuple(
+            fitness.Wanted(
+                measure,
+                _objective(recipe, entry, measure, targets or {}),
+                entry.constraint(measure),
+                1.0 if entry.weight is None else entry.weight,
+                entry.total,
+            )
+            for entry in recipe.fitness
+            for measure in entry.measures
+        )
+    )
+
+
+def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objective | None:
+    if not entry.is_objective:
+        return None
+    if entry.like is None:
+        return fitness.Objective(measure, entry.goal, entry.target)
+    if measure.name in targets:
+        return fitness.Objective(measure, "like", targets[measure.name])
+    return fitness.Objective.like(measure, read_parent(recipe, entry.like))
 
 
 def provenance_of(prepared: Prepared) -> dict:
     """What `provenance.json` records, besides the header."""
     recipe = prepared.recipe
+    wanted = prepared.aims.wanted
     likes = [entry.like for entry in recipe.fitness for _ in entry.measures]
     locked = {}
     if recipe.locked.asked:
@@ -139,20 +145,29 @@ def provenance_of(prepared: Prepared) -> dict:
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
-        "fitness": [
-            {
-                "name": one.measure.name,
-                "file": one.measure.file,
-                "hash": one.measure.source_hash,
-                "goal": one.goal,
-                "target": one.target,
-                "like": like,
-                "like_file": None if like is None else file_hash(recipe.folder, like),
-            }
-            for one, like in zip(prepared.objectives, likes, strict=True)
-        ],
+        "fitness": [_wanted(recipe, one, like) for one, like in zip(wanted, likes, strict=True)],
         **locked,
     }
+
+
+def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
+    """What `provenance.json` tells of a measure; keys of constraints and sums only if it has
+    them."""
+    objective, constraint = wanted.objective, wanted.constraint
+    about = {
+        "name": wanted.measure.name,
+        "file": wanted.measure.file,
+        "hash": wanted.measure.source_hash,
+        "goal": None if objective is None else objective.goal,
+        "target": None if objective is None else objective.target,
+        "like": like,
+        "like_file": None if like is None else file_hash(recipe.folder, like),
+    }
+    if constraint is not None:
+        about |= {"min": constraint.low, "max": constraint.high}
+    if wanted.total is not None:
+        about |= {"objective": wanted.total, "weight": wanted.weight}
+    return about
 
 
 def file_hash(folder: Path, name: str) -> str | None:

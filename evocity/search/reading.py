@@ -117,7 +117,14 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     names = [measure.name for measure in recipe.measures]
     twice = sorted({name for name in names if names.count(name) > 1})
-    return [("fitness", f"{name} twice", "each measure once") for name in twice]
+    faults = [("fitness", f"{name} twice", "each measure once") for name in twice]
+    if not any(entry.is_objective for entry in recipe.fitness):
+        faults.append(("fitness", "constraints alone", "a measure to search by as well"))
+    sums = {entry.total for entry in recipe.fitness} - {None}
+    return faults + [
+        ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
+        for name in sorted(sums.intersection(names))
+    ]
 
 
 _TYPES = {

@@ -23,7 +23,8 @@ from evocity import fitness, io, operators
 from evocity.citymap import MAX_SIDE
 from evocity.coding.search import available_cores
 from evocity.errors import EvocityError, FitnessError, shown, with_near_miss
-from evocity.fitness import Measure, Objective, get, load_file
+from evocity.fitness import WEIGHTED, Constraint, Measure, Objective, load_file, named
+from evocity.fitness.registry import family_of
 from evocity.io.heights import TALLEST
 
 
@@ -206,13 +207,22 @@ class LockedSection(Section):
 
 
 class FitnessEntry(Section):
-    """``[[fitness]]``: a measure by name, or those of a file, and what is wanted of them."""
+    """``[[fitness]]``: a measure by name, or those of a file, and what is wanted of them.
+
+    With ``min`` or ``max`` it is a constraint, and nothing else unless a goal, a target, a city
+    to be like or a weight is given too. Measures with a ``weight``, or one ``objective``, are
+    summed.
+    """
 
     name: str | None = None
     file: FileName | None = None
     goal: Literal["max", "min"] | None = None
     target: Finite | None = None
     like: MapName | None = None
+    min: Finite | None = None
+    max: Finite | None = None
+    weight: Positive | None = None
+    objective: str | None = Field(None, min_length=1, max_length=100)
 
     _measures: list[Measure] = PrivateAttr(default_factory=list)
 
@@ -221,9 +231,11 @@ class FitnessEntry(Section):
         wanted = [key for key in ("goal", "target", "like") if getattr(self, key) is not None]
         if len(wanted) > 1:
             raise fault(" and ".join(wanted), "one of goal, target and like")
+        if self.min is not None and self.max is not None and self.min >= self.max:
+            raise fault(f"min = {self.min:g}, max = {self.max:g}", "a min below the max")
         try:
             measures = self._found(info.context["folder"])
-            if self.like is None:
+            if self.like is None and self.is_objective:
                 for measure in measures:
                     Objective(measure, self.goal, self.target)
         except EvocityError as error:
@@ -235,6 +247,22 @@ class FitnessEntry(Section):
     def measures(self) -> list[Measure]:
         return self._measures
 
+    @property
+    def is_objective(self) -> bool:
+        """Whether it is more than a constraint."""
+        bounded = self.min is not None or self.max is not None
+        keys = ("goal", "target", "like", "weight", "objective")
+        return not bounded or any(getattr(self, key) is not None for key in keys)
+
+    @property
+    def total(self) -> str | None:
+        """The sum that its measures count in, if any."""
+        return WEIGHTED if self.objective is None and self.weight is not None else self.objective
+
+    def constraint(self, measure: Measure) -> Constraint | None:
+        bounded = self.min is not None or self.max is not None
+        return Constraint(measure, self.min, self.max) if bounded else None
+
     def source(self, folder: Path) -> str | None:
         """The file a worker must load the measures from; None for registered ones."""
         return None if self.file is None else resolved(folder, self.file)
@@ -244,20 +272,28 @@ class FitnessEntry(Section):
             if self.name is None:
                 raise fault("neither name nor file", "one of them")
             try:
-                return [get(self.name)]
+                return self._one_by_one(named(self.name))
             except FitnessError as error:
                 known = [measure.name for measure in fitness.measures()]
                 raise fault(with_near_miss(error.found, self.name, known), error.expected) from None
         measures = load_file(resolved(folder, self.file))
-        names = [measure.name for measure in measures]
         if self.name is None:
-            if len(names) > 1 and (self.target is not None or self.like is not None):
-                raise fault(f"a target for all of {', '.join(names)}", "name = one of them")
-            return measures
-        if self.name not in names:
+            return self._one_by_one(measures)
+        chosen = [one for one in measures if one.name == self.name]
+        chosen = chosen or family_of(self.name, measures)
+        if not chosen:
+            names = [measure.name for measure in measures]
             found = with_near_miss(f"name = {self.name!r}", self.name, names)
             raise fault(found, f"one of {', '.join(names)}")
-        return [measures[names.index(self.name)]]
+        return self._one_by_one(chosen)
+
+    def _one_by_one(self, measures: list[Measure]) -> list[Measure]:
+        """``measures``, unless they are several and what is wanted is of one."""
+        for key in ("target", "like", "min", "max"):
+            if len(measures) > 1 and getattr(self, key) is not None:
+                names = ", ".join(measure.name for measure in measures)
+                raise fault(f"{key} for all of {names}", "name = one of them")
+        return measures
 
 
 class EvaluationSection(Section):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from evocity import fitness, store
 from evocity.errors import EvocityError, FitnessError, RunError
-from evocity.search.preparation import Prepared, file_hash, objectives_of, provenance_of
+from evocity.search.preparation import Prepared, aims_of, file_hash, provenance_of
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe, RunSection, resolved
 from evocity.store import Birth, Run, RunWriter, Source, open_run
@@ -55,7 +55,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         if not changes:
             noted = run.provenance["fitness"]
             targets = {one["name"]: one["target"] for one in noted if one["goal"] == "like"}
-        objectives = objectives_of(recipe, targets)
+        aims = aims_of(recipe, targets)
         sources = _sources(run, recipe)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
@@ -63,7 +63,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             "a provenance as `evocity run` writes it",
             "bring the file back from a copy",
         ) from None
-    prepared = Prepared(recipe, sources, objectives, run.header, run.condensation)
+    prepared = Prepared(recipe, sources, aims, run.header, run.condensation)
     writer = RunWriter.reopen(path)
     try:
         fresh = provenance_of(prepared)

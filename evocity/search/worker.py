@@ -75,8 +75,12 @@ class Evaluator:
             return Outcome("error", _told(error), time.perf_counter() - start)
         return Outcome("ok", None, time.perf_counter() - start, genome=genome)
 
-    def evaluate(self, genome: Genome) -> Outcome:
-        """Decode, then every measure; the first that raises ends it, values until then kept."""
+    def evaluate(self, genome: Genome, parents: Sequence[Genome] = ()) -> Outcome:
+        """Decode, then every measure; the first that raises ends it, values until then kept.
+
+        ``parents``: the genomes it was bred from, for measures that ask for them; none for one
+        that was not bred, which is its own parent.
+        """
         start = time.perf_counter()
         values: dict[str, float] = {}
         undefined: list[str] = []
@@ -92,7 +96,7 @@ class Evaluator:
             return ended("invalid", f"decoding did not converge: still {decoding.change:.3g} m")
         for name, measure in self.measures.items():
             try:
-                value = measure(decoding.city)
+                value = measure(decoding.city, genome=genome, parents=parents or (genome,))
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", _told(error))

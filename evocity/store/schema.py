@@ -147,7 +147,8 @@ class Birth:
 
     ``values`` maps measures to raw values, as far as they were reached; ``made`` is what the
     operator recorded (its parameters, what it reached). ``genome`` is None where breeding
-    itself failed. ``seconds`` of one worker, breeding and evaluation.
+    itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok, and no
+    constraint of the recipe is broken.
     """
 
     generation: int
@@ -160,6 +161,7 @@ class Birth:
     values: Mapping[str, float]
     genome: Genome | None
     made: Mapping = field(default_factory=dict)
+    feasible: bool = True
 
     @property
     def ok(self) -> bool:
@@ -236,7 +238,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
         "status": [b.status for b in births],
         "error": [b.error for b in births],
         "seconds": [b.seconds for b in births],
-        "feasible": [b.ok for b in births],
+        "feasible": [b.ok and b.feasible for b in births],
         "genome": [b.genome.digest if b.genome is not None else None for b in births],
     }
     for name in header.measures:
@@ -270,6 +272,9 @@ def genome_of(row: Mapping, header: Header, condensation: Condensation | None = 
     )
 
 
+_PLAIN = ("generation", "id", "operator", "status", "error", "seconds", "feasible")
+
+
 def births_of(
     table: pa.Table, header: Header, condensation: Condensation | None = None
 ) -> list[Birth]:
@@ -282,10 +287,7 @@ def births_of(
             _check_ok(row, values)
         births.append(
             Birth(
-                **{
-                    name: row[name].as_py()
-                    for name in ("generation", "id", "operator", "status", "error", "seconds")
-                },
+                **{name: row[name].as_py() for name in _PLAIN},
                 parents=tuple(row["parents"].as_py()),
                 values={name: value for name, value in values.items() if value is not None},
                 genome=genome_of(row, header, condensation) if row["genome"].is_valid else None,

@@ -243,7 +243,7 @@ def typed(value) -> str:
 
 def test_the_list_is_a_table():
     lines = call("operators", "list").stdout.splitlines()
-    assert lines[0].split() == ["name", "parents", "what", "it", "does"]
+    assert lines[0].split() == ["name", "parents", "from", "what", "it", "does"]
     for name, kind in OPERATORS.items():
         (line,) = [line for line in lines if line.split()[:1] == [name]]
         fewest, most = kind.parents

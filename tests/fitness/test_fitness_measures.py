@@ -1,25 +1,19 @@
 """The measures against truth: closed forms, simulations, a real district measured elsewhere."""
 
 import math
-from functools import cache
 
-import momepy
 import naive
 import numpy as np
-import pyogrio
 import pytest
 import shapely
-from affine import Affine
-from rasterio import features
+from districts import HEIGHTS, bubenec, jittered, simulated
 from scipy import stats
 from scipy.optimize import minimize_scalar
-from shapely import affinity
 from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import (
-    alignment,
     autosimilarity,
     crumbs,
     fit_sizes,
@@ -28,48 +22,6 @@ from evocity.fitness import (
     mean_height,
     salingaros,
 )
-
-HEIGHTS = np.linspace(10, 30, 144)
-
-
-@cache
-def bubenec():
-    """Polygons of momepy's sample district, in the stretched metres of its EPSG:3857."""
-    path = momepy.datasets.get_path("bubenec")
-    return shapely.from_wkb(pyogrio.raw.read(path, layer="buildings", columns=[])[2])
-
-
-def burnt(polygons, heights, pixel, bounds):
-    west, south, east, north = bounds
-    shape = (math.ceil((north - south) / pixel), math.ceil((east - west) / pixel))
-    raster = features.rasterize(
-        sorted(zip(polygons, heights, strict=True), key=lambda pair: pair[1]),
-        out_shape=shape,
-        transform=Affine(pixel, 0, west, 0, -pixel, north),
-        dtype="float32",
-    )
-    return CityMap(raster, pixel)
-
-
-def jittered(degrees, seed, pixel=1.0):
-    """Bubeneč with each building turned about its middle by up to ± ``degrees``."""
-    turns = np.random.default_rng(seed).uniform(-degrees, degrees, 144)
-    turned = np.array(
-        [affinity.rotate(p, t, origin="centroid") for p, t in zip(bubenec(), turns, strict=True)]
-    )
-    return burnt(turned, HEIGHTS, pixel, shapely.total_bounds(turned))
-
-
-def grid(degrees):
-    """A regular grid of square buildings, turned as a whole; 512 m at 1 m."""
-    return lattice(lambda building: affinity.rotate(building, degrees, origin=(0, 0)))
-
-
-def lattice(turn):
-    steps = range(-480, 481, 30)
-    buildings = [turn(shapely.box(x, y, x + 20, y + 20)) for x in steps for y in steps]
-    return burnt(buildings, [15.0] * len(buildings), 1.0, (-256, -256, 256, 256))
-
 
 # -- density -----------------------------------------------------------------------------
 
@@ -88,64 +40,7 @@ def test_half_a_floor_counts_as_one(height, floors):
     assert fsi(CityMap(np.full((4, 4), height), 2.0)) == floors
 
 
-# -- alignment ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("degrees", "published"), [(0, 0.688), (5, 0.650), (10, 0.601), (20, 0.505), (45, 0.358)]
-)
-def test_alignment_falls_as_buildings_are_turned_at_random(degrees, published):
-    seeds = range(3) if degrees else [0]
-    values = [alignment(jittered(degrees, seed)) for seed in seeds]
-    assert np.mean(values) == pytest.approx(published, abs=0.02)
-
-
-def test_alignment_falls_strictly_on_coarse_pixels_too():
-    values = [alignment(jittered(degrees, 0, pixel=2.0)) for degrees in (0, 5, 10, 20, 45)]
-    assert np.all(np.diff(values) < 0)
-
-
-def test_alignment_does_not_see_which_way_a_grid_is_turned():
-    values = [alignment(grid(degrees)) for degrees in (0, 5, 10, 22.5, 30, 45)]
-    assert np.ptp(values) < 0.05
-    assert values[0] == pytest.approx(values[3], abs=0.02)
-    rng = np.random.default_rng(0)
-    random = lattice(lambda b: affinity.rotate(b, rng.uniform(0, 90), origin="centroid"))
-    assert alignment(random) < 0.35 < min(values) - 0.3
-
-
-@pytest.mark.parametrize("pixel", [0.5, 1.0, 2.0, 8.0])
-def test_alignment_of_straight_walls_is_one_and_of_a_round_tower_near_none(pixel):
-    y, x = np.mgrid[:128, :128] - 63.5
-    assert alignment(CityMap(9 * (x // 16 % 2), pixel)) == pytest.approx(1, abs=1e-3)
-    assert alignment(CityMap(9 * (x > y), pixel)) > 0.98
-    if 50 * pixel < 48:  # the tower's whole wall is in one neighbourhood
-        assert alignment(CityMap(9 * (np.hypot(x, y) < 25), pixel)) < 0.1
-
-
-def test_alignment_is_not_moved_by_heights_or_by_open_ground_around():
-    city = draw_town(7, side=128, buildings=60)
-    assert alignment(city.replace(2 * city.heights)) == pytest.approx(alignment(city), abs=1e-5)
-    # enough open ground that no neighbourhood ends at the map's edge on either map
-    framed = city.replace(np.pad(city.heights, 32))
-    wider = city.replace(np.pad(city.heights, 96))
-    assert alignment(wider) == pytest.approx(alignment(framed), abs=0.01)
-
-
-@pytest.mark.parametrize("height", [0.0, 9.0])
-def test_alignment_without_facades_is_undefined(height):
-    value = alignment(CityMap(np.full((32, 32), height), 2.0))
-    assert math.isnan(value)
-    assert "façades" in value.reason
-
-
 # -- sizes -------------------------------------------------------------------------------
-
-
-def simulated(m, count, rng, span=4.0):
-    """Sizes with density ∝ x^{−(m+1)} on [1, e^span], by inversion."""
-    u = rng.uniform(size=count)
-    return np.exp(-np.log1p(u * np.expm1(-m * span)) / m)
 
 
 @pytest.mark.parametrize(("m", "spread"), [(0.5, 0.09), (1.0, 0.12), (2.0, 0.20)])

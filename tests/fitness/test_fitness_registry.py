@@ -4,10 +4,11 @@ import math
 import pickle
 import sys
 import textwrap
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from towns import draw_town
 
 import evocity.fitness
 from evocity.citymap import CityMap
@@ -207,7 +208,7 @@ def test_only_a_city_map_is_measured():
 
 
 def test_an_unknown_name_lists_those_that_exist():
-    with pytest.raises(FitnessError, match=r"(?s)aligment.*alignment, autosim.*did you mean align"):
+    with pytest.raises(FitnessError, match=r"(?s)aligment.*alignment, .*did you mean align"):
         get("aligment")
 
 
@@ -314,12 +315,125 @@ def test_a_file_that_is_not_utf8_or_not_there_or_not_python(tmp_path, write):
         load_file(tmp_path / "folder.py")
 
 
+# -- several numbers, and what else a measure may ask for ------------------------------------
+
+SEVERAL = """\
+import evocity
+
+
+calls = []
+
+
+@evocity.fitness(
+    numbers=("count", "tallest"), goal={"count": "max"}, unit={"tallest": "m"}, range=(0, 1e4)
+)
+def towers(city):
+    "Towers, and how high they are."
+    calls.append(city)
+    return {"count": (city.heights > 30).sum(), "tallest": city.heights.max()}
+"""
+
+
+def test_a_function_of_several_numbers_is_called_once_a_map(write):
+    count, tallest = registry.load_file(write(SEVERAL))
+    assert (count.name, count.goal, count.unit) == ("towers.count", "max", "")
+    assert (tallest.name, tallest.goal, tallest.unit) == ("towers.tallest", None, "m")
+    assert registry.named("towers") == [count, tallest]
+    assert registry.named("towers.count") == [count]
+    calls = count.function._function.__globals__["calls"]
+    for city in (draw_town(1), draw_town(2)):
+        assert (count(city), tallest(city)) == ((city.heights > 30).sum(), city.heights.max())
+    assert len(calls) == 2
+    assert pickle.loads(pickle.dumps(tallest)).name == "towers.tallest"
+
+
+def test_several_numbers_come_by_their_names(write):
+    @evocity.fitness(numbers=("low", "high"))
+    def extremes(city):
+        return {"low": city.heights.min(), "high": city.heights.max()}
+
+    town = draw_town(3)
+    assert extremes(town) == {"low": town.heights.min(), "high": town.heights.max()}
+    assert [one.name for one in extremes.measures] == ["extremes.low", "extremes.high"]
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [("3.0", "float 3.0"), ('{"count": 1}', "a mapping of count"), ("None", "NoneType None")],
+)
+def test_a_number_that_does_not_come_is_told(write, value, told):
+    text = SEVERAL.replace(SEVERAL[SEVERAL.index('{"count": (') :].strip(), value)
+    *_, tallest = registry.load_file(write(text))
+    with pytest.raises(FitnessError, match=rf"towers \(.*mine.py, line 7\) returned {told}"):
+        tallest(draw_town(1))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"numbers": "count"},
+        {"numbers": ("a", "a")},
+        {"numbers": ("a b",)},
+        {"numbers": ("a",), "goal": {"b": "max"}},
+        {"numbers": ("a",), "goal": {"a": "more"}},
+    ],
+)
+def test_wrong_numbers_are_refused(options):
+    with pytest.raises(FitnessError):
+        evocity.fitness(**options)(lambda city: 1)
+
+
+def test_genome_and_parents_are_given_to_those_that_name_them(town):
+    @evocity.fitness()
+    def steep(city, genome, floor=0.0):
+        return np.abs(genome.sigma).max() + floor
+
+    @evocity.fitness()
+    def litter(city, parents, genome):
+        return len(parents)
+
+    genome = evocity.encode(town).genome
+    assert (steep.needs, litter.needs) == (("genome",), ("genome", "parents"))
+    assert steep(town, genome=genome, parents=[genome]) == np.abs(genome.sigma).max()
+    assert litter(town, genome=genome, parents=[genome, genome]) == 2
+    with pytest.raises(FitnessError, match=r"litter of .* without its parents"):
+        litter(town, genome=genome)
+    with pytest.raises(FitnessError, match="without its genome"):
+        steep(town)
+
+
+def test_where_a_measure_comes_from_is_known(write):
+    (mine,) = registry.load_file(write(GOOD))
+    assert mine.origin == mine.file
+    assert registry.get("gsi").origin == "evocity"
+    assert evocity.fitness()(named("here")).origin == "this session"
+
+
+@pytest.mark.parametrize(
+    ("body", "remedy"),
+    [
+        ("city.heights[0, 0] = 1", "change a copy"),
+        ("city.heights = 0 * city.heights", "change a copy"),
+        ("city.built.fill(True)", "change a copy"),
+        ('open("nothing.csv")', "pathlib.Path(__file__)"),
+        ("import nothing_such", "install nothing_such"),
+    ],
+)
+def test_remedies_fit_what_was_raised(write, body, remedy):
+    text = GOOD.replace("    return", f"    {body}\n    return")
+    (mine,) = registry.load_file(write(text))
+    with pytest.raises(FitnessError, match=r"mine.py, line 7") as caught:
+        mine(draw_town(1))
+    assert remedy in caught.value.remedy
+
+
 # -- plugins -----------------------------------------------------------------------------
 
 
 class Entry:
     def __init__(self, name, load):
         self.name, self.value, self.load = name, f"somewhere:{name}", load
+        self.dist = SimpleNamespace(name="somewhere", version="1.2")
 
 
 @pytest.fixture

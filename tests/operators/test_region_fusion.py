@@ -13,7 +13,7 @@ from towns import draw_town
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import OperatorError
-from evocity.fitness.heredity import integrity
+from evocity.fitness.heredity import integrity_of
 from evocity.genome import NUCLEOTIDES
 from evocity.operators._kernels import fill_courts, grown, inject_regions, tallied
 from evocity.operators.buildings import buildings_of
@@ -138,7 +138,7 @@ def test_cut_of_nothing_cuts_no_building_at_all(seed):
     parents = open_towns()
     child = RegionFusion(cut=0, size_min=1, tolerance=1000.0)(parents, np.random.default_rng(seed))
     assert (child.parent > 0).any()
-    assert integrity(child, parents) == 1
+    assert integrity_of(child, parents) == 1
 
 
 @pytest.mark.parametrize("cut", [0.1, 0.4])
@@ -218,7 +218,7 @@ def test_it_keeps_more_buildings_whole_than_squares_do():
     kept = {
         kind: np.mean(
             [
-                integrity(kind(tolerance=12.0)(parents, np.random.default_rng(seed)), parents)
+                integrity_of(kind(tolerance=12.0)(parents, np.random.default_rng(seed)), parents)
                 for seed in range(4)
             ]
         )

@@ -11,7 +11,7 @@ from towns import draw_town
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import OperatorError
-from evocity.fitness.heredity import integrity
+from evocity.fitness.heredity import integrity_of
 from evocity.operators.groups import Rearrangement, square
 from evocity.operators.relocation import Relocation
 
@@ -155,11 +155,11 @@ def test_relocated_buildings_count_as_whole():
     cut, whole = (
         np.mean(
             [
-                integrity(Relocation(shape=shape)([parent], np.random.default_rng(seed)), [parent])
+                integrity_of(moving([parent], np.random.default_rng(seed)), [parent])
                 for seed in range(3)
             ]
         )
-        for shape in ("square", "buildings")
+        for moving in (Relocation(shape="square"), Relocation(shape="buildings"))
     )
     assert whole > 0.9
     assert whole > cut

@@ -52,6 +52,34 @@ def test_selection_prefers_lower_fronts_and_keeps_the_extremes(losses, data):
     assert [ids[i] for i in chosen] == [np.array(ids)[shuffled][i] for i in again]
 
 
+def better(one, other):
+    """Deb's rule: (losses, violation) dominates another."""
+    (a, broken), (b, worse) = one, other
+    if broken != worse:
+        return broken < worse
+    return not broken and bool((a <= b).all() and (a < b).any())
+
+
+@given(LOSSES, st.data())
+@settings(deadline=None)
+def test_constrained_domination_is_debs(losses, data):
+    count = len(losses)
+    violations = np.array(
+        data.draw(st.lists(st.sampled_from([0, 0, 0.5, 2]), min_size=count, max_size=count))
+    )
+    ranks, _ = ranks_and_crowding(losses, violations)
+    every = list(zip(losses, violations, strict=True))
+    for i, one in enumerate(every):
+        for j, other in enumerate(every):
+            if better(one, other):
+                assert ranks[i] < ranks[j]
+    kept = violations == 0
+    assert ranks[kept].tolist() == (naive_ranks(losses[kept]).tolist() if kept.any() else [])
+    assert len(set(ranks.tolist())) == ranks.max() + 1
+    chosen = select(range(count), losses, max(1, int(kept.sum())), violations)
+    assert violations[chosen].all() if not kept.any() else not violations[chosen].any()
+
+
 def test_crowding_is_debs():
     losses = np.array([[0.0, 4], [1, 3], [3, 1], [4, 0]])
     crowding = ranks_and_crowding(losses)[1]

@@ -68,6 +68,7 @@ def birth(generation: int, slot: int, status="ok") -> Birth:
         {} if status in ("error", "died") else values,
         bred,
         dict(bred.made) if bred else {"fill": 0.5},
+        feasible=status == "ok" and identifier % 2 == 0,
     )
 
 

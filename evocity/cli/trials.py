@@ -1,0 +1,53 @@
+"""What measures are tried on: the bundled districts, towns drawn by a rule, bred children."""
+
+from functools import cache
+
+import evocity
+
+#: Bred together, as in the demonstration; the first is the typical one.
+PARENTS = ("lyon-1er", "montpellier-pas-du-loup")
+
+
+@cache
+def trial_cases() -> tuple:
+    """A `Case` each, 256 × 256 px at 2 m, always the same: every bundled district; a town by each
+    rule; what the codes of two districts decode to, and a child of these by each operator of the
+    default mixture.
+
+    All kernels are loaded afterwards: what a call takes then is the measure's own.
+    """
+    import numpy as np
+
+    import evocity.search.warm
+    from evocity.fitness import Case
+    from evocity.io import PATTERNS
+    from evocity.operators import make
+    from evocity.search.recipe import Recipe
+
+    names = [*PARENTS, *(name for name in evocity.cities() if name not in PARENTS)]
+    districts = [evocity.read_map(name, pixels=256, metres_per_pixel=2.0) for name in names]
+    towns = [
+        draw(256, 2.0, rng=np.random.default_rng(seed))
+        for seed, draw in enumerate(PATTERNS.values())
+    ]
+    cases = [Case(city) for city in (*districts, *towns)]
+    genomes = [evocity.encode(district).genome for district in districts[: len(PARENTS)]]
+    cases += [
+        bred_case(f"{name}, decoded", genome, [genome])
+        for name, genome in zip(PARENTS, genomes, strict=True)
+    ]
+    mixture = Recipe.model_fields["operators"].get_default(call_default_factory=True)
+    for seed, name in enumerate(mixture):
+        operator = make(name)
+        parents = genomes[: operator.parents[0]]
+        child = operator(parents, np.random.default_rng(seed))
+        cases.append(bred_case(f"child by {name}", child, parents))
+    return tuple(cases)
+
+
+def bred_case(name: str, genome, parents):
+    """The `Case` of a ``genome`` and the genomes it was bred from."""
+    from evocity.fitness import Case
+
+    city = evocity.decode(genome).city
+    return Case(city.replace(city.heights, name=name), genome, tuple(parents))

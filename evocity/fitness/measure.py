@@ -1,0 +1,236 @@
+"""What a measure is: a named function from a city map to one number; how its faults are told."""
+
+import contextlib
+import hashlib
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from numbers import Real
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+from evocity.citymap import CityMap
+from evocity.errors import EvocityError, FitnessError, told
+from evocity.genome import Genome
+
+#: What a measure may ask for, besides the city, by naming an argument so.
+EXTRAS = ("genome", "parents")
+
+
+class Undefined(float):
+    """NaN that says why: what a measure returns where its formula has no meaning.
+
+    >>> value = Undefined("no building to measure")
+    >>> value, value.reason
+    (nan, 'no building to measure')
+    """
+
+    reason: str
+
+    def __new__(cls, reason: str):
+        nan = super().__new__(cls, "nan")
+        nan.reason = reason
+        return nan
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A named function from a city map to one number, with what is needed to search by it.
+
+    Call it on a `CityMap`: it returns a float, NaN (often an `Undefined`) where the measure
+    has no meaning. It raises `FitnessError`, with file and line, if the function raises or
+    returns anything but one finite real number or NaN.
+
+    Attributes
+    ----------
+    name : the function's name: how recipes, logs and tables call the measure. One of several
+        numbers of a function is called function.number.
+    function : the plain function, ``function(city) -> float``; it may take the arguments
+        ``genome`` and ``parents`` too.
+    goal : "max" or "min", its own default; None if it takes a target, or a city to be like.
+    unit : the unit of the number; "" for a pure number.
+    range : lowest and highest value; ``inf`` where there is no bound.
+    doc : the function's documentation.
+    file : the file that declares it.
+    line : the line in that file.
+    needs : which of `EXTRAS` the function takes.
+    number : which of the function's several numbers this is; None if it returns but one.
+    origin : where it comes from: "evocity", a plugin's package and version, a file, or
+        "this session".
+    """
+
+    name: str
+    function: Callable[..., float] = field(repr=False)
+    goal: str | None
+    unit: str
+    range: tuple[float, float]
+    doc: str = field(repr=False)
+    file: str
+    line: int
+    needs: tuple[str, ...] = ()
+    number: str | None = None
+    origin: str = "this session"
+
+    def __post_init__(self):
+        object.__setattr__(self, "__doc__", self.doc)
+
+    def __call__(
+        self,
+        city: CityMap,
+        genome: Genome | None = None,
+        parents: Sequence[Genome] | None = None,
+    ) -> float:
+        """The number, of ``city``.
+
+        genome : the code that was decoded to ``city``; parents : the genomes it was bred from,
+        the genome itself for one that was not bred. Only measures that take them need them.
+        """
+        if not isinstance(city, CityMap):
+            raise FitnessError(
+                f"{self.name} of a {type(city).__name__}",
+                "a CityMap",
+                "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)",
+            )
+        extras = {"genome": genome, "parents": parents}
+        lacking = [need for need in self.needs if extras[need] is None]
+        if lacking:
+            raise FitnessError(
+                f"{self.name} of {city.name} without its {' and '.join(lacking)}",
+                f"{self.name}(city, {', '.join(f'{need}={need}' for need in self.needs)})",
+                "measure an individual of a run: evocity score RUN --id N",
+            )
+        try:
+            value = self.function(city, **{need: extras[need] for need in self.needs})
+        except EvocityError:
+            raise
+        except Exception as error:
+            line = line_in(self.file, error) or self.line
+            raise FitnessError(
+                f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
+                "a measure that copes with every map, the empty one too",
+                _remedy(error),
+            ) from error
+        if self.number is not None:
+            value = self._picked(value)
+        if isinstance(value, Undefined):
+            return value
+        if isinstance(value, Real) and not isinstance(value, bool):
+            with contextlib.suppress(OverflowError):
+                number = float(value)
+                if not math.isinf(number):
+                    return number
+        raise self._no_number(shown(value), city.name)
+
+    def _picked(self, values):
+        if isinstance(values, Mapping) and self.number in values:
+            return values[self.number]
+        found = f"a mapping of {', '.join(map(str, values))}" if isinstance(values, Mapping) else ""
+        name = self.name.partition(".")[0]
+        raise FitnessError(
+            f"{name} ({self.file}, line {self.line}) returned {found or shown(values)}",
+            f"a mapping with {self.number}, as numbers=(…) above the function tells",
+            f'end {name} with: return {{"{self.number}": …}}',
+        )
+
+    def _no_number(self, found: str, city: str) -> FitnessError:
+        name = self.name.partition(".")[0]
+        return FitnessError(
+            f"{self.name} ({self.file}, line {self.line}) returned {found} for {city}",
+            "one finite real number, or NaN where the measure has no meaning",
+            f"end {name} with: return float(...)",
+        )
+
+    @property
+    def summary(self) -> str:
+        """The first paragraph of its documentation, as one line."""
+        return " ".join(self.doc.partition("\n\n")[0].split())
+
+    @cached_property
+    def source_hash(self) -> str:
+        """Hexadecimal hash of the source that declares the measure, helpers beside it included:
+        of its whole file, as it was when loaded; of the function alone if there is no file."""
+        with contextlib.suppress(OSError):
+            return content_hash(Path(self.file).read_bytes())
+        with contextlib.suppress(OSError, TypeError):
+            return content_hash(inspect.getsource(self.function).encode())
+        return content_hash(self.function.__code__.co_code)
+
+    def __reduce__(self):
+        # To another process goes the name, and the file to load there, never the function.
+        from evocity.fitness import registry  # it knows both, and imports this file
+
+        return registry.found_again, (self.name, registry.file_of(self.name))
+
+
+class Several:
+    """A function of several numbers, called once a map for all of them."""
+
+    def __init__(self, function: Callable[..., Mapping[str, float]]):
+        self._function = function
+        self._known: WeakKeyDictionary[CityMap, tuple] = WeakKeyDictionary()
+
+    def __call__(self, city: CityMap, **extras) -> Mapping[str, float]:
+        given, values = self._known.get(city, (None, None))
+        if given != tuple(map(id, extras.values())):
+            values = self._function(city, **extras)
+            self._known[city] = tuple(map(id, extras.values())), values
+        return values
+
+    @property
+    def __code__(self):
+        return self._function.__code__
+
+
+@dataclass(frozen=True)
+class Family:
+    """Several measures that one function returns: ``family(city)`` gives them by their numbers'
+    names; each of ``measures`` is a `Measure` of its own, called function.number."""
+
+    name: str
+    measures: tuple[Measure, ...]
+
+    def __call__(self, city: CityMap, **extras) -> dict[str, float]:
+        return {one.number: one(city, **extras) for one in self.measures}
+
+
+def line_in(file: str, error: BaseException) -> int | None:
+    """The innermost line of ``file`` that ``error`` passed through."""
+    line, step = None, error.__traceback__
+    while step is not None:
+        if step.tb_frame.f_code.co_filename == file:
+            line = step.tb_lineno
+        step = step.tb_next
+    return line
+
+
+def shown(value) -> str:
+    """What a measure returned, for a message."""
+    shape = getattr(value, "shape", None)
+    if shape is not None and not isinstance(value, Real):
+        return f"{type(value).__name__} of shape {shape}"
+    text = repr(value)
+    return f"{type(value).__name__} {text if len(text) < 60 else text[:57] + '…'}"
+
+
+def content_hash(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
+def _remedy(error: Exception) -> str:
+    if isinstance(error, AttributeError | ValueError) and (
+        "read-only" in str(error) or "does not change" in str(error)
+    ):
+        return (
+            "a map and its views are shared by all measures and read-only: change a copy, "
+            "heights = city.heights.copy()"
+        )
+    if isinstance(error, FileNotFoundError):
+        return (
+            "give the path from the measure's own folder: "
+            'pathlib.Path(__file__).parent / "name", not from where the program was started'
+        )
+    if isinstance(error, ModuleNotFoundError):
+        return f"install {error.name} beside evocity, or do without it"
+    return "correct that line, or return float('nan') where the measure has no meaning"

@@ -1,0 +1,12 @@
+"""Buildings: told apart by gaps and by steps of height, measured, and drawn as outlines.
+
+- `apart`: which built pixels are one building: `told_apart`
+- `table`: what is known of each building: `Buildings`
+- `outline`: their polygons: `outlines`
+"""
+
+from evocity.views.buildings.apart import CRUMB, STEP, told_apart
+from evocity.views.buildings.outline import outlines
+from evocity.views.buildings.table import Buildings
+
+__all__ = ["CRUMB", "STEP", "Buildings", "outlines", "told_apart"]

@@ -1,0 +1,54 @@
+"""Open space: the pieces open ground falls into, and which of them are courtyards."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from evocity.views.ground._kernels import nest
+
+
+@dataclass(frozen=True, eq=False)
+class OpenSpace:
+    """The ground components of a map, and what built components enclose.
+
+    Ground that touches at a corner is one, as built ground that does is two; so each ground
+    component either reaches the map's border or lies within exactly one built component.
+
+    labels : int32 ``(H, W)``: 0 on built pixels, 1…n on the n ground components, which touch by
+        sides or corners (8 neighbours).
+    area : float64 ``(n,)``, m².
+    enclosed_by : int32 ``(n,)``: the built component (`CityMap.labels`, less 1) a ground
+        component is a courtyard of, the innermost one around it; −1 if it reaches the map's
+        border.
+    courtyards : float64 ``(number of built components,)``, m²: what each built component
+        encloses, other buildings in its courtyards included, as when its holes are filled.
+    """
+
+    labels: np.ndarray
+    area: np.ndarray
+    enclosed_by: np.ndarray
+    courtyards: np.ndarray
+
+
+def open_space(labels: np.ndarray, metres_per_pixel: float) -> OpenSpace:
+    """The open space around built components.
+
+    Parameters
+    ----------
+    labels : int32 ``(H, W)``: 0 on open ground, 1…n on built components of 4 neighbours.
+    metres_per_pixel : side of a pixel, metres.
+
+    About 0.9 ms at 256². All arrays are read-only.
+    """
+    grounds, count = ndimage.label(labels == 0, structure=np.ones((3, 3)))
+    grounds = grounds.astype(np.int32, copy=False)
+    pixels = np.empty(count, np.int64)
+    enclosed_by = np.empty(count, np.int32)
+    courtyards = np.empty(labels.max(initial=0), np.int64)
+    nest(grounds, labels, pixels, enclosed_by, courtyards)
+    pixel = metres_per_pixel**2
+    arrays = grounds, pixels * pixel, enclosed_by, courtyards * pixel
+    for array in arrays:
+        array.setflags(write=False)
+    return OpenSpace(*arrays)

@@ -1,0 +1,484 @@
+"""`evocity fitness`: a measure begun, tried, timed and listed; every way it can be wrong."""
+
+import json
+import math
+import textwrap
+
+import numpy as np
+import pytest
+from cli_tools import AT_2_M, call, contents, refused, write_town
+
+import evocity
+from evocity.cli.fitness_new import views, written
+from evocity.cli.trials import PARENTS, trial_cases
+from evocity.fitness import measures, registry
+from evocity.io import PATTERNS
+
+HEADER = 'import evocity\nimport numpy as np\n\n\n@evocity.fitness(goal="max")\n'
+
+
+@pytest.fixture
+def own(tmp_path):
+    """Writes a file with the measure ``mine`` whose body begins in line 8."""
+
+    def write(body, name="mine.py", signature="city"):
+        path = tmp_path / name
+        lines = textwrap.indent(textwrap.dedent(body).strip(), "    ")
+        text = f'{HEADER}def mine({signature}):\n    "What it says."\n{lines}\n'
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+# -- new -------------------------------------------------------------------------------------
+
+
+def test_a_new_measure_can_be_used_as_it_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = call("fitness", "new", "skyline").stdout
+    assert "evocity fitness check skyline.py" in told
+    assert '[[fitness]]\n  file = "skyline.py"\n' in told
+    text = (tmp_path / "skyline.py").read_text(encoding="utf-8")
+    for part in ("Formula:", "Unit: none", "Range:", "Empty map:", "Source:"):
+        assert part in text
+    checked = json.loads(call("fitness", "check", "skyline.py", "--json").stdout)
+    assert checked["skyline"]["usable"]
+    assert checked["skyline"]["findings"] == []
+    assert checked["skyline"]["values"]["empty map"] is None
+    assert checked["skyline"]["reasons"]["empty map"] == "nothing is built"
+    city = evocity.read_map("lyon-1er", pixels=64)
+    scored = json.loads(
+        call("score", "lyon-1er", "--pixels", 64, "--fitness", "skyline.py", "--json").stdout
+    )
+    assert scored == {"skyline": pytest.approx(city.heights[city.built].std())}
+
+
+@pytest.mark.parametrize("goal", ["max", "min", "none"])
+def test_goal_unit_and_place_are_those_asked_for(tmp_path, goal):
+    words = ("fitness", "new", "width", "--goal", goal, "--unit", "m²/ha", "-o")
+    told = call(*words, tmp_path).stdout
+    assert ("target = " in told) == (goal == "none")
+    call(*words, tmp_path / "other.py")
+    for path in (tmp_path / "width.py", tmp_path / "other.py"):
+        listed = json.loads(call("fitness", "list", path, "--no-cost", "--json").stdout)["width"]
+        assert listed["goal"] == (None if goal == "none" else goal)
+        assert listed["unit"] == "m²/ha"
+        assert listed["range"] == [0, None]
+        assert listed["origin"] == str(path)
+        assert "Unit: m²/ha." in path.read_text(encoding="utf-8")
+
+
+def test_the_file_tells_every_view_and_keeps_its_lines_short():
+    text = written("skyline", "max", "", "skyline.py")
+    assert views()
+    for name in ("heights", "metres_per_pixel", *views()):
+        assert f"# city.{name}: " in text
+    assert "perimeter" in text  # of the table of buildings
+    assert max(map(len, text.splitlines())) <= 100
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("2x", "'2x' as the name"),
+        ("my-measure", "evocity fitness new my_measure"),
+        ("class", "'class' as the name"),
+        ("max", "means nothing else"),
+        ("np", "means nothing else"),
+        ("gsi", "there is a measure called gsi already, of evocity"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused(tmp_path, name, says):
+    refused(tmp_path, "fitness", "new", name, "-o", tmp_path, says=says)
+
+
+def test_nothing_is_overwritten(tmp_path, own):
+    path = own("return 1.0")
+    refused(tmp_path, "fitness", "new", "mine", "-o", tmp_path, says="exists already")
+    refused(tmp_path, "fitness", "new", "other", "-o", path, says="exists already")
+    words = ("fitness", "new", "other", "-o")
+    refused(tmp_path, *words, tmp_path / "nowhere" / "x.py", says="there is no folder")
+    refused(tmp_path, *words, tmp_path / "x.txt", says="a name that ends in .py")
+    refused(tmp_path, "fitness", "new", "other", "--unit", 'm"', "-o", tmp_path, says="--unit")
+
+
+# -- check -----------------------------------------------------------------------------------
+
+
+def test_measures_are_tried_on_districts_towns_and_children():
+    cases = trial_cases()
+    names = [case.city.name for case in cases]
+    assert names[: len(PARENTS)] == list(PARENTS)
+    assert set(evocity.cities()) < set(names)
+    assert sum(name.endswith("-town") for name in names) == len(PATTERNS)
+    assert {case.city.shape for case in cases} == {(256, 256)}
+    coded = [case for case in cases if case.genome is not None]
+    assert sum(name.startswith("child by ") for name in names) == 5
+    for case in coded:
+        assert np.array_equal(evocity.decode(case.genome).city.heights, case.city.heights)
+    sources = [case.parents[0] for case in coded[: len(PARENTS)]]
+    assert all(set(case.parents) <= set(sources) for case in coded)
+
+
+def test_check_tells_in_words(own):
+    told = call("fitness", "check", own("return float(city.heights.mean())")).stdout
+    lines = told.splitlines()
+    assert lines[0].startswith("mine: goal max, -∞…∞; ")
+    assert "mine.py, line 5" in lines[0]
+    (row,) = [line.split() for line in lines if line.startswith("lyon-1er ")]
+    assert row[1] == f"{evocity.read_map('lyon-1er').heights.mean(dtype=float):.4g}"
+    assert any(line.startswith("time: first call ") for line in lines)
+    assert "the same map again: the same bits" in lines
+    assert any(line.startswith("turned and mirrored: no change") for line in lines)
+    assert "at half the resolution: no change" in told
+    assert "mine can be used. In a recipe:\n  [[fitness]]\n" in told
+
+
+def test_check_tells_a_document(own):
+    path = own("return float(city.heights[: city.shape[0] // 2 + 1].mean())")
+    told = json.loads(call("fitness", "check", path, "gsi", "--json").stdout)
+    assert list(told) == ["mine", "gsi"]
+    mine = told["mine"]
+    assert mine["usable"]
+    assert mine["findings"] == []
+    assert mine["turned"]["before"] == mine["values"]["lyon-1er"]
+    assert mine["turned"]["after"] != mine["turned"]["before"]
+    assert 0 < mine["median_ms"] < 1000
+    assert set(mine["milliseconds"]) == set(mine["values"])
+    assert mine["memory"] >= 0
+
+
+def test_measures_of_genome_and_parents_are_tried_on_children():
+    told = json.loads(call("fitness", "check", "integrity", "--json").stdout)["integrity"]
+    assert told["usable"]
+    assert told["values"]["lyon-1er, decoded"] == 1
+    assert 0 < told["values"]["child by pavement_fusion"] < 1
+    assert told["values"]["lyon-1er"] is None
+    assert "genome and parents" in told["reasons"]["lyon-1er"]
+
+
+WRONG = {
+    # file's text or the function's body, line, what is said, what to do
+    "syntax": (HEADER + "def mine(city)\n    return 1\n", 6, "expected ':'", "correct the syntax"),
+    "signature": (
+        HEADER + "def mine(city, size):\n    return 1\n",
+        5,
+        "missing a required argument: 'size'",
+        "give other parameters default values",
+    ),
+    "text": ("x = 1\nreturn 'much'", 9, "returned str 'much'", "return float(...)"),
+    "array": ("return city.heights", 8, "returned ndarray of shape (256, 256)", "float(...)"),
+    "none": ("x = 1", 8, "for lyon-1er", "return float(...)"),
+    "nan": ("return float('nan')", 8, "NaN without a reason", "evocity.fitness.Undefined"),
+    "complex": ("return 1j", 8, "returned complex 1j", "return float(...)"),
+    "raises": ("y = 0\nreturn 1 / y", 9, "raised ZeroDivisionError", "correct that line"),
+    "empty": ("return city.heights[city.built].min()", 8, "on empty map", "correct that line"),
+    "missing": ("return float(open('gone.txt').read())", 8, "gone.txt", "measure's own folder"),
+    "draws": ("return np.random.default_rng().random()", 8, "draws random", "default_rng(0)"),
+    "changes": ("h = city.heights\nh[0] = 1\nreturn 1.0", 9, "read-only", "city.heights.copy()"),
+    "view": ("city.built[0] = True\nreturn 1.0", 8, "read-only", "change a copy"),
+    "unlocks": (
+        "city.heights.setflags(write=True)\nreturn city.heights.max()",
+        8,
+        "made city.heights writable",
+        "city.heights.copy()",
+    ),
+    "slow": ("import time\ntime.sleep(10)\nreturn 1.0", 9, "after 0.3 s", "whole arrays"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_told_with_file_line_and_remedy(tmp_path, own, name):
+    body, line, says, remedy = WRONG[name]
+    path = own(body)
+    if body.startswith("import evocity"):
+        path.write_text(body, encoding="utf-8")
+    before = contents(tmp_path)
+    result = call("fitness", "check", path, "--timeout", 0.3, code=1)
+    assert result.stderr == ""
+    (head, parts) = result.stdout.split(f"{path}, line {line}: ")
+    assert head.rstrip().endswith(("Error in", "Error:", "Warning:"))
+    found, expected, to_do = parts.splitlines()[:3]
+    assert says in found
+    assert expected.startswith("  expected: ")
+    assert to_do.startswith("  what to do: ")
+    assert remedy in to_do
+    assert contents(tmp_path) == before
+    told = json.loads(call("fitness", "check", path, "--timeout", 0.3, "--json", code=1).stdout)
+    (about,) = told.values()
+    assert not about["usable"]
+    assert any(says.split()[0] in one["found"] for one in about["findings"])
+    assert all(one["file"] == str(path) for one in about["findings"])
+
+
+def test_prints_are_told_with_their_line_and_are_no_error(own):
+    result = call("fitness", "check", own("x = 1\nprint('x is', x)\nreturn city.heights.max()"))
+    assert result.stderr == ""
+    assert "mine.py, line 9: mine prints 'x is 1' on lyon-1er" in result.stdout
+    assert "what to do: take the print out" in result.stdout
+    assert "mine can be used (1 warning)" in result.stdout
+
+
+def test_what_loads_is_tried_though_another_does_not(tmp_path, own):
+    broken = tmp_path / "broken.py"
+    broken.write_text("def f(:", encoding="utf-8")
+    told = json.loads(call("fitness", "check", broken, own("return 1"), "--json", code=1).stdout)
+    assert list(told) == [str(broken), "mine"]
+    assert told[str(broken)]["findings"][0]["about"] == "loading"
+
+
+def test_a_function_given_up_is_not_tried_for_each_of_its_numbers(tmp_path):
+    path = tmp_path / "several.py"
+    path.write_text(
+        "import time\nimport evocity\n@evocity.fitness(numbers=('low', 'high'))\n"
+        "def slow(city):\n    time.sleep(5)\n",
+        encoding="utf-8",
+    )
+    told = call("fitness", "check", path, "--timeout", 0.1, "--json", code=1).stdout
+    assert list(json.loads(told)) == ["slow.low"]
+
+
+def test_check_is_told_misuse(tmp_path, own, monkeypatch):
+    refused(tmp_path, "fitness", "check", tmp_path / "gone.py", says="no Python file")
+    refused(tmp_path, "fitness", "check", "alignmemt", says="did you mean alignment")
+    own("return 1")
+    monkeypatch.chdir(tmp_path)
+    refused(tmp_path, "fitness", "check", "mine", says="did you mean mine.py?")
+    assert "Missing argument" in call("fitness", "check", code=2).stderr
+    assert "--timeout" in call("fitness", "check", "gsi", "--timeout", 0, code=2).stderr
+
+
+# -- bench and list --------------------------------------------------------------------------
+
+
+def test_bench_sorts_by_cost_and_tells_all_together(tmp_path, own):
+    town = write_town(tmp_path / "town.npy", side=64)
+    path = own("import time\ntime.sleep(0.02)\nreturn float(city.labels.max())")
+    words = ("fitness", "bench", path, "gsi", "--map", "lyon-1er", "--repeats", 3)
+    told = json.loads(call(*words, "--json").stdout)
+    assert list(told["measures"]) == ["gsi", "mine"]
+    mine = told["measures"]["mine"]
+    assert mine["alone"]["least"] >= mine["shared"]["least"] >= 20
+    assert mine["alone"]["least"] <= mine["alone"]["median"]
+    assert told["together"]["least"] >= 20
+    lines = call(*words).stdout.splitlines()
+    assert [line.split()[0] for line in lines[2:]] == ["gsi", "mine", "all"]
+    refused(tmp_path, "fitness", "bench", "gsi", "--map", town, says="--metres-per-pixel 2.0")
+    assert "64 × 64 px" in call("fitness", "bench", "gsi", "--map", town, *AT_2_M).stdout
+    refused(tmp_path, "fitness", "bench", own("return 1j"), says="returned complex")
+
+
+def test_bench_measures_the_maps_own_code_for_those_who_ask(tmp_path):
+    genome = tmp_path / "lyon.parquet"
+    call("encode", "lyon-1er", "--pixels", 64, "-o", genome)
+    for source in ("lyon-1er", genome):
+        words = ("fitness", "bench", "integrity", "--map", source, "--repeats", 1, "--json")
+        assert json.loads(call(*words).stdout)["measures"]["integrity"]["alone"]["least"] > 0
+
+
+def test_list_tells_cost_and_origin(own):
+    path = own("return 1.0")
+    told = json.loads(call("fitness", "list", path, "--json").stdout)
+    assert list(told) == sorted([m.name for m in measures()] + ["mine"])
+    assert told["mine"]["origin"] == str(path)
+    assert told["mine"]["doc"] == "What it says."
+    assert told["gsi"]["origin"] == "evocity"
+    assert 0 < told["gsi"]["milliseconds"] < 100
+    assert told["gsi"]["range"] == [0, 1]
+    assert told["integrity"]["milliseconds"] is None
+    none = json.loads(call("fitness", "list", "--no-cost", "--json").stdout)
+    assert all(about["milliseconds"] is None for about in none.values())
+
+
+def test_list_waits_for_no_slow_or_failing_measure(own):
+    told = call("fitness", "list", own("import time\ntime.sleep(20)"), "--json").stdout
+    assert json.loads(told)["mine"]["milliseconds"] is None
+    told = call("fitness", "list", own("return 1 / 0"), "--json").stdout
+    assert json.loads(told)["mine"]["milliseconds"] is None
+
+
+class Entry:
+    """An entry point of another package."""
+
+    dist = type("Distribution", (), {"name": "afar", "version": "1.2"})
+
+    def __init__(self, name, load):
+        self.name, self.value, self.load = name, f"afar:{name}", load
+
+
+@pytest.fixture
+def plugins(monkeypatch):
+    from evocity import operators
+    from evocity.io import reading
+
+    caches = (registry.plugin_warnings, operators._from_plugins, reading._from_plugins)
+    monkeypatch.setattr(registry, "_table", dict(registry._table))
+
+    def install(group, *entries):
+        monkeypatch.setattr(
+            "evocity.plugins.entry_points", lambda group: entries if group == asked[0] else ()
+        )
+        asked[:] = [group]
+        for one in caches:
+            one.cache_clear()
+
+    asked = [""]
+    yield install
+    for one in caches:
+        one.cache_clear()
+
+
+def missing():
+    raise ImportError("its library is missing")
+
+
+def test_lists_tell_where_plugins_come_from_and_which_are_broken(plugins):
+    def measure():
+        @evocity.fitness(goal="max")
+        def from_afar(city):
+            "From afar."
+            return 1.0
+
+        return from_afar
+
+    class Foreign:
+        "Breeds from afar."
+
+        name, parents = "foreign", (1, 1)
+
+    def read(path, request):
+        "Read an ASCII grid."
+
+    for group, words, entry in (
+        ("evocity.fitness", ("fitness", "list", "--no-cost"), Entry("from_afar", measure)),
+        ("evocity.operators", ("operators", "list"), Entry("foreign", lambda: Foreign)),
+        ("evocity.readers", ("readers", "list"), Entry(".asc", lambda: read)),
+    ):
+        plugins(group, Entry("broken", missing), entry)
+        result = call(*words)
+        (line,) = [s for s in result.stdout.splitlines() if s.startswith(f"{entry.name} ")]
+        assert "afar 1.2" in line
+        assert "plugin broken (afar:broken) not loaded" in result.stderr
+        assert "its library is missing" in result.stderr
+        told = json.loads(call(*words, "--json").stdout)
+        assert told[entry.name]["origin"] == "afar 1.2"
+        assert {about["origin"] for about in told.values()} == {"evocity", "afar 1.2"}
+
+
+def test_readers_tell_content_and_options():
+    told = json.loads(call("readers", "list", "--json").stdout)
+    assert set(told) == set(evocity.io.READERS)
+    assert told[".gpkg"]["content"] == "SQLite (GeoPackage)"
+    assert told[".gpkg"]["options"] == ["--layer"]
+    assert told[".png"]["options"] == ["--height-scale"]
+    assert all(about["doc"] for about in told.values())
+
+
+# -- score -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def towns(tmp_path):
+    return [write_town(tmp_path / f"{name}.npy", seed) for seed, name in enumerate("ab", 1)]
+
+
+def test_several_maps_are_a_table_a_document_or_rows(towns):
+    words = ("score", *towns, *AT_2_M, "--fitness", "gsi", "--fitness", "salingaros")
+    cities = [evocity.read_map(town, metres_per_pixel=2) for town in towns]
+    values = [evocity.fitness.gsi(city) for city in cities]
+    told = json.loads(call(*words, "--json").stdout)
+    assert told == {
+        str(town): {"gsi": pytest.approx(value), "salingaros": None}
+        for town, value in zip(towns, values, strict=True)
+    }
+    header, *rows = call(*words, "--csv").stdout.splitlines()
+    assert header == "map,gsi,salingaros"
+    assert rows == [f"{town},{v!r}," for town, v in zip(towns, values, strict=True)]
+    lines = call(*words).stdout.splitlines()
+    assert lines[2].split() == ["measure", *map(str, towns), "unit"]
+    assert lines[3].split() == ["gsi", *(f"{value:.4g}" for value in values)]
+    assert lines[4].split() == ["salingaros", "undefined", "undefined"]
+    assert lines[5].startswith(f"undefined: salingaros of {towns[0]}: ")
+
+
+def test_one_map_has_a_row_too(towns):
+    lines = call("score", towns[0], *AT_2_M, "--fitness", "gsi", "--csv").stdout.splitlines()
+    assert lines[0] == "map,gsi"
+    assert lines[1].startswith(f"{towns[0]},0.")
+    assert "--csv" in call("score", towns[0], "--json", "--csv", code=2).stderr
+
+
+def test_the_name_of_a_function_gives_all_its_numbers(tmp_path, towns):
+    own = tmp_path / "roofs.py"
+    own.write_text(
+        "import evocity\n@evocity.fitness(numbers=('low', 'high'))\n"
+        "def roofs(city):\n    return {'low': city.heights.min(), 'high': city.heights.max()}\n",
+        encoding="utf-8",
+    )
+    told = call("score", towns[0], *AT_2_M, "--fitness", own, "--json").stdout
+    city = evocity.read_map(towns[0], metres_per_pixel=2)
+    assert json.loads(told) == {"roofs.low": 0, "roofs.high": city.heights.max()}
+    words = ("score", towns[0], *AT_2_M, "--fitness", own, "--fitness")
+    assert json.loads(call(*words, "roofs", "--json").stdout) == json.loads(told)
+    assert list(json.loads(call(*words, "roofs.low", "--json").stdout)) == list(json.loads(told))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    from cli_tools import write_recipe
+
+    folder = tmp_path_factory.mktemp("scored")
+    call("run", write_recipe(folder), "--out", folder / "run")
+    return folder / "run"
+
+
+def test_individuals_of_a_run_have_their_parents(finished):
+    run = evocity.open_run(finished)
+    born = run.births().to_pylist()
+    bred = next(row["id"] for row in born if len(row["parents"]) == 2)
+    words = ("score", finished, "--id", 0, "--id", bred, "--fitness", "integrity", "--json")
+    told = json.loads(call(*words).stdout)
+    genome = run.genome(bred)
+    parents = [run.genome(number) for number in born[bred]["parents"]]
+    city = evocity.decode(genome).city
+    expected = evocity.fitness.integrity(city, genome=genome, parents=parents)
+    assert told == {
+        f"{finished} --id 0": {"integrity": 1},
+        f"{finished} --id {bred}": {"integrity": pytest.approx(expected)},
+    }
+    assert 0 < expected < 1
+
+
+def test_an_id_for_each_run_among_maps(tmp_path, finished, towns):
+    words = (finished, towns[0], finished, "--fitness", "gsi", *AT_2_M, "--json")
+    told = json.loads(call("score", *words, "--id", 1, "--id", 2).stdout)
+    assert list(told) == [f"{finished} --id 1", str(towns[0]), f"{finished} --id 2"]
+    refused(tmp_path, "score", *words, "--id", 1, says="1 × --id for 2 run folders")
+
+
+def test_what_asks_for_more_than_there_is_is_undefined_unless_named(tmp_path, towns):
+    genome = tmp_path / "town.parquet"
+    call("encode", towns[0], *AT_2_M, "-o", genome)
+    for words, lacks in (((towns[0], *AT_2_M), "the genome"), ((genome,), "the parents")):
+        assert json.loads(call("score", *words, "--json").stdout)["integrity"] is None
+        (line,) = [
+            s for s in call("score", *words).stdout.splitlines() if s.startswith("integrity")
+        ]
+        assert line.split(maxsplit=2)[1] == "undefined"
+        assert f"it asks for {lacks}" in line
+        message = refused(tmp_path, "score", *words, "--fitness", "integrity", says="without its")
+        assert "evocity score RUN --id N" in message
+
+
+def test_a_genome_is_given_to_measures_that_ask_for_it(tmp_path, towns):
+    own = tmp_path / "lifs.py"
+    own.write_text(
+        "import evocity\n@evocity.fitness()\ndef lifs(city, genome):\n    return len(genome)\n",
+        encoding="utf-8",
+    )
+    genome = tmp_path / "town.parquet"
+    call("encode", towns[0], *AT_2_M, "-o", genome)
+    told = json.loads(call("score", genome, "--fitness", own, "--json").stdout)
+    assert told == {"lifs": 256}
+    assert not math.isnan(told["lifs"])
