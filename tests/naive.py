@@ -514,14 +514,14 @@ def nest(grounds, buildings):
     corners = np.ones((3, 3))  # ground leaves a hole by a corner
     built = [buildings == k for k in range(1, buildings.max() + 1)]
     filled = [ndimage.binary_fill_holes(one, structure=corners) for one in built]
-    courtyards = [int(f.sum() - one.sum()) for f, one in zip(filled, built, strict=True)]
+    enclosed = [int(f.sum() - one.sum()) for f, one in zip(filled, built, strict=True)]
     pixels, enclosed_by = [], []
     for label in range(1, grounds.max() + 1):
         ground = grounds == label
         around = [k for k, inside in enumerate(filled) if (inside & ground).any()]
         pixels.append(int(ground.sum()))
         enclosed_by.append(min(around, key=lambda k: filled[k].sum(), default=-1))
-    return pixels, enclosed_by, courtyards
+    return pixels, enclosed_by, enclosed
 
 
 def sky_seen(heights, y, x, starts, down, along, slopes):
@@ -656,11 +656,11 @@ def least_shapes(mask):
     return inside, least[2:], diameter
 
 
-def enclosed(labels, a):
-    """Pixels of open ground that building a alone keeps from the rim of the map."""
+def courtyards(labels, a):
+    """Holes of building a, and the pixels of open ground in them."""
     outside = np.pad(labels != a, 1, constant_values=True)
-    pieces, _ = ndimage.label(outside, np.ones((3, 3)))
-    return int(((pieces != pieces[0, 0])[1:-1, 1:-1] & (labels == 0)).sum())
+    pieces, count = ndimage.label(outside, np.ones((3, 3)))
+    return count - 1, int(((pieces != pieces[0, 0])[1:-1, 1:-1] & (labels == 0)).sum())
 
 
 def simple(lines, y, x):

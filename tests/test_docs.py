@@ -139,8 +139,17 @@ def test_pages_name_formats_rules_columns_and_districts():
 
 def test_links_within_the_project_lead_somewhere():
     for page in PAGES:
-        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
+        for target, anchor in re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", page.read_text("utf-8")):
+            found = page.parent / target if target else page
+            assert found.exists(), f"{page.name}: {target}"
+            assert not anchor or anchor in anchors(found), f"{page.name}: {target}#{anchor}"
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as renderers of Markdown make them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    plain = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in headings)
+    return {heading.replace(" ", "-") for heading in plain}
 
 
 def test_picture_is_small():
@@ -213,7 +222,8 @@ def test_recipes_that_pages_name_exist():
     named = {word for line in shell_lines() for word in shlex.split(line) if ".toml" in word}
     assert named
     for name in named:
-        search.read_recipe(ROOT / name)
+        path = ROOT / name
+        search.read_recipe(path if path.exists() else ROOT / "runs" / name)
 
 
 def test_the_notebooks_losses_are_the_searchs():

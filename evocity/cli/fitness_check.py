@@ -167,7 +167,10 @@ def _verdict(report, word: str) -> str:
     if not report.usable:
         return f"{name} cannot be used yet: {', '.join(counted)}."
     with_what = f" ({', '.join(counted)})" if counted else ""
-    key = f'file = "{word}"' if word.endswith(".py") else f'name = "{name}"'
+    key = f'name = "{name}"'
+    if word.endswith(".py"):
+        lone = [one.name for one in measures_of(word)] == [name]
+        key = f'file = "{word}"' + ("" if lone else f"\n  {key}")
     values = (trial.value for trial in report.trials if trial.value is not None)
     example = next(value for value in values if math.isfinite(value))
     wanted = "" if report.measure.goal else f"\n  target = {example:.4g}"

@@ -76,7 +76,7 @@ def score(maps, identifiers, wanted, reading, as_json, as_csv) -> None:
             for source, number in sources
         }
         table = {
-            title: {m.name: _value(m, case, bool(wanted)) for m in measures}
+            title: {m.name: _value(m, case, bool(wanted) and len(cases) == 1) for m in measures}
             for title, case in cases.items()
         }
     if as_csv:
@@ -126,8 +126,8 @@ def _measures(wanted: tuple[str, ...]) -> list:
 
 
 def _value(measure, case, asked_for: bool) -> float:
-    """What ``measure`` says. One that nobody ``asked_for`` is undefined of a map without the
-    genome, or the parents, that it asks for."""
+    """What ``measure`` says. Of a map without the genome, or the parents, that it asks for it is
+    undefined, unless it was ``asked_for`` by name of that map alone: then the error is told."""
     if asked_for or case.serves(measure):
         return case.measured(measure)
     if case.genome is None:

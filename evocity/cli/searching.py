@@ -112,11 +112,14 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
     ``signs``: measure -> the direction that is wanted, see `goal_signs`.
     """
     left = timedelta(seconds=round(generation.seconds_left))
+    living, feasible = len(generation.population), generation.feasible
+    kept = [f"{feasible} of {living} keep the constraints"] if feasible < living else []
     parts = [
         f"generation {generation.number}/{last}",
         f"{generation.births} births",
         f"{generation.failures} failed",
         f"{generation.evaluations_per_second:.1f} evaluations/s",
+        *kept,
         f"hypervolume {generation.hypervolume:.4g}",
         "best "
         + ", ".join(

@@ -203,6 +203,12 @@ def decode(
             f"{collage.shape}, the size of the decoded map",
             "leave start out, or give it that shape",
         )
+    if not np.abs(heights).max() < _SKY:
+        raise GenomeError(
+            f"a start of heights {heights.min():.3g}…{heights.max():.3g} m",
+            f"finite heights, below {_SKY:g} m",
+            "leave start out, or start from such heights",
+        )
     before = np.empty_like(heights)
     limits = np.float32(tolerance), np.float32(_SKY)
     iterations, unsettled = 0, heights.size

@@ -87,12 +87,12 @@ def gliding_moments(sums, size):
     """(ΣM, ΣM²) over all places of a box of ``size`` px on the map, M the pixels of the mask of
     ``sums`` in it."""
     rows, columns = sums.shape[0] - 1, sums.shape[1] - 1
-    first, second = 0, 0
+    first, second = 0, 0.0  # the squares of large boxes are too many for whole numbers
     for y in range(rows - size + 1):
         for x in range(columns - size + 1):
             mass = (sums[y + size, x + size] - sums[y, x + size]) - (sums[y + size, x] - sums[y, x])
             first += mass
-            second += mass * mass
+            second += np.float64(mass) * np.float64(mass)
     return first, second
 
 

@@ -22,10 +22,13 @@ from evocity.fitness.faults import (
 )
 from evocity.fitness.findings import Change, Finding, Report, Trial
 from evocity.fitness.measure import Measure
-from evocity.fitness.watching import Call, Case, same, unlocked, watched
+from evocity.fitness.touched import altered, unlocked
+from evocity.fitness.watching import Call, Case, same, watched
 
 #: Of measures slower than this, seconds, only the first map is measured twice.
 _QUICK = 0.25
+#: The views of so many maps given, and of the awkward ones, are compared after the call.
+_COMPARED = 4
 
 
 def check(
@@ -45,8 +48,8 @@ def check(
     progress : called with how many maps are done, and of how many.
 
     Each map is measured twice, as two maps of the same heights, which must give the same bits
-    (of slow measures the first map alone). Nothing that the measure does is raised; what it
-    prints is kept from standard output.
+    (of slow measures the first map alone), and must be left as it was, its views too. Nothing
+    that the measure does is raised; what it prints is kept from standard output.
 
     >>> from evocity.fitness import gsi
     >>> heights = np.zeros((16, 16))
@@ -66,7 +69,7 @@ def check(
     trying = _Trying(measure, timeout)
     with contextlib.suppress(TimeoutError):
         for number, case in enumerate(cases, 1):
-            trying.on(case)
+            trying.on(case, views=number <= _COMPARED or number > len(given))
             if progress:
                 progress(number, len(cases))
         trying.changed(cases)
@@ -97,8 +100,9 @@ class _Trying:
         self._times: list[tuple[int, float]] = []  # pixels, seconds
         self._found: dict[tuple[str, int], tuple[Finding, set[str]]] = {}  # with its maps
 
-    def on(self, case: Case) -> None:
-        """Measure one map, twice unless that takes long. TimeoutError if a call is given up."""
+    def on(self, case: Case, *, views: bool) -> None:
+        """Measure one map, twice unless that takes long, and compare its heights, and its
+        ``views`` too, with what they were. TimeoutError if a call is given up."""
         name, first, measure = case.city.name, not self._times, self._measure
         trials = self._report.trials
         if not case.serves(measure):
@@ -114,15 +118,17 @@ class _Trying:
         self._note(name, *of_call(measure, call, name, first=first))
         if given_up:
             raise call.error
+        twice = first or call.seconds < _QUICK
         writable = unlocked(fresh.city)
-        if writable or not np.array_equal(fresh.city.heights, case.city.heights):
-            self._note(name, of_change(measure, writable, name))
+        changed = altered(fresh.city, case.fresh().city, views=views and twice)
+        if writable or changed:
+            self._note(name, of_change(measure, writable, changed, name))
         if call.value is None:
             return
         self._note(name, *of_value(measure, call.value, name))
         if call.line:
             self._note(name, of_nan(measure, call.line, name))
-        if first or call.seconds < _QUICK:
+        if twice:
             again = self._call(case.fresh())
             if isinstance(again.error, TimeoutError):
                 self._note(name, *of_call(measure, again, name, first=False))
@@ -174,8 +180,9 @@ class _Trying:
         return report
 
     def _call(self, case: Case) -> Call:
+        pixels = case.city.heights.size
         call = watched(self._measure, case, self._timeout)
-        self._times.append((case.city.heights.size, call.seconds))
+        self._times.append((pixels, call.seconds))
         return call
 
     def _furthest(self, before: float, cities: Sequence[CityMap]) -> Change | None:

@@ -34,8 +34,10 @@ class Constraint:
 
     def __post_init__(self):
         bounds = [bound for bound in (self.low, self.high) if bound is not None]
-        numbers = all(isinstance(b, Real) and math.isfinite(b) for b in bounds)
-        if not bounds or not numbers or bounds != sorted(bounds):
+        numbers = all(
+            isinstance(b, Real) and not isinstance(b, bool) and math.isfinite(b) for b in bounds
+        )
+        if not bounds or not numbers or (len(bounds) == 2 and bounds[0] >= bounds[1]):
             raise FitnessError(
                 f"{self.measure.name} between {self.low} and {self.high}",
                 "one finite bound or two, the lower first",
@@ -45,6 +47,8 @@ class Constraint:
     def violation(self, value: float) -> float:
         """How far ``value`` lies beyond the bounds, in units of the distance between them, or of
         the one there is (1 if that is 0); 0 within them."""
+        if math.isnan(value):
+            return _MOST
         beyond = max(
             0.0,
             -math.inf if self.low is None else self.low - value,
@@ -123,4 +127,5 @@ class Aims:
 
 
 def _finite(value: float) -> float:
-    return max(-_MOST, min(value, _MOST))
+    """Within what selection can compare; NaN is the worst of all."""
+    return _MOST if math.isnan(value) else max(-_MOST, min(value, _MOST))

@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from evocity.citymap import CityMap
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
+from evocity.fitness.sizes import CRUMB
 
 #: A building is compared with so many, those whose centroids are nearest.
 NEAREST = 6
@@ -22,9 +23,9 @@ BINS = 9
 def alignment_neighbours(city: CityMap) -> float:
     """How far buildings are turned against those next to them.
 
-    Formula: mean over buildings of the mean over their 6 nearest (by centroid; fewer if the map
-    has fewer, more if several are as near as the sixth) of min(d, 90 − d), d = \\|θ_i − θ_j\\| mod
-    90, θ the direction of a building's walls (`CityMap.buildings`).
+    Formula: mean over buildings of 24 m² or more of the mean over their 6 nearest (by centroid;
+    fewer if the map has fewer, more if several are as near as the sixth) of min(d, 90 − d),
+    d = \\|θ_i − θ_j\\| mod 90, θ the direction of a building's walls (`CityMap.buildings`).
     Unit: degrees. Range: 0 (neighbours parallel or square) to 45; directions at random have 22.5.
     Empty map: NaN, and on any other map of fewer than two buildings. Needs pixels of 1 m or
     less: the direction of a building of few pixels is a guess.
@@ -78,8 +79,8 @@ def orientation_order(city: CityMap) -> float:
     both, a quarter each. So a building fills 4 bins alike, and H − ln 4 is the entropy of 9.
     Unit: none. Range: 0 (as many walls in each direction) to 1 (a grid: one direction and that
     square to it). A fabric that lies between two bins, at 5° say, fills both and has .90.
-    Empty map: NaN, and on any other map without a building that has a direction. Needs pixels
-    of 1 m or less, as `alignment_neighbours`.
+    Empty map: NaN, and on any other map without a building of 24 m² that has a direction. Needs
+    pixels of 1 m or less, as `alignment_neighbours`.
     Source: Boeing 2019 (Applied Network Science 4:67), of streets; here of walls.
 
     >>> y, x = np.mgrid[:256, :256]
@@ -88,7 +89,7 @@ def orientation_order(city: CityMap) -> float:
     1.0
     """
     directions = city.buildings.direction
-    known = np.isfinite(directions)
+    known = _known(city)
     if not known.any():
         return Undefined("no building with a direction")
     lengths = np.zeros(BINS)
@@ -102,10 +103,15 @@ def orientation_order(city: CityMap) -> float:
     return max(0.0, 1 - (entropy / math.log(BINS)) ** 2)
 
 
+def _known(city: CityMap) -> np.ndarray:
+    """Bool ``(n,)``: the buildings that have a direction and are no crumbs, which would all seem to
+    lie along the raster."""
+    return np.isfinite(city.buildings.direction) & (city.buildings.area >= CRUMB)
+
+
 def _mean_over_neighbours(city: CityMap, difference) -> float:
     """Mean over buildings of the mean ``difference`` of their direction and their neighbours'."""
-    buildings = city.buildings
-    known = np.isfinite(buildings.direction)
+    buildings, known = city.buildings, _known(city)
     direction = buildings.direction[known]
     count = direction.size
     if count < 2:

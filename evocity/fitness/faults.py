@@ -77,15 +77,21 @@ def _raised(measure: Measure, call: Call, name: str) -> Finding:
     return _finding(measure, "error", about, call.line, found, error.expected, error.remedy)
 
 
-def of_change(measure: Measure, writable: Sequence[str], name: str) -> Finding:
-    """That it made views ``writable``, or wrote into the heights, of the map ``name``."""
-    what = " and ".join(f"city.{view}" for view in writable) or "city.heights"
+def of_change(
+    measure: Measure, writable: Sequence[str], changed: Sequence[str], name: str
+) -> Finding:
+    """That it made views of the map ``name`` ``writable``, or ``changed`` some and locked them."""
+    # beside views left open, what else is changed mostly comes from them
+    if writable:
+        what = f"made {' and '.join(writable)} writable"
+    else:
+        what = f"changed {' and '.join(changed)}"
     return _finding(
         measure,
         "error",
         "change",
-        _line_with(measure, r"setflags|writeable|__dict__"),
-        f"{measure.name} made {what} writable on {name}",
+        _line_with(measure, r"setflags|writeable|__dict__|__setattr__|\bvars\("),
+        f"{measure.name} {what} on {name}",
         "a map left as it was: it and its views are shared by all measures, so read-only",
         "change a copy, heights = city.heights.copy()",
     )

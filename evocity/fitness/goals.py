@@ -6,7 +6,7 @@ from numbers import Real
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
-from evocity.fitness.measure import Measure
+from evocity.fitness.measure import Measure, shown
 
 GOALS = ("max", "min", "target", "like")
 
@@ -38,6 +38,12 @@ class Objective:
     target: float | None = None
 
     def __post_init__(self):
+        if not isinstance(self.measure, Measure):
+            raise FitnessError(
+                f"an objective of {shown(self.measure)}",
+                "a measure; of a function of several numbers one of its .measures",
+                'name one, for example evocity.fitness.get("gsi")',
+            )
         name = self.measure.name
         goal = self.goal or (self.measure.goal if self.target is None else "target")
         if goal is None:

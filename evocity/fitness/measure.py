@@ -1,6 +1,7 @@
 """What a measure is: a named function from a city map to one number; how its faults are told."""
 
 import contextlib
+import functools
 import hashlib
 import inspect
 import math
@@ -12,7 +13,7 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, FitnessError, told
+from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.genome import Genome
 
 #: What a measure may ask for, besides the city, by naming an argument so.
@@ -105,7 +106,7 @@ class Measure:
             value = self.function(city, **{need: extras[need] for need in self.needs})
         except EvocityError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             line = line_in(self.file, error) or self.line
             raise FitnessError(
                 f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
@@ -130,8 +131,8 @@ class Measure:
         name = self.name.partition(".")[0]
         raise FitnessError(
             f"{name} ({self.file}, line {self.line}) returned {found or shown(values)}",
-            f"a mapping with {self.number}, as numbers=(…) above the function tells",
-            f'end {name} with: return {{"{self.number}": …}}',
+            f"a mapping of all that numbers=(…) above {name} names, {self.number} too",
+            f'add "{self.number}": … to the mapping that {name} returns',
         )
 
     def _no_number(self, found: str, city: str) -> FitnessError:
@@ -165,17 +166,28 @@ class Measure:
 
 
 class Several:
-    """A function of several numbers, called once a map for all of them."""
+    """A function of several numbers, called once a map for all of them.
 
-    def __init__(self, function: Callable[..., Mapping[str, float]]):
-        self._function = function
+    What it returned is kept as long as the map lives, for one genome and one list of parents.
+    """
+
+    def __init__(self, function: Callable[..., Mapping[str, float]], numbers: Sequence[str]):
+        functools.update_wrapper(self, function)
+        self._function, self._numbers = function, numbers
         self._known: WeakKeyDictionary[CityMap, tuple] = WeakKeyDictionary()
 
     def __call__(self, city: CityMap, **extras) -> Mapping[str, float]:
+        parents = extras.get("parents") or ()
+        asked = [extras.get("genome"), *parents]
         given, values = self._known.get(city, (None, None))
-        if given != tuple(map(id, extras.values())):
+        same = given is not None and len(given) == len(asked)
+        if not same or any(a is not b for a, b in zip(given, asked, strict=True)):
             values = self._function(city, **extras)
-            self._known[city] = tuple(map(id, extras.values())), values
+            if not isinstance(values, Mapping):
+                return values
+            # the numbers alone: what else it holds may hold the map, which then never went
+            values = {name: values[name] for name in self._numbers if name in values}
+            self._known[city] = asked, values
         return values
 
     @property
@@ -207,6 +219,8 @@ def line_in(file: str, error: BaseException) -> int | None:
 
 def shown(value) -> str:
     """What a measure returned, for a message."""
+    if value is None:
+        return "None"
     shape = getattr(value, "shape", None)
     if shape is not None and not isinstance(value, Real):
         return f"{type(value).__name__} of shape {shape}"
@@ -218,7 +232,7 @@ def content_hash(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def _remedy(error: Exception) -> str:
+def _remedy(error: BaseException) -> str:
     if isinstance(error, AttributeError | ValueError) and (
         "read-only" in str(error) or "does not change" in str(error)
     ):
@@ -233,4 +247,11 @@ def _remedy(error: Exception) -> str:
         )
     if isinstance(error, ModuleNotFoundError):
         return f"install {error.name} beside evocity, or do without it"
-    return "correct that line, or return float('nan') where the measure has no meaning"
+    if isinstance(error, AttributeError) and isinstance(error.obj, CityMap):
+        offered = [name for name in dir(CityMap) if not name.startswith("_")]
+        hint = near_miss(error.name, [*offered, "heights", "metres_per_pixel"])
+        return hint or f"a city has {', '.join(offered)}"
+    return (
+        "correct that line, or return evocity.fitness.Undefined(reason) where the measure has no "
+        "meaning"
+    )

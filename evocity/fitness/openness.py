@@ -24,7 +24,9 @@ def street_width(city: CityMap) -> float:
     Formula: Σ w l / Σ l over the lines that streets run along (`CityMap.streets`: the middle
     lines of open ground, alleys and courtyards included), w the width from wall to wall, l the
     length. Ground wider than 60 m, or nearer to the map's border than to a wall, is no street.
-    Turning the map moves the mean by about 1 % at most: of two middle pixels either may stay.
+    Quarter turns and mirrors move the mean by about 1 %: of two middle pixels either may stay.
+    Other angles move it more, and coarse pixels do: a street of 6 m reads 5.8 at 10° and 1 m/px,
+    about 7 at 45° and 2 m/px.
     Unit: metres. Range: above 0, to 60. Empty map: NaN, and on any map without streets.
     Source: the profile of Araldi & Fusco 2019 (EPB 46:1243-1263), on the raster's skeleton.
 

@@ -36,7 +36,7 @@ _table: dict[str, Measure] = {}  # declared by this package, by plugins, in the 
 _from_files: dict[str, Measure] = {}  # declared in files that `load_file` executed
 _collecting: ContextVar[list[Measure] | None] = ContextVar("collecting", default=None)
 
-_PACKAGE = str(Path(__file__).parent.parent)
+_PACKAGE = str(Path(__file__).parent.parent) + os.sep
 
 
 def fitness(
@@ -87,7 +87,7 @@ def fitness(
 
     def declare(function: Callable) -> Measure | Family:
         needs = _check_function(function)
-        name, called = function.__name__, Several(function) if several else function
+        name, called = function.__name__, Several(function, several) if several else function
         file = function.__code__.co_filename
         found = [
             Measure(
@@ -123,7 +123,7 @@ def get(name: str) -> Measure:
     raise FitnessError(
         "; ".join([f"no measure is called {name!r}", *plugin_warnings()]),
         f"one of {', '.join(known)}",
-        near_miss(name, known) or "name one of these, or load its file first",
+        near_miss(name, known) or "name one of these, or the file NAME.py that declares it",
     )
 
 

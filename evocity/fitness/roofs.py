@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, CityMap
+from evocity.fitness.density import FLOOR
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
-#: Heights are told apart in so many classes of one storey, metres, upwards from `BUILT_ABOVE`;
+#: Heights are told apart in so many classes of one floor (`FLOOR`), upwards from `BUILT_ABOVE`;
 #: what stands higher than the last (61.5 m) is of the last.
 CLASSES = 20
-STOREY = 3.0
 #: Roofs that differ by no more than this, metres, are level with each other.
 LEVEL = 0.5
 
@@ -56,7 +56,7 @@ def height_entropy(city: CityMap) -> float:
     heights = city.heights[city.built]
     if not heights.size:
         return Undefined("nothing is built")
-    above = np.minimum((heights - np.float32(BUILT_ABOVE)) / np.float32(STOREY), CLASSES - 1)
+    above = np.minimum((heights - np.float32(BUILT_ABOVE)) / np.float32(FLOOR), CLASSES - 1)
     counts = np.bincount(above.astype(np.intp))
     share = counts[counts > 0] / heights.size
     return float(share @ np.log(1 / share)) / math.log(CLASSES)

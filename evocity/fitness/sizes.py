@@ -1,4 +1,4 @@
-"""How the sizes of buildings are distributed: many small, fewer large."""
+"""How the sizes of what is built are distributed: many small, fewer large."""
 
 import math
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> Siz
 
 @fitness(goal="max", range=(0, 1))
 def salingaros(city: CityMap) -> float:
-    """How well the sizes of buildings follow Salingaros' universal distribution.
+    """How well the sizes of built components follow Salingaros' universal distribution.
 
     Formula: exp(−½ (d/0.25)²) · exp(−(KS√n/1.5)²) · min(1, span/3) · occupancy, from the
     exponent m of p x^m = C fitted to the sizes x = √area of the built components (see
@@ -101,13 +101,13 @@ def salingaros(city: CityMap) -> float:
 
     >>> heights = np.zeros((64, 64))
     >>> salingaros(CityMap(heights, 2.0)).reason
-    '0 buildings of 5 to 273 m; fewer than 30 have no distribution'
+    '0 built components of 5 to 273 m; fewer than 30 have no distribution'
     """
     sizes = np.sqrt(city.areas)
     count = np.count_nonzero((sizes >= SMALLEST) & (sizes <= LARGEST))
     if count < FEWEST:
         return Undefined(
-            f"{count} buildings of {SMALLEST:.0f} to {LARGEST:.0f} m; "
+            f"{count} built components of {SMALLEST:.0f} to {LARGEST:.0f} m; "
             f"fewer than {FEWEST} have no distribution"
         )
     fit = fit_sizes(sizes)
@@ -119,7 +119,7 @@ def salingaros(city: CityMap) -> float:
 
 @fitness(goal="min", unit="/ha", range=(0, math.inf))
 def crumbs(city: CityMap) -> float:
-    """Number of crumbs, buildings too small to be any, a hectare of built ground.
+    """Number of crumbs, built components too small for a building, a hectare of built ground.
 
     Formula: built components of less than 24 m² (6 px at 2 m), divided by the area of all
     built components in hectares.

@@ -13,8 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import FrameType
 
-import numpy as np
-
 from evocity.citymap import CityMap
 from evocity.fitness.measure import Measure
 from evocity.genome import Genome
@@ -230,13 +228,3 @@ class _Ear(io.TextIOBase):
 def same(first: float, second: float) -> bool:
     """Whether two values are the same number, or both NaN."""
     return first == second or (math.isnan(first) and math.isnan(second))
-
-
-def unlocked(city: CityMap) -> list[str]:
-    """Names of the heights and views of ``city`` that somebody made writable."""
-    return [
-        name
-        for name, held in vars(city).items()
-        for array in (held if isinstance(held, tuple) else (held,))
-        if isinstance(array, np.ndarray) and array.flags.writeable
-    ]

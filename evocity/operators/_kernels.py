@@ -86,15 +86,15 @@ def block_traits(blocks, traits):
 
 @kernel
 def block_gaps(image, group, gaps):
-    """gaps[t] = Σ (group[k, t] − image[k])², squared distances of ``image`` to the blocks of a
-    ``group`` (pixels, LANES); pixels are a multiple of CHUNK."""
-    gaps[:] = 0
+    """gaps[t] = Σ (group[k · LANES + t] − image[k])², squared distances of ``image`` to the blocks
+    of a ``group`` (pixels · LANES,); pixels are a multiple of CHUNK."""
+    for t in range(LANES):
+        gaps[t] = 0
     for start in range(0, image.size, CHUNK):
         for t in range(LANES):
             total = gaps[t]
             for k in range(CHUNK):
-                p = np.uintp(start + k)
-                gap = group[p, np.uintp(t)] - image[p]
+                gap = group[np.uintp((start + k) * LANES + t)] - image[np.uintp(start + k)]
                 total += gap * gap
             gaps[t] = total
 
@@ -128,12 +128,12 @@ def alike_blocks(
     count[i] = 0 where flat[i], the squared distance to the closest flat block, is below all
     others; if it equals the least, flat_here[i] decides.
 
-    ``blocks`` (n, B²) are compared with ``groups`` (G, pixels, LANES), filled up with zeros
+    ``blocks`` (n, B²) are compared with ``groups`` (G, pixels · LANES), filled up with zeros
     beyond B², of indices ``members`` (G, LANES), −1 for none. traits[i] are what no isometry of a
     block changes, B · mean and the norm of the rest, and ``corners`` (4, G) from where to
     where those of each group reach: no block of it is closer than that rectangle.
     """
-    images = np.zeros((sources.shape[0], groups.shape[1]), np.float32)
+    images = np.zeros((sources.shape[0], groups.shape[1] // LANES), np.float32)
     gaps, least_of = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
     bounds, near = np.empty((2, groups.shape[0]), np.float32)
     todo = np.empty(groups.shape[0], np.int64)

@@ -147,7 +147,7 @@ def _closest_level(
 
 
 def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks ``(m, B²)``, the ``which``-th, in groups ``(G, pixels, LANES)`` of close traits; the
+    """Blocks ``(m, B²)``, the ``which``-th, in groups ``(G, pixels · LANES)`` of close traits; the
     indices of each group's members ``(G, LANES)``, −1 for none, and the rectangle their traits
     lie in ``(4, G)``.
 
@@ -168,7 +168,8 @@ def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndar
     groups = np.ascontiguousarray(filled.reshape(-1, LANES, filled.shape[1]).swapaxes(1, 2))
     lying = traits[order].reshape(-1, LANES, 2)
     corners = np.stack([lying.min(axis=1), lying.max(axis=1)], axis=2).reshape(-1, 4).T
-    return groups, members.reshape(-1, LANES), np.ascontiguousarray(corners)
+    members = members.reshape(-1, LANES)
+    return groups.reshape(len(groups), -1), members, np.ascontiguousarray(corners)
 
 
 def _in_surroundings(heights, others, pavement, which, keys, count) -> np.ndarray:

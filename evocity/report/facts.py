@@ -13,6 +13,7 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import EvocityError, RunError
+from evocity.genome import Genome
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
@@ -67,12 +68,21 @@ class Aim:
             return " ".join(f"{sign}{b:.4g}" for sign, b in bounds if b is not None)
         return {"max": "↑", "min": "↓"}.get(self.goal, "")
 
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        low = -math.inf if self.low is None else self.low
+        return low, math.inf if self.high is None else self.high
+
+    def within(self, values: np.ndarray) -> np.ndarray:
+        """Bool: which ``values`` keep the bounds."""
+        low, high = self._bounds
+        return (low <= values) & (values <= high) | ((low, high) == (-math.inf, math.inf))
+
     def loss(self, value: float) -> float:
-        """Lower is better, as in `evocity.fitness.Wanted`; that one needs the measure itself,
-        which a stranger's run may not have."""
+        """Lower is better, in the order of `evocity.fitness.Wanted`; that one needs the measure
+        itself, which a stranger's run may not have."""
         if self.goal == "bounds":
-            low = -math.inf if self.low is None else self.low
-            high = math.inf if self.high is None else self.high
+            low, high = self._bounds
             return min(max(low - value, value - high, 0.0), sys.float_info.max)
         if self.target is not None:
             return min(abs(float(value) - self.target), sys.float_info.max)
@@ -117,13 +127,13 @@ class Facts:
         stated: dict = {}
         for told in (self.recipe.get("fitness"), self.run.provenance.get("fitness")):
             entries = told if isinstance(told, list) else []
-            stated |= {one.get("name"): one for one in entries if isinstance(one, dict)}
+            dicts = [one for one in entries if isinstance(one, dict)]
+            stated |= {str(one.get("name")): one for one in dicts}
         return [self._aim(name, stated.get(name, {})) for name in self.run.header.measures]
 
     def _aim(self, name: str, stated: dict) -> Aim:
         known = {measure.name: measure for measure in fitness.measures()}.get(name)
-        numbers = (stated.get(key) for key in ("target", "min", "max"))
-        target, low, high = (float(n) if isinstance(n, int | float) else None for n in numbers)
+        target, low, high = (_number(stated.get(key)) for key in ("target", "min", "max"))
         own = known.goal if known else None
         if (low, high) != (None, None) and stated.get("goal") is None and target is None:
             own = "bounds"
@@ -136,7 +146,7 @@ class Facts:
             target,
             low,
             high,
-            str(total) if total else None,
+            "".join(filter(str.isprintable, total)) if isinstance(total, str) else None,
         )
 
     @cached_property
@@ -210,6 +220,20 @@ class Facts:
         return np.array([status == "ok" for status in self.births["status"].to_pylist()], bool)
 
     @cached_property
+    def kept(self) -> np.ndarray:
+        """Bool, one a birth: it was measured and lies within all bounds that now hold."""
+        within = self.ok.copy()
+        for aim, values in zip(self.aims, self.values.T, strict=True):
+            within &= aim.within(values)
+        return within
+
+    @property
+    def breaking(self) -> int:
+        """How many individuals of the last generation break a constraint."""
+        within = dict(zip(self.births["id"].to_pylist(), self.kept.tolist(), strict=True))
+        return sum(not within.get(row["id"], True) for row in self.members)
+
+    @cached_property
     def members(self) -> list[dict]:
         """The last generation: id, rank, crowding; the first front first, wide apart first."""
         rows = self.run.members(self.last).select(["id", "rank", "crowding"]).to_pylist()
@@ -230,12 +254,11 @@ class Facts:
         rows = {row["id"]: row for row in self.members}
         where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
         self.run.individuals([one for one in rows if one not in where])  # says who is missing
-        kept = self.births["feasible"].to_pylist()
         by_aim = [
             sorted(
                 rows,
                 key=lambda one: (
-                    not kept[where[one]],
+                    not self.kept[where[one]],
                     aim.loss(self.values[where[one], column]),
                     one,
                 ),
@@ -249,21 +272,44 @@ class Facts:
                     chosen[order[place]] = rows[order[place]]
         return self._shown(list(chosen.values()))
 
+    def _parents(self, births: Sequence[Birth], needs: list[str]) -> dict[int, Genome]:
+        """Genomes of the ``births``' parents by their ids; none where no measure asks for them."""
+        if "parents" not in needs:
+            return {}
+        ids = sorted({one for birth in births for one in birth.parents})
+        found = self.run.individuals(ids)
+        return {one.id: one.genome for one in found if one.genome is not None}
+
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
         births = self.run.individuals([row["id"] for row in rows])
         others = [m for m in fitness.measures() if m.name not in self.run.header.measures]
+        parents = self._parents(births, [need for m in others for need in m.needs])
         shown = []
         for row, birth in zip(rows, births, strict=True):
             city = decode(birth.genome).city
             parents = birth.genome.parent
             shares = np.bincount(parents, minlength=len(self.run.header.cities)) / len(parents)
-            values = [(m.name, _measured(m, city), m.unit) for m in others]
+            bred_from = [parents[one] for one in birth.parents if one in parents]
+            values = [
+                (m.name, _measured(m, city, birth.genome, bred_from or [birth.genome]), m.unit)
+                for m in others
+            ]
             shown.append(Shown(birth, row["rank"], city, values, shares))
         return shown
 
 
-def _measured(measure, city: CityMap) -> float:
+def _number(value) -> float | None:
+    """A finite number of a stranger's file, else None."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
     try:
-        return measure(city)
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
+def _measured(measure, city: CityMap, genome: Genome, parents: list[Genome]) -> float:
+    try:
+        return measure(city, genome=genome, parents=parents)
     except EvocityError:  # not the run's measure: a report does not fail for it
         return math.nan

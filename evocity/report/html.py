@@ -102,6 +102,10 @@ def _summary(facts: Facts) -> str:
         ("births", _text(status["births"])),
         ("failed", _text(status["failures"]) + _reasons(facts)),
         ("on the front", f"{len(facts.front)} of {len(facts.members)}"),
+        *(
+            [("break a constraint", f"{facts.breaking} of {len(facts.members)}")]
+            * bool(facts.breaking)
+        ),
         ("hypervolume", _text(number(status["hypervolume"])) + _gain(facts)),
         ("seed", _text(header.seed)),
     ]

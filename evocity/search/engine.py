@@ -25,8 +25,9 @@ from evocity.store import Birth, RunWriter, refuse_existing
 class Generation:
     """State of a search after a generation.
 
-    ``births`` and ``failures`` count from the start of the run, ``best`` maps each measure to
-    the raw value of the best living individual, ``hypervolume`` is in units of the first
+    ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
+    living keep all constraints; ``best`` maps each measure to the raw value of the best living
+    individual, ``hypervolume`` is in units of the first
     population's ranges. ``seconds_left`` is an estimate.
     """
 
@@ -38,6 +39,7 @@ class Generation:
     evaluations_per_second: float
     seconds_left: float
     population: list[Individual] = field(repr=False)
+    feasible: int = 0
 
 
 class Search:
@@ -205,10 +207,10 @@ class Search:
         self._births += len(births)
         failed = [born for born in births if not born.ok]
         self._failures += len(failed)
-        generation = self._generation(len(births))
+        generation = self._generation(births)
         if self._writer is not None:
             summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
-            for key in ("number", "population", "seconds_left"):
+            for key in ("number", "population", "seconds_left", "feasible"):  # births tell the last
                 del summary[key]
             if not math.isfinite(generation.hypervolume):  # JSON has no infinity
                 summary["hypervolume"] = None
@@ -311,11 +313,12 @@ class Search:
             made=made or {"operator": plan.name},
         )
 
-    def _generation(self, births: int) -> Generation:
+    def _generation(self, births: list[Birth]) -> Generation:
         now = time.perf_counter()
         done = self._next - self._first
-        if done == 0:  # workers start and kernels load: no measure for the others
-            one, self._began = now - self._generation_began, now
+        if done == 0:  # workers start and kernels load: what the births took tells more
+            spent = sum(born.seconds for born in births) / max(1, self._worker_count)
+            one, self._began = min(now - self._generation_began, spent), now
         else:
             one = (now - self._began) / done
         return Generation(
@@ -324,9 +327,10 @@ class Search:
             failures=self._failures,
             hypervolume=self._population.hypervolume,
             best=self._population.best,
-            evaluations_per_second=births / max(now - self._generation_began, 1e-9),
+            evaluations_per_second=len(births) / max(now - self._generation_began, 1e-9),
             seconds_left=one * (self.recipe.run.generations - self._next),
             population=list(self._population.living),
+            feasible=sum(not one.violation for one in self._population.living),
         )
 
     def _refuse_failures(self, failed: list[Birth], count: int) -> None:

@@ -221,8 +221,8 @@ class FitnessEntry(Section):
     like: MapName | None = None
     min: Finite | None = None
     max: Finite | None = None
-    weight: Positive | None = None
-    objective: str | None = Field(None, min_length=1, max_length=100)
+    weight: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
+    objective: Annotated[str, Field(max_length=100), AfterValidator(_some_text)] | None = None
 
     _measures: list[Measure] = PrivateAttr(default_factory=list)
 
@@ -235,6 +235,23 @@ class FitnessEntry(Section):
             raise fault(f"min = {self.min:g}, max = {self.max:g}", "a min below the max")
         try:
             measures = self._found(info.context["folder"])
+            asking = [one for one in measures if self.like is not None and one.needs]
+            if asking:
+                needs = " and ".join(asking[0].needs)
+                raise fault(
+                    f"like for {asking[0].name}, which asks for {needs}: a map has none", "a target"
+                )
+            for one in measures:
+                low, high = one.range
+                if (self.min is not None and self.min > high) or (
+                    self.max is not None and self.max < low
+                ):
+                    bounds = ", ".join(
+                        f"{key} = {getattr(self, key):g}"
+                        for key in ("min", "max")
+                        if getattr(self, key) is not None
+                    )
+                    raise fault(f"{bounds} of {one.name}", f"within its range, {low:g}…{high:g}")
             if self.like is None and self.is_objective:
                 for measure in measures:
                     Objective(measure, self.goal, self.target)

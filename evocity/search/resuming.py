@@ -123,6 +123,7 @@ def _changes(run: Run) -> list[str]:
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
     changes += [
         f"the source of the measure {one['name']}"
+        + (f", {one['file']}, which is missing" if _source_hash(one, own) == "missing" else "")
         for one in provenance["fitness"]
         if _source_hash(one, own) != one["hash"]
     ]

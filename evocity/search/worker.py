@@ -62,7 +62,12 @@ class Evaluator:
 
     def __init__(self, setup: Setup):
         self.header, self.condensation = setup.header, setup.condensation
-        self.measures = {name: _measure(name, file) for name, file in setup.measures}
+        files = {file for _, file in setup.measures if file is not None}
+        loaded = {file: {m.name: m for m in fitness.load_file(file)} for file in sorted(files)}
+        self.measures = {
+            name: fitness.get(name) if file is None else loaded[file][name]
+            for name, file in setup.measures
+        }
 
     def breed(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
         """The child's genome in ``.genome``, in the terms of the run's header."""
@@ -82,6 +87,7 @@ class Evaluator:
         that was not bred, which is its own parent.
         """
         start = time.perf_counter()
+        parents = parents or (genome,)
         values: dict[str, float] = {}
         undefined: list[str] = []
 
@@ -96,7 +102,7 @@ class Evaluator:
             return ended("invalid", f"decoding did not converge: still {decoding.change:.3g} m")
         for name, measure in self.measures.items():
             try:
-                value = measure(decoding.city, genome=genome, parents=parents or (genome,))
+                value = measure(decoding.city, genome=genome, parents=parents)
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", _told(error))
@@ -141,12 +147,6 @@ def _end_with_parent() -> None:
     # thread runs whenever the interpreter lock is let go; code that holds it for ever defeats it.
     connection.wait([multiprocessing.parent_process().sentinel])
     os._exit(1)
-
-
-def _measure(name: str, file: str | None):
-    if file is None:
-        return fitness.get(name)
-    return next(measure for measure in fitness.load_file(file) if measure.name == name)
 
 
 def _told(error: BaseException) -> str:

@@ -302,7 +302,10 @@ def test_an_unknown_measure_is_refused_and_all_are_listed(tmp_path):
         ("import evocity\n@evocity.fitness(goal='most')\ndef f(city): return 1", "goal"),
         ("import evocity\n@evocity.fitness(goal='max')\ndef gsi(city): return 1", "gsi"),
         ("import evocity\n@evocity.fitness(goal='max')\ndef f_raises(city): 1 / 0", "ZeroDivision"),
-        ("import evocity\n@evocity.fitness(goal='max')\ndef f_none(city): pass", "None"),
+        (
+            "import evocity\n@evocity.fitness(goal='max')\ndef f_none(city): pass",
+            "returned nothing",
+        ),
         (
             "import evocity\n@evocity.fitness(goal='max')\n"
             "def f_told(city): raise ValueError('one\\n\\n  two')",

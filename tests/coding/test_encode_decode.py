@@ -158,10 +158,11 @@ def test_moved_against_its_naive_twin():
     assert moved(before, before, *limits) == (0, 0)
 
 
-def test_a_start_that_is_not_finite_is_no_start(town):
+@pytest.mark.parametrize("height", [np.nan, np.inf, -1e9])
+def test_a_start_that_is_not_finite_is_no_start(town, height):
     start = town.heights.copy()
-    start[3, 4] = np.nan
-    with pytest.raises(GenomeError, match="diverges"):
+    start[3, 4] = height
+    with pytest.raises(GenomeError, match="a start of heights"):
         decode(encode(town).genome, start=start)
 
 

@@ -41,6 +41,13 @@ def test_bounds_that_are_none_are_refused(bounds):
         Constraint(gsi, *bounds)
 
 
+def test_nan_is_the_worst_there_is():
+    aims = Aims((Wanted(gsi, Objective(gsi, "max")), Wanted(fsi, constraint=Constraint(fsi, 1, 2))))
+    lost, fine = ({"gsi": g, "fsi": f} for g, f in ((math.nan, math.nan), (0.1, 9.0)))
+    assert aims.losses(lost) == (sys.float_info.max,)
+    assert aims.violation(lost) == sys.float_info.max > aims.violation(fine)
+
+
 def test_weighted_measures_make_one_objective():
     aims = Aims(
         (

@@ -156,6 +156,77 @@ def test_a_number_of_several_is_tried_like_any_other(measure):
     assert report.usable
 
 
+# -- a map that is changed -------------------------------------------------------------------
+
+LOCKED = """\
+a = a if a.base is None else a.base; a.setflags(write=True)
+a[:] = 0
+a.setflags(write=False)
+"""
+CHANGES = {
+    # what the measure does, what is found in the second line
+    "left open": (
+        "a = city.buildings.area\na.setflags(write=True)\na[:] = 0",
+        "made city.buildings.area writable on town-1",
+    ),
+    "heights": (f"a = city.heights\n{LOCKED}", "changed city.heights on town-1"),
+    "view": (f"a = city.labels\n{LOCKED}", "changed city.labels on town-1"),
+    "table": (f"a = city.buildings.area\n{LOCKED}", "changed city.buildings.area on town-1"),
+    "lazy column": (
+        f"a = city.buildings.courtyards\n{LOCKED.replace('= 0', '= 1')}",
+        "changed city.buildings.courtyards on town-1",
+    ),
+    "lazy shape": (f"a = city.buildings.circle\n{LOCKED}", "changed city.buildings on town-1"),
+    "pair": (f"a = city.gradients[1]\n{LOCKED}", "changed city.gradients on town-1"),
+    "streets": (f"a = city.streets.widths\n{LOCKED}", "changed city.streets.widths on town-1"),
+    "open space": (f"a = city.open_space.area\n{LOCKED}", "changed city.open_space.area"),
+    "other number": (
+        "a = city.streets\nvars(a)['length'] = 0.0",
+        "changed city.streets.length on town-1",
+    ),
+    "other view": (
+        "a = city.areas\nvars(city)['labels'] = a",
+        "changed city.labels on town-1",
+    ),
+    "other pixel": (
+        "a = 1\nvars(city)['metres_per_pixel'] = 1.0",
+        "changed city.metres_per_pixel on town-1",
+    ),
+    "taken away": ("a = 1\ndel vars(city)['heights']", "changed city.heights on town-1"),
+    "put there": ("a = 1\nvars(city)['mine'] = a", "changed city.mine on town-1"),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_changed_map_is_an_error_with_its_line(measure, name):
+    body, says = CHANGES[name]
+    tried = measure(f"{body.strip()}\nreturn 3.0")
+    one = found(check(tried, TOWNS), "change")
+    assert (one.kind, one.file, one.line) == ("error", tried.file, FIRST + 2)
+    assert says in one.found
+    assert "a map left as it was" in one.expected
+    assert "change a copy" in one.remedy
+
+
+def test_the_view_of_one_map_among_many_is_found(measure):
+    body = f"if city.built.any():\n    return 3.0\na = city.streets.width\n{LOCKED}return 2.0"
+    body = body.replace("= 0", "= 1")
+    assert (
+        "changed city.streets.width on empty map"
+        in found(check(measure(body), TOWNS), "change").found
+    )
+
+
+def test_no_view_that_is_only_looked_at_is_told(measure):
+    looks = measure("""
+        views = (city.areas, city.outline, city.gradients, city.structure, city.open_space)
+        views += (city.distance_to_built, city.streets)
+        columns = city.buildings.as_dict()
+        return len(views) + len(columns) + city.heights.mean()
+    """)
+    assert check(looks, TOWNS).findings == []
+
+
 # -- what is wrong ---------------------------------------------------------------------------
 
 FAULTS = {

@@ -131,7 +131,7 @@ def test_salingaros_prefers_the_law_to_buildings_of_one_size():
 
 def test_salingaros_of_few_buildings_is_undefined_with_a_reason():
     assert math.isnan(salingaros(city_of([64] * 29, 1.0)))
-    assert salingaros(city_of([64] * 29, 1.0)).reason.startswith("29 buildings")
+    assert salingaros(city_of([64] * 29, 1.0)).reason.startswith("29 built components")
     assert not math.isnan(salingaros(city_of([64] * 30, 1.0)))
 
 

@@ -1,9 +1,11 @@
 """Declaring a measure, finding it, loading a file of one's own, and every way that goes wrong."""
 
+import gc
 import math
 import pickle
 import sys
 import textwrap
+import weakref
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -357,9 +359,46 @@ def test_several_numbers_come_by_their_names(write):
     assert [one.name for one in extremes.measures] == ["extremes.low", "extremes.high"]
 
 
+def test_a_cell_with_several_numbers_may_run_again():
+    for factor in (1, 2):
+
+        def sizes(city, factor=factor):
+            return {"small": 0, "large": factor}
+
+        family = evocity.fitness(numbers=("small", "large"))(sizes)
+    assert family(CITY) == {"small": 0, "large": 2}
+    assert registry.get("sizes.large")(CITY) == 2
+
+
+def test_a_family_is_no_measure():
+    @evocity.fitness(numbers=("low", "high"), goal="max")
+    def ends(city):
+        return {"low": 0, "high": 1}
+
+    with pytest.raises(FitnessError, match="an objective of Family"):
+        Objective(ends)
+
+
+def test_several_numbers_know_the_parents_they_are_of():
+    @evocity.fitness(numbers=("count", "first"))
+    def litter(city, parents):
+        return {"count": len(parents), "first": parents[0], "city": city}
+
+    count, first = litter.measures
+    for given in ([1], [2], [3, 3]):  # each list may lie where the one before lay
+        town = CITY
+        assert (count(town, parents=given), first(town, parents=given)) == (len(given), given[0])
+    town = draw_town(5)
+    gone = weakref.ref(town)
+    count(town, parents=[1])
+    del town
+    gc.collect()
+    assert gone() is None
+
+
 @pytest.mark.parametrize(
     ("value", "told"),
-    [("3.0", "float 3.0"), ('{"count": 1}', "a mapping of count"), ("None", "NoneType None")],
+    [("3.0", "float 3.0"), ('{"count": 1}', "a mapping of count"), ("None", "None")],
 )
 def test_a_number_that_does_not_come_is_told(write, value, told):
     text = SEVERAL.replace(SEVERAL[SEVERAL.index('{"count": (') :].strip(), value)
@@ -417,6 +456,8 @@ def test_where_a_measure_comes_from_is_known(write):
         ("city.built.fill(True)", "change a copy"),
         ('open("nothing.csv")', "pathlib.Path(__file__)"),
         ("import nothing_such", "install nothing_such"),
+        ("city.height", "did you mean heights?"),
+        ("raise SystemExit('bye')", "correct that line"),
     ],
 )
 def test_remedies_fit_what_was_raised(write, body, remedy):
@@ -509,7 +550,7 @@ def test_to_be_like_a_city_is_to_have_its_value():
     like = Objective.like(gsi, half)
     assert (like.goal, like.target) == ("like", 0.5)
     assert like.loss(gsi(half)) == 0
-    with pytest.raises(FitnessError, match="salingaros is undefined on eight: 1 build"):
+    with pytest.raises(FitnessError, match="salingaros is undefined on eight: 1 built"):
         Objective.like(get("salingaros"), CITY)
 
 

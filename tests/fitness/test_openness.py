@@ -87,7 +87,7 @@ def test_a_building_in_a_courtyard_is_no_courtyard():
     city = CityMap(heights, 2.0)
     yards = 14**2 - 10**2 + 6**2
     assert courtyard_index(city) == pytest.approx(yards / (20**2 - 14**2 + 10**2 - 6**2))
-    assert city.open_space.courtyards.tolist() == [4 * 14**2, 4 * 6**2]
+    assert city.open_space.enclosed.tolist() == [4 * 14**2, 4 * 6**2]
 
 
 def test_courtyards_of_bubenec_are_those_of_momepy():
@@ -104,11 +104,11 @@ def test_courtyards_of_bubenec_are_those_of_momepy():
         transform=Affine(1, 0, west, 0, -1, north),
     )
     city = CityMap(9.0 * raster, 1.0)
-    courtyards = city.open_space.courtyards
-    assert courtyards.size == 28
-    assert courtyards.sum() == pytest.approx(truth.sum(), rel=2e-3)
+    enclosed = city.open_space.enclosed
+    assert enclosed.size == 28
+    assert enclosed.sum() == pytest.approx(truth.sum(), rel=2e-3)
     large = np.sort(truth[truth > 100])
-    assert np.sort(courtyards)[-large.size :] == pytest.approx(large, rel=0.02)
+    assert np.sort(enclosed)[-large.size :] == pytest.approx(large, rel=0.02)
     filled = shapely.union_all(shapely.polygons(shapely.get_exterior_ring(parts)))
     built = shapely.area(parts).sum()  # islands in courtyards are no ground
     assert courtyard_index(city) == pytest.approx((filled.area - built) / built, rel=2e-3)

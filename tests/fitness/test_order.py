@@ -125,7 +125,11 @@ def city_of(directions, points, perimeters=None):
     y, x = np.reshape(points, (-1, 2)).astype(float).T
     perimeter = np.full(len(directions), 40.0) if perimeters is None else np.array(perimeters)
     table = SimpleNamespace(
-        direction=np.asarray(directions, float), y=y, x=x, perimeter=perimeter.astype(float)
+        direction=np.asarray(directions, float),
+        area=np.full(len(directions), 100.0),
+        y=y,
+        x=x,
+        perimeter=perimeter.astype(float),
     )
     city = CityMap(np.zeros((4, 4)), 1.0)
     city.__dict__["buildings"] = table
@@ -242,3 +246,16 @@ def test_a_grid_has_one_direction_however_it_is_turned(degrees):
     city = inner.replace(np.where(np.isin(labels, rim), 0, inner.heights))
     assert orientation_order(city) == pytest.approx(1, abs=0.02)
     assert alignment_neighbours(city) < 1
+
+
+@pytest.mark.parametrize("measure", [alignment_neighbours, alignment_momepy, orientation_order])
+def test_crumbs_do_not_count(measure):
+    rng = np.random.default_rng(4)
+    city = lattice(lambda b: affinity.rotate(b, rng.uniform(0, 90), origin="centroid"), step=60)
+    dusty = city.heights.copy()
+    dust = np.zeros(city.shape, bool)
+    dust[::4, ::4] = True
+    dusty[dust & ndimage.binary_erosion(~city.built, iterations=2)] = 6
+    dusty = city.replace(dusty)
+    assert len(dusty.buildings) > 10 * len(city.buildings)
+    assert measure(dusty) == pytest.approx(measure(city), rel=1e-9)

@@ -21,7 +21,8 @@ from evocity.fitness import (
     roof_flatness,
     storeys,
 )
-from evocity.fitness.roofs import CLASSES, LEVEL, STOREY
+from evocity.fitness.density import FLOOR
+from evocity.fitness.roofs import CLASSES, LEVEL
 
 # Few heights, so that equal neighbours, bounds of classes and steps of 0.5 m are common.
 maps = arrays(
@@ -61,7 +62,7 @@ def test_roofs_are_those_of_looking_at_each_pixel(heights):
         return
     assert roof_flatness(city) == pytest.approx(naive_flatness(city), abs=1e-12)
     assert height_deviation(city) == pytest.approx(math.sqrt(np.var(standing)), rel=1e-6, abs=1e-9)
-    classes = [min(int((h - BUILT_ABOVE) // STOREY), CLASSES - 1) for h in standing]
+    classes = [min(int((h - BUILT_ABOVE) // FLOOR), CLASSES - 1) for h in standing]
     _, counts = np.unique(classes, return_counts=True)
     expected = stats.entropy(counts, base=CLASSES)
     assert height_entropy(city) == pytest.approx(expected, abs=1e-9)
@@ -91,7 +92,7 @@ def test_a_town_of_one_height_is_flat_and_without_variety(town):
 
 
 def test_as_much_of_each_class_is_all_variety_there_is():
-    middles = BUILT_ABOVE + STOREY * (np.arange(CLASSES) + 0.5)
+    middles = BUILT_ABOVE + FLOOR * (np.arange(CLASSES) + 0.5)
     city = CityMap(np.tile(middles, (3, 1)), 2.0)
     assert height_entropy(city) == pytest.approx(1)
     # what stands above the last class is of it

@@ -4,6 +4,7 @@ import itertools
 import math
 from functools import cache
 
+import esda.shape
 import geopandas
 import momepy
 import numpy as np
@@ -166,6 +167,9 @@ def measured_both_ways():
         (convexity, momepy.convexity, 0.015),
         (compactness, momepy.circular_compactness, 0.01),
         (shape_index, momepy.shape_index, 0.01),
+        (eri, esda.shape.equivalent_rectangular_index, 0.025),
+        (convexity, esda.shape.convex_hull_ratio, 0.015),
+        (compactness, esda.shape.minimum_bounding_circle_ratio, 0.01),
     ],
     ids=lambda value: getattr(value, "name", None),
 )

@@ -169,3 +169,7 @@ def test_what_does_not_fit_the_map_is_undefined(measure, shape, pixel, reason):
 def test_nothing_built_has_no_texture():
     for measure in MEASURES:
         assert measure(CityMap(np.zeros((64, 64)), 2.0)).reason == "nothing is built"
+
+
+def test_lacunarity_of_very_fine_pixels():
+    assert lacunarity(CityMap(np.full((3000, 3000), 9.0), 32 / 1500)) == pytest.approx(1)

@@ -21,10 +21,27 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     facts = Facts(open_run(folder))
     assert facts.members  # read while the header is the files' own
     assert facts.history
+    assert facts.breaking == 0
     facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
     page = Page(html._summary(facts))
     assert page.scripts == 0
     assert page.words.count(HOSTILE) == 4
+
+
+@pytest.mark.parametrize(
+    "told", [10**400, True, float("nan"), "1", [1], {"a": 1}, None, -(10**400), float("inf")]
+)
+def test_hostile_bounds_are_none(tmp_path, told):
+    folder = make_run(tmp_path / "run")
+    facts = Facts(open_run(folder))
+    name = facts.run.header.measures[0]
+    stated = {"name": name, "min": told, "max": told, "target": told, "objective": "a\n\x1b[31mb"}
+    facts.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
+    aim = facts.aims[0]
+    assert (aim.target, aim.low, aim.high) == (None, None, None)
+    assert aim.total == "a[31mb"
+    assert facts.breaking == 0
+    assert write_report(folder).is_file()
 
 
 def test_cards_hold_text_alone(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evocity.errors import RecipeError
-from evocity.search import Search, read_recipe
+from evocity.search import Search, preparation, read_recipe, worker
 from evocity.store import open_run
 
 HEREDITY = """
@@ -19,6 +19,23 @@ def litter(city, genome, parents):
 @evocity.fitness(numbers=("low", "high"), unit="m")
 def roofs(city):
     return {"low": city.heights.min(), "high": city.heights.max()}
+"""
+
+
+COUNTED = """
+import pathlib
+import evocity
+
+def note(what):
+    with (pathlib.Path(__file__).parent / "calls").open("a") as notes:
+        notes.write(what + "\\n")
+
+note("loaded")
+
+@evocity.fitness(numbers=("one", "two"))
+def both(city):
+    note("called")
+    return {"one": 1.0, "two": city.heights.max()}
 """
 
 
@@ -107,6 +124,35 @@ target = 0.4
     assert [one.get("objective") for one in noted] == ["weighted sum", "weighted sum", None]
 
 
+def test_it_is_told_where_nobody_keeps_the_constraints(bounded, tmp_path):
+    from click.testing import CliRunner
+
+    from evocity.cli import main
+
+    recipe = bounded(ROOF.format(limit=0.001))
+    told = CliRunner().invoke(main, ["run", str(recipe), "--out", str(tmp_path / "run")])
+    assert told.exit_code == 0, told.output
+    assert "0 of 8 keep the constraints" in told.output
+    status = CliRunner().invoke(main, ["status", str(tmp_path / "run")]).output
+    assert "8 of the 8 living break one" in status
+    report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "break a constraint" in report
+
+
+def test_a_file_of_measures_is_executed_once_a_worker(bounded, tmp_path):
+    entries = '[[fitness]]\nfile = "counted.py"\nname = "both"\ngoal = "min"\n'
+    recipe = bounded(entries)
+    (recipe.parent / "counted.py").write_text(COUNTED, encoding="utf-8")
+    search = read_recipe(recipe)
+    prepared = preparation.prepare(search)
+    before = (recipe.parent / "calls").read_text()
+    evaluator = worker.Evaluator(prepared.setup)
+    outcome = evaluator.evaluate(prepared.sources[0].genome)
+    assert outcome.status == "ok"
+    calls = (recipe.parent / "calls").read_text().removeprefix(before)
+    assert calls == "loaded\ncalled\n"
+
+
 def test_a_measure_gets_the_genome_and_the_parents_it_asks_for(bounded, tmp_path):
     entries = """
 [[fitness]]
@@ -132,6 +178,12 @@ goal = "min"
     [
         ('[[fitness]]\nname = "gsi"\nmin = 0.4\nmax = 0.2\n', "min = 0.4, max = 0.2"),
         ('[[fitness]]\nname = "gsi"\nmax = 0.2\n', "constraints alone"),
+        ('[[fitness]]\nname = "gsi"\nmin = 1.5\n', "min = 1.5 of gsi.*within its range, 0…1"),
+        ('[[fitness]]\nname = "crumbs"\nobjective = "a\\u001b"\n', "a name that can be"),
+        (
+            '[[fitness]]\nfile = "heredity.py"\nname = "litter"\nlike = "lyon-1er"\n',
+            "like for litter, which asks for genome and parents",
+        ),
         ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi without a goal"),
         ('[[fitness]]\nname = "gsi"\ntarget = 1\nweight = -2\n', "weight: -2"),
         ('[[fitness]]\nfile = "heredity.py"\nname = "roofs"\nmax = 9\n', "max for all of roofs"),

@@ -77,10 +77,10 @@ def test_nesting_is_that_of_filled_holes(built):
     buildings, builts = ndimage.label(built)
     grounds, count = ndimage.label(~built, structure=BOTH)
     pixels, enclosed_by = np.empty(count, np.int64), np.empty(count, np.int32)
-    courtyards = np.empty(builts, np.int64)
-    nest(grounds, buildings, pixels, enclosed_by, courtyards)
+    enclosed = np.empty(builts, np.int64)
+    nest(grounds, buildings, pixels, enclosed_by, enclosed)
     expected = naive.nest(grounds, buildings)
-    assert (pixels.tolist(), enclosed_by.tolist(), courtyards.tolist()) == expected
+    assert (pixels.tolist(), enclosed_by.tolist(), enclosed.tolist()) == expected
 
 
 def test_rings_within_rings():
@@ -90,18 +90,18 @@ def test_rings_within_rings():
     assert space.labels[0, 0] == 1
     assert space.enclosed_by.tolist() == [-1, 0, 1]
     assert space.area.tolist() == [4 * (21**2 - 17**2), 4 * (15**2 - 9**2), 4 * 7**2]
-    assert space.courtyards.tolist() == [4 * 15**2, 4 * 7**2]
+    assert space.enclosed.tolist() == [4 * 15**2, 4 * 7**2]
 
 
 def test_a_courtyard_opens_at_a_corner_and_at_the_border():
     ring = np.zeros((9, 9))
     ring[2:7, 2:7] = 9
     ring[3:6, 3:6] = 0
-    assert CityMap(ring, 1.0).open_space.courtyards.tolist() == [9]
+    assert CityMap(ring, 1.0).open_space.enclosed.tolist() == [9]
     assert CityMap(ring[3:], 1.0).open_space.enclosed_by.tolist() == [-1, -1]
     ring[2, 2] = 0  # now the yard touches the ground outside by a corner
     space = CityMap(ring, 1.0).open_space
-    assert (space.enclosed_by.tolist(), space.courtyards.tolist()) == ([-1], [0])
+    assert (space.enclosed_by.tolist(), space.enclosed.tolist()) == ([-1], [0])
 
 
 @settings(deadline=None)
@@ -112,7 +112,7 @@ def test_the_pieces_are_all_the_ground(built):
     assert np.array_equal(space.labels > 0, ~built)
     assert space.area.sum() == 4 * np.count_nonzero(~built)
     assert space.labels.max(initial=0) == space.area.size == space.enclosed_by.size
-    assert space.courtyards.size == city.areas.size
+    assert space.enclosed.size == city.areas.size
     assert space.labels.dtype == space.enclosed_by.dtype == np.int32
 
 
@@ -264,7 +264,7 @@ def test_turning_the_city_turns_its_ground(iso):
     turned = city.replace(isometries.apply(iso, city.heights))
     expected = isometries.apply(iso, city.distance_to_built)
     assert np.array_equal(turned.distance_to_built, expected)
-    for key in ("area", "courtyards"):
+    for key in ("area", "enclosed"):
         ours, theirs = getattr(turned.open_space, key), getattr(city.open_space, key)
         assert np.sort(ours).tolist() == np.sort(theirs).tolist()
     assert turned.streets.length == pytest.approx(city.streets.length, rel=0.02)
@@ -289,7 +289,7 @@ def test_views_are_kept_and_read_only():
     assert city.streets is lines
     assert city.open_space is space
     arrays = [city.distance_to_built, space.labels, space.area, space.enclosed_by]
-    arrays += [space.courtyards, lines.skeleton, lines.width, lines.widths, lines.lengths]
+    arrays += [space.enclosed, lines.skeleton, lines.width, lines.widths, lines.lengths]
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0

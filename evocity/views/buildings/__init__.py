@@ -2,6 +2,7 @@
 
 - `apart`: which built pixels are one building: `told_apart`
 - `table`: what is known of each building: `Buildings`
+- `hulls`: the smallest convex shapes about each
 - `outline`: their polygons: `outlines`
 """
 

@@ -32,6 +32,8 @@ def told_apart(
     noise of decoding) goes to the zone with which it shares the longest wall, if it touches any;
     of equal walls, to that closest in mean height, then the largest, then the first. So no step
     parts what touches by sides and rises evenly, and no two zones of ``crumb`` or more are joined.
+    The first is that which the rows, from north to south, meet first: where all else is equal,
+    turning the map may give a crumb to another neighbour.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from evocity.views.buildings import _kernels
+from evocity.views.buildings.hulls import hulls
 
 # The columns of the table that `Buildings.as_dict` hands on as they are.
 _COLUMNS = ("component", "area", "perimeter", "height", "volume", "y", "x", "direction")
@@ -68,8 +69,9 @@ class Buildings:
     def courtyards(self) -> np.ndarray:
         """Float64 ``(n,)``: open ground that the building alone encloses, m². Ground gets out
         between pixels that touch by corners only. About 0.7 ms at 256²."""
-        pixels = np.empty(len(self), np.int64)
-        _kernels.enclosed(self.labels, self.bounds, pixels)
+        corners, pixels = np.zeros(len(self), np.int64), np.empty(len(self), np.int64)
+        _kernels.count_corners(np.pad(self.labels, 1), corners)
+        _kernels.courtyards(self.labels, self.bounds, corners, pixels)
         return _read_only(pixels * self.metres_per_pixel**2)
 
     @property
@@ -98,7 +100,7 @@ class Buildings:
         boxes = np.empty((len(self), 2))
         starts = np.zeros(len(self) + 1, np.int64)
         np.cumsum(self.bounds[:, 2] - self.bounds[:, 0], out=starts[1:])
-        _kernels.hulls(self.labels, self.bounds, starts, inside, boxes, circles)
+        hulls(self.labels, self.bounds, starts, inside, boxes, circles)
         pixel = self.metres_per_pixel
         return (
             _read_only(inside * pixel**2),

@@ -70,7 +70,7 @@ def squared_distances(built, squares, nearest):
 
 
 @kernel
-def nest(grounds, buildings, pixels, enclosed_by, courtyards):
+def nest(grounds, buildings, pixels, enclosed_by, enclosed):
     """Who lies within whom, for ground and built components labelled 1…n.
 
     Sets the ``pixels`` of each ground component, the built one (from 0) that encloses it, −1 if
@@ -81,7 +81,7 @@ def nest(grounds, buildings, pixels, enclosed_by, courtyards):
     """
     rows, columns = grounds.shape
     many = pixels.size
-    total = np.zeros(many + courtyards.size, np.int64)  # ground components, then built ones
+    total = np.zeros(many + enclosed.size, np.int64)  # ground components, then built ones
     around = np.full(total.size, -1, np.int64)
     open_ended = np.zeros(total.size, np.bool_)
     order = np.empty(total.size, np.int64)
@@ -102,12 +102,12 @@ def nest(grounds, buildings, pixels, enclosed_by, courtyards):
                 open_ended[np.uintp(one)] = True
     for one in range(many):
         pixels[one] = total[one]
-    for one in range(courtyards.size):
-        courtyards[one] = -total[many + one]
+    for one in range(enclosed.size):
+        enclosed[one] = -total[many + one]
     for k in range(met - 1, -1, -1):
         one = order[k]
         if one >= many:
-            courtyards[one - many] += total[one]
+            enclosed[one - many] += total[one]
         if not open_ended[one]:
             total[around[one]] += total[one]
         if one < many:

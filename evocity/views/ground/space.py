@@ -21,14 +21,14 @@ class OpenSpace:
     enclosed_by : int32 ``(n,)``: the built component (`CityMap.labels`, less 1) a ground
         component is a courtyard of, the innermost one around it; −1 if it reaches the map's
         border.
-    courtyards : float64 ``(number of built components,)``, m²: what each built component
-        encloses, other buildings in its courtyards included, as when its holes are filled.
+    enclosed : float64 ``(number of built components,)``, m²: what each built component encloses,
+        its courtyards and the buildings that stand in them, as when its holes are filled.
     """
 
     labels: np.ndarray
     area: np.ndarray
     enclosed_by: np.ndarray
-    courtyards: np.ndarray
+    enclosed: np.ndarray
 
 
 def open_space(labels: np.ndarray, metres_per_pixel: float) -> OpenSpace:
@@ -39,16 +39,16 @@ def open_space(labels: np.ndarray, metres_per_pixel: float) -> OpenSpace:
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on built components of 4 neighbours.
     metres_per_pixel : side of a pixel, metres.
 
-    About 0.9 ms at 256². All arrays are read-only.
+    About 0.4 ms at 256², labels given. All arrays are read-only.
     """
     grounds, count = ndimage.label(labels == 0, structure=np.ones((3, 3)))
     grounds = grounds.astype(np.int32, copy=False)
     pixels = np.empty(count, np.int64)
     enclosed_by = np.empty(count, np.int32)
-    courtyards = np.empty(labels.max(initial=0), np.int64)
-    nest(grounds, labels, pixels, enclosed_by, courtyards)
+    enclosed = np.empty(labels.max(initial=0), np.int64)
+    nest(grounds, labels, pixels, enclosed_by, enclosed)
     pixel = metres_per_pixel**2
-    arrays = grounds, pixels * pixel, enclosed_by, courtyards * pixel
+    arrays = grounds, pixels * pixel, enclosed_by, enclosed * pixel
     for array in arrays:
         array.setflags(write=False)
     return OpenSpace(*arrays)
