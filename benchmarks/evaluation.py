@@ -67,16 +67,16 @@ def plain_autosimilarity(heights):
 def plain_alignment(heights, pixel):
     """R4 with scipy's filters."""
     scharr = np.array([[-3, 0, 3], [-10, 0, 10], [-3, 0, 3]]) / (32 * pixel)
-    wide, narrow = (special.binom(n, np.arange(n + 1)) / 2**n for n in (8, 4))
+    binomial = special.binom(8, np.arange(9)) / 2**8
 
-    def smoothed(field, binomial):
+    def smoothed(field):
         return ndimage.correlate(field, np.outer(binomial, binomial), mode="nearest")
 
     dx, dy = (
-        smoothed(ndimage.correlate(heights, kernel, mode="nearest"), wide)
+        smoothed(ndimage.correlate(heights, kernel, mode="nearest"))
         for kernel in (scharr, scharr.T)
     )
-    real, imaginary = smoothed(dx**2 - dy**2, narrow), smoothed(2 * dx * dy, narrow)
+    real, imaginary = smoothed(dx**2 - dy**2), smoothed(2 * dx * dy)
     weight = np.hypot(real, imaginary)
     field = weight * np.exp(2j * np.arctan2(imaginary, real))
     settings = {"sigma": order.NEIGHBOURHOOD / pixel, "mode": "constant", "truncate": 2.0}

@@ -71,7 +71,7 @@ def lambda_field(
     if grain > 1:
         field = ndimage.gaussian_filter(field, grain / 2, mode="reflect")
     rank = np.empty(field.size)
-    rank[np.argsort(field.ravel(), kind="stable")] = (np.arange(field.size) + 0.5) / field.size
+    rank[np.argsort(field, axis=None)] = (np.arange(field.size) + 0.5) / field.size
     if blend == 0:
         return (rank < share).astype(float)
     cut = share * (1 + blend) - blend / 2

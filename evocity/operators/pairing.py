@@ -55,7 +55,12 @@ def paired(
 
     Exact: as good as comparing all pairs, in float32.
     """
-    ours, theirs = (pavement.blocks(one).reshape(len(pavement), -1) for one in (heights, others))
+    cut = (pavement.blocks(one).reshape(len(pavement), -1) for one in (heights, others))
+    return _paired(heights, others, *cut, pavement, flat, which, isometries, alike)
+
+
+def _paired(heights, others, ours, theirs, pavement, flat, which, isometries, alike):
+    """`paired`, of maps whose range blocks, ``(n, B²)``, are cut already."""
     (relief,) = np.nonzero(~flat)
     groups = _grouped(relief, theirs[relief]) if relief.size else None
     images = sources(pavement.block)[: 8 if isometries else 1].astype(np.int64)
@@ -101,14 +106,16 @@ def modulated(
     pavement = first.pavement
     index, iso = np.arange(len(pavement)), np.zeros(len(pavement), np.int64)
     which = index.copy() if where is None else np.flatnonzero(where)
-    index[which], iso[which] = paired(
-        *maps, pavement, level_blocks(second, maps[1]), which, isometries=isometries, alike=alike
+    ours, theirs = (pavement.blocks(one).reshape(len(pavement), -1) for one in maps)
+    flat = level_blocks(second, maps[1])
+    index[which], iso[which] = _paired(
+        *maps, ours, theirs, pavement, flat, which, isometries, alike
     )
     columns = {name: getattr(second, name)[index] for name in FIELDS}
     composed = COMPOSITION[iso, columns["iso"]]
     columns["iso"] = np.where(columns["dx"] > 0, composed, columns["iso"])
     child = second.replace(**columns, origin=first.origin, crs=first.crs)
-    return child, _mosaic(maps[1], pavement, index, iso)
+    return child, _mosaic(theirs, pavement, index, iso)
 
 
 def level_blocks(genome: Genome, heights: np.ndarray) -> np.ndarray:
@@ -166,10 +173,9 @@ def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndar
     filled = np.zeros((order.size, pixels + -pixels % CHUNK), np.float32)
     filled[:, :pixels] = blocks[order]
     groups = np.ascontiguousarray(filled.reshape(-1, LANES, filled.shape[1]).swapaxes(1, 2))
-    lying = traits[order].reshape(-1, LANES, 2)
-    corners = np.stack([lying.min(axis=1), lying.max(axis=1)], axis=2).reshape(-1, 4).T
-    members = members.reshape(-1, LANES)
-    return groups.reshape(len(groups), -1), members, np.ascontiguousarray(corners)
+    lying = traits.T[:, order].reshape(2, -1, LANES)
+    corners = np.stack([lying.min(axis=2), lying.max(axis=2)], axis=1).reshape(4, -1)
+    return groups.reshape(len(groups), -1), members.reshape(-1, LANES), corners
 
 
 def _in_surroundings(heights, others, pavement, which, keys, count) -> np.ndarray:
@@ -199,11 +205,10 @@ def _read(keys: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(keys < 0, here, keys // 8), keys % 8
 
 
-def _mosaic(others: np.ndarray, pavement: Pavement, index, iso) -> np.ndarray:
-    """``(H, W)``: range block i is the index[i]-th of ``others``, turned by iso[i]."""
-    laid = pavement.blocks(others)[index]
-    pixels = laid.reshape(len(laid), -1)  # a view
+def _mosaic(theirs: np.ndarray, pavement: Pavement, index, iso) -> np.ndarray:
+    """``(H, W)``: range block i is the index[i]-th of ``theirs`` (n, B²), turned by iso[i]."""
+    pixels = theirs[index]
     (turned,) = np.nonzero(iso)
     images = sources(pavement.block)[iso[turned]]
     pixels[turned] = np.take_along_axis(pixels[turned], images, axis=1)
-    return pavement.raster(laid)
+    return pavement.raster(pixels.reshape(-1, pavement.block, pavement.block))
