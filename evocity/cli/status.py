@@ -45,14 +45,14 @@ def status(run: str, as_json: bool) -> None:
         ("hypervolume", _shown(state["hypervolume"])),
         *((f"best {a.name}", _best(a, best[a.name])) for a in facts.aims if a.name in best),
         *([("front", _ids(facts.front))] if whole else []),
-        *([("constraints", _broken(facts))] if whole and facts.breaking else []),
+        *([("constraints", _broken(facts))] if whole and facts.broken else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
 
 
 def _broken(facts) -> str:
-    return f"{facts.breaking} of the {len(facts.members)} living break one"
+    return f"{len(facts.broken)} of the {len(facts.members)} living break one"
 
 
 def _best(aim, value: float) -> str:

@@ -227,11 +227,11 @@ class Facts:
             within &= aim.within(values)
         return within
 
-    @property
-    def breaking(self) -> int:
-        """How many individuals of the last generation break a constraint."""
+    @cached_property
+    def broken(self) -> set[int]:
+        """Ids of those of the last generation that break a constraint."""
         within = dict(zip(self.births["id"].to_pylist(), self.kept.tolist(), strict=True))
-        return sum(not within.get(row["id"], True) for row in self.members)
+        return {row["id"] for row in self.members if not within.get(row["id"], True)}
 
     @cached_property
     def members(self) -> list[dict]:

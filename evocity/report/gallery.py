@@ -76,6 +76,8 @@ def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
     keys = json.dumps([place, *losses, -birth.id])
     name, rank = escape(str(birth.id)), escape(str(one.rank))
     front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {rank}"
+    if birth.id in facts.broken:
+        front += ", breaks a constraint"
     others = "".join(
         f"<tr><th>{escape(measure)}</th><td>{escape(number(value, unit))}</td></tr>"
         for measure, value, unit in one.others
@@ -84,7 +86,9 @@ def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
         f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}">'
         f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {name}" '
         f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{front}</small></h3>'
-        f'<table>{_rows(facts, birth.values)}<tbody class="others">{others}</tbody></table>'
+        f"<table>{_rows(facts, birth.values)}</table>"
+        f"<details><summary>{len(one.others)} more measures</summary>"
+        f'<table class="others">{others}</table></details>'
         f"{_lineage(facts, one)}</figcaption></figure>"
     )
 

@@ -102,13 +102,11 @@ def _summary(facts: Facts) -> str:
         ("births", _text(status["births"])),
         ("failed", _text(status["failures"]) + _reasons(facts)),
         ("on the front", f"{len(facts.front)} of {len(facts.members)}"),
-        *(
-            [("break a constraint", f"{facts.breaking} of {len(facts.members)}")]
-            * bool(facts.breaking)
-        ),
         ("hypervolume", _text(number(status["hypervolume"])) + _gain(facts)),
         ("seed", _text(header.seed)),
     ]
+    if facts.broken:
+        figures.insert(4, ("break a constraint", f"{len(facts.broken)} of {len(facts.members)}"))
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
     return (

@@ -136,7 +136,8 @@ def test_it_is_told_where_nobody_keeps_the_constraints(bounded, tmp_path):
     status = CliRunner().invoke(main, ["status", str(tmp_path / "run")]).output
     assert "8 of the 8 living break one" in status
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert "break a constraint" in report
+    assert "<dt>break a constraint</dt><dd>8 of 8</dd>" in report
+    assert report.count("breaks a constraint") == 8
 
 
 def test_a_file_of_measures_is_executed_once_a_worker(bounded, tmp_path):
