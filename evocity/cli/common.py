@@ -328,8 +328,15 @@ def _extent(filled) -> int:
 
 @contextlib.contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """What measures of the user's own print goes to standard error: standard output is ours."""
-    with contextlib.redirect_stdout(sys.stderr):
+    """What measures of the user's own print, or compiled code beneath them writes, goes to
+    standard error: standard output is ours."""
+    sys.stdout.flush()
+    with contextlib.redirect_stdout(sys.stderr), contextlib.ExitStack() as undone:
+        with contextlib.suppress(OSError):  # there may be no such descriptors
+            kept = os.dup(1)
+            undone.callback(os.close, kept)
+            os.dup2(2, 1)
+            undone.callback(os.dup2, kept, 1)
         yield
 
 

@@ -41,11 +41,12 @@ def test_json_is_all_there_is_on_standard_output(tmp_path):
     town = write_town(tmp_path / "town.npy")
     own = tmp_path / "own_of_process.py"
     own.write_text(
-        "import evocity\n"
+        "import evocity, os\n"
         "print('loaded')\n"
         "@evocity.fitness(goal='max')\n"
         "def of_process(city):\n"
         "    print('called')\n"
+        "    os.write(1, b'from below')\n"
         "    return 1\n"
     )
     done = process("score", town, *AT_2_M, "--fitness", own, "--json")
