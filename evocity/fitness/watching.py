@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from types import FrameType
 
 from evocity.citymap import CityMap
-from evocity.fitness.measure import Measure
+from evocity.fitness.measure import Measure, line_in
 from evocity.genome import Genome
 
 
@@ -127,17 +127,9 @@ def _call(measure: Measure, case: Case, found: dict) -> None:
             raise
         except BaseException as error:
             found["error"], found["seconds"] = error, time.perf_counter() - start
-            found["line"] = _line_of_error(measure, error) or _line_of_return(measure, case)
-
-
-def _line_of_error(measure: Measure, error: BaseException) -> int | None:
-    """Where in the measure's file what it raised comes from; None if it returned."""
-    step, line = (error.__cause__ or error).__traceback__, None
-    while step is not None:
-        if step.tb_frame.f_code.co_filename == measure.file:
-            line = step.tb_lineno
-        step = step.tb_next
-    return line
+            found["line"] = line_in(measure.file, error.__cause__ or error) or _line_of_return(
+                measure, case
+            )
 
 
 def _line_of_return(measure: Measure, case: Case) -> int | None:
