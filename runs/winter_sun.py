@@ -14,12 +14,12 @@ def winter_sun(city):
 
     Formula: a pixel is in the shade if any roof due south of it stands higher than the ray
     from it to the sun: h > distance · tan 21.5°. Sunny open pixels / open pixels.
-    Unit: none. Range: 0 to 1. Empty map: 1, nothing throws a shadow.
+    Unit: none. Range: 0 to 1. Empty map: 1, nothing throws a shadow; NaN without open ground.
     Source: ours; 21.5° is the sun's height at 45° north (Lyon, Montpellier, Bordeaux).
     """
     open_ground = ~city.built
     if not open_ground.any():
-        return float("nan")
+        return evocity.fitness.Undefined("no open ground")
     return (open_ground & ~shade(city)).sum() / open_ground.sum()
 
 

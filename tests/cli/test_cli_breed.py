@@ -221,7 +221,7 @@ def test_the_list_tells_every_operator_and_parameter():
     for name, kind in OPERATORS.items():
         about = told[name]
         assert tuple(about["parents"]) == kind.parents
-        assert about["doc"] == (kind.__doc__ or "").partition("\n\n")[0].replace("\n    ", " ")
+        assert about["doc"] == " ".join(kind.__doc__.partition("\n\n")[0].split())
         defaults = {f.name: f.default for f in kind.__dataclass_fields__.values()}
         assert plain(about["parameters"]) == defaults
         # what the list shows can be typed
