@@ -30,7 +30,7 @@ Examples:
     show_default=True,
     help="Of all that is drawn: the same seed makes the same child.",
 )
-@settings_option
+@settings_option("the operator's own")
 @click.option(
     "--id",
     "identifiers",

@@ -1,7 +1,6 @@
 """`evocity pattern`: a town drawn by a rule becomes a map."""
 
 import inspect
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, describe, output_option
+from evocity.cli.settings import settings_of, settings_option
 from evocity.errors import EvocityError, near_miss
 
 
@@ -41,14 +41,7 @@ Examples:
     show_default="a regular town",
     help="Draw what differs from house to house: a storey, and depth.",
 )
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    show_default="the town's own",
-    help="A parameter of the town, its value as in TOML; may be repeated.",
-)
+@settings_option("the town's own")
 def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -> None:
     """Draw a town by a rule: parents for breeding whose plan is known.
 
@@ -89,22 +82,13 @@ def _chosen(settings: tuple[str, ...], name: str, town: Callable) -> dict[str, o
     known = dict(inspect.signature(town).parameters)
     for option in ("pixels", "metres_per_pixel", "rng"):  # these have options of their own
         del known[option]
-    chosen = {}
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        if not equals or key not in known:
+    texts = [key for key, one in known.items() if isinstance(one.default, str)]
+    chosen = settings_of(settings, texts)
+    for key in chosen:
+        if key not in known:
             raise EvocityError(
-                f"--set {key}" if equals else f"--set {key} without a value",
+                f"--set {key}",
                 f"KEY=VALUE with a parameter of {name}: {', '.join(known)}",
                 near_miss(key, known) or "correct it, or leave it out",
             )
-        chosen[key] = value if isinstance(known[key].default, str) else _value(value)
     return chosen
-
-
-def _value(text: str) -> object:
-    """A ``text`` as TOML has it; what is no TOML stands for itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
-        return text

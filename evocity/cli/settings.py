@@ -2,25 +2,31 @@
 
 import contextlib
 import tomllib
+from collections.abc import Collection
 
 import click
 
 from evocity.errors import EvocityError
 
-settings_option = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    show_default="the operator's own",
-    help="A parameter, its value as in TOML; lists do without brackets. Give it once for each.",
-)
+
+def settings_option(default: str):
+    """The option ``--set``; ``default`` says whose parameters stand unless they are set."""
+    return click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="KEY=VALUE",
+        show_default=default,
+        help="A parameter, its value as in TOML; lists do without brackets. Give it once for each.",
+    )
+
 
 _WORDS = {"none": None, "true": True, "false": False}
 
 
-def settings_of(settings: tuple[str, ...]) -> dict[str, object]:
-    """Parameters by name, of ``KEY=VALUE`` each. Raises `EvocityError` for anything else."""
+def settings_of(settings: tuple[str, ...], texts: Collection[str] = ()) -> dict[str, object]:
+    """Parameters by name, of ``KEY=VALUE`` each; those of ``texts`` stay as they were typed. Raises
+    `EvocityError` for anything else."""
     chosen: dict[str, object] = {}
     for setting in settings:
         key, equals, value = setting.partition("=")
@@ -29,9 +35,9 @@ def settings_of(settings: tuple[str, ...]) -> dict[str, object]:
             raise EvocityError(
                 f"--set {setting}, the second of {key}" if key in chosen else f"--set {setting}",
                 "KEY=VALUE, once for each parameter",
-                "for example --set size_max=8 --set fill=0.3 --set repair=none",
+                f"write for example --set {key or 'key'}=8; lists 2,3; none for nothing",
             )
-        chosen[key] = value_of(value.strip())
+        chosen[key] = value.strip() if key in texts else value_of(value.strip())
     return chosen
 
 

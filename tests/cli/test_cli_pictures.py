@@ -215,7 +215,7 @@ def test_a_drawn_town_can_be_coded(tmp_path):
     [
         (("radal",), "no pattern is called 'radal'"),
         (("radial", "--set", "raods=5"), "did you mean roads?"),
-        (("radial", "--set", "roads"), "--set roads without a value"),
+        (("radial", "--set", "roads"), "--set roads\n  expected: KEY=VALUE"),
         (("radial", "--set", "pixels=5"), "--set pixels\n"),
         (("radial", "--set", "roads=many"), "roads = 'many'"),
         (("radial", "--set", "storeys=[1]"), "storeys = [1]"),

@@ -13,7 +13,6 @@ from evocity.coding import decode, encode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, Genome
-from evocity.operators._kernels import LANES, alike_blocks
 from evocity.operators.asymmetric_fusion import AsymmetricFusion
 from evocity.operators.pairing import (
     _closest_level,
@@ -23,6 +22,7 @@ from evocity.operators.pairing import (
     modulated,
     paired,
 )
+from evocity.operators.pairing._kernels import LANES, alike_blocks
 from evocity.pavement import Pavement
 
 

@@ -14,7 +14,8 @@ from functools import cache
 import numpy as np
 
 from evocity.coding._kernels import box_means
-from evocity.coding.search._kernels import LANES, fold
+from evocity.coding.search._kernels import LANES
+from evocity.coding.search.blocks import fold
 
 #: Relief below this share of the highest roof is rounding: of float64, and of float32.
 _NOISE, _COARSE = 1e-12, 4e-6

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.search._kernels import scoring_kernels
 from evocity.coding.search.domains import DomainPool, d4_matrix
+from evocity.coding.search.scoring import scoring_kernels
 from evocity.coding.topology import Candidates
 
 #: Gains closer than this share of the range block's energy are a tie, won by the lowest

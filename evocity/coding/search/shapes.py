@@ -3,7 +3,7 @@
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.search._kernels import canonical
+from evocity.coding.search.blocks import canonical
 
 
 def same_shape(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

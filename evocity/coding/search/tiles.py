@@ -19,13 +19,12 @@ import numpy as np
 
 from evocity.coding.search._kernels import (
     ABREAST,
-    kinds,
     most_likely,
-    part_norms,
     tile_bounds,
     tile_kernels,
     tiled,
 )
+from evocity.coding.search.blocks import kinds, part_norms
 from evocity.coding.search.domains import LANES, UNCAPPED, DomainPool, d4_basis, part_sizes
 from evocity.coding.search.matches import Search, listed
 

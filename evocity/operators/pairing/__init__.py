@@ -11,7 +11,7 @@ import numpy as np
 from evocity.coding.topology import Candidates, closest_neighbourhood
 from evocity.genome import FIELDS, Genome
 from evocity.isometries import COMPOSITION, sources
-from evocity.operators._kernels import CHUNK, LANES, alike_blocks, block_traits
+from evocity.operators.pairing._kernels import CHUNK, LANES, alike_blocks, block_traits
 from evocity.pavement import Pavement
 
 #: Blocks, each under one isometry, that a range block may choose among by their surroundings.
