@@ -10,6 +10,8 @@ shapes   range blocks alike, searched but once
 tiles    the search of a whole map, with bounds
 nearby   the search within reach
 matches  the best domain, decided in float64
+blocks   compiled: what a block is, whatever it is compared with
+scoring  compiled: near-ties in float64
 """
 
 import functools
