@@ -18,7 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
 from evocity.coding.search import available_cores
-from evocity.coding.search.domains import LANES, d4_basis
+from evocity.coding.search.domains import d4_basis
+from evocity.coding.search.likeness import UnitBlocks, shares_of
 from evocity.coding.search.shapes import same_shape
 from evocity.coding.search.tiles import Tiles, cut_tiles, reach
 from evocity.errors import GenomeError
@@ -33,8 +34,8 @@ _SLACK = np.float32(1e-5)
 _STEPS = 2.0**26
 #: Bytes that the blocks of one band of rows may take in float64.
 _BAND = 32 << 20
-#: Domain blocks in a row of a pool, range blocks a thread takes at a time.
-_ROW, _CHUNK = 256, 512
+#: Range blocks a thread takes at a time.
+_CHUNK = 512
 
 Progress = Callable[[int, int], None]
 
@@ -287,33 +288,30 @@ def _explained(level, block, extent, codes, crew, work: _Work, positions: int) -
         return found
     parts = [slice(k, k + _CHUNK) for k in range(0, len(codes), _CHUNK)]
     for rows in _bands(level, extent, block):
-        planes, unit, count = _domains(level[rows.start : rows.stop + extent - 1], block, extent)
-        kinds = cut_tiles(planes, unit, np.flatnonzero(unit), np.inf)
-        compare = functools.partial(_compare, kinds, codes, found)
+        kinds, count = _domains(level[rows.start : rows.stop + extent - 1], block, extent)
+        compare = functools.partial(_compare, cut_tiles(kinds, np.inf), codes, found)
         for part in crew.map(compare, parts):
             work.add(count * positions * len(found[part]) / len(found))
     return np.minimum(found, 1)
 
 
-def _domains(level: np.ndarray, block: int, extent: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """Domain blocks at all positions of a strip: those not flat, in rows of `_ROW`.
-
-    Returns planes ``(rows, B², _ROW + LANES)`` of unit blocks; ``(rows, _ROW + LANES)``, 1 where
-    there is one and 0 elsewhere; and the number of positions. The search compares with them
-    all, so that their order is free.
-    """
+def _domains(level: np.ndarray, block: int, extent: int) -> tuple[UnitBlocks, int]:
+    """Domain blocks at all positions of a strip that are not flat, as unit blocks of norm 1, and
+    the number of positions. The search compares with them all, wherever they lie."""
     # down first, then across: so nothing grows with D
     across = _shrunk(_shrunk(level, block, extent, axis=0), block, extent, axis=2)
     blocks = across.swapaxes(0, 1).reshape(block * block, -1)
-    codes = _coordinates(blocks, block)
-    rows = -(-codes.shape[1] // _ROW)
-    padded = np.zeros((block * block, rows * _ROW), np.float32)
-    padded[:, : codes.shape[1]] = codes
-    planes = np.zeros((rows, block * block, _ROW + LANES), np.float32)
-    planes[:, :, :_ROW] = padded.reshape(block * block, rows, _ROW).swapaxes(0, 1)
-    unit = np.zeros((rows, _ROW + LANES), np.float32)
-    unit[:, :_ROW].flat[: codes.shape[1]] = 1
-    return planes, unit, blocks.shape[1]
+    lines = _coordinates(blocks, block)
+    count = lines.shape[1]
+    nowhere = np.zeros(count, np.int32)
+    units = UnitBlocks(
+        codes=np.ascontiguousarray(lines.T),
+        norms=np.ones(count, np.float32),
+        shares=shares_of(lines),
+        y=nowhere,
+        x=nowhere,
+    )
+    return units, blocks.shape[1]
 
 
 def _shrunk(values: np.ndarray, block: int, extent: int, axis: int) -> np.ndarray:
@@ -332,10 +330,10 @@ def _shrunk(values: np.ndarray, block: int, extent: int, axis: int) -> np.ndarra
     return np.moveaxis(np.diff(seams, axis=0) * (block / extent), -1, axis + 1)
 
 
-def _compare(kinds: Tiles, codes, found, part: slice) -> slice:
+def _compare(tiles: Tiles, codes, found, part: slice) -> slice:
     """Take a strip's domain blocks into account for one chunk of range blocks."""
     best = np.zeros(len(codes[part]), np.float32)
-    reach(kinds, codes[part], np.full(best.size, _SLACK), best)
+    reach(tiles, codes[part], np.full(best.size, _SLACK), best)
     np.maximum(found[part], best, out=found[part])
     return part
 

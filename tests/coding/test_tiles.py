@@ -5,12 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
 from evocity import isometries
+from evocity.accelerate.vectors import WIDTH
 from evocity.coding import search
+from evocity.coding.search._kernels import LANES, ROOM, hopeful, promises
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
+from evocity.coding.search.likeness import range_shares, unit_blocks, used_parts
 from evocity.coding.search.matches import UNSURE
-from evocity.coding.search.tiles import cut_tiles, distinct, range_shares, reach, used_parts
+from evocity.coding.search.tiles import cut_tiles, reach
 from evocity.pavement import Pavement
 
 
@@ -33,24 +37,79 @@ def towns(draw, side, block):
 def test_a_tile_reaches_what_its_best_block_explains(data, block, sigma_max):
     heights, blocks = towns(data.draw, {2: 16, 3: 18, 4: 24, 5: 25, 8: 32}[block], block)
     pool = domain_pool(heights, block, 2)
-    places = distinct(pool)
-    tiles = cut_tiles(pool.planes, pool.norms, places, sigma_max)
+    tiles = cut_tiles(unit_blocks(pool), sigma_max)
     codes = codes_of(blocks)
     energy = np.einsum("nk,nk->n", codes, codes)
     best = np.zeros(len(codes), np.float32)
-    reached = reach(tiles, codes, np.float32(UNSURE) * energy, best)
-    truth = np.zeros_like(reached)
-    for n, (y, x) in enumerate(zip(tiles.y[: places.size], tiles.x[: places.size], strict=True)):
+    slack = np.float32(UNSURE) * energy
+    listed = reach(tiles, codes, slack, best)
+    truth = np.zeros((len(tiles.tops), len(codes)))
+    for n, (y, x) in enumerate(zip(tiles.y, tiles.x, strict=True)):
         domain = naive.shrunk(heights, int(y), int(x), 2, 2, block)
         for i, block_i in enumerate(blocks):
             gain = max(gain for gain, _ in naive.gains(block_i, domain, sigma_max))
-            truth[i, n // 32] = max(truth[i, n // 32], gain)
-    slack = 1e-5 * energy + 1e-6
-    assert np.allclose(best, truth.max(axis=1, initial=0), rtol=1e-5, atol=slack.max())
-    left_out = reached < 0
-    hopeless = truth < (best - UNSURE * energy + slack)[:, None]
+            truth[n // LANES, i] = max(truth[n // LANES, i], gain)
+    rounding = 1e-5 * energy + 1e-6
+    assert np.allclose(best, truth.max(axis=0, initial=0), rtol=1e-5, atol=rounding.max())
+    tile, which, gains = listed
+    assert np.abs(gains - truth[tile, which]).max(initial=0) <= rounding.max()
+    assert (np.diff(tile) >= 0).all()
+    assert len(set(zip(tile, which, strict=True))) == tile.size
+    left_out = np.ones_like(truth, bool)
+    left_out[tile, which] = False
+    hopeless = truth < best - slack + rounding
     assert hopeless[left_out].all()
-    assert np.abs(reached - truth)[~left_out].max(initial=0) <= slack.max()
+
+
+def test_no_end_of_equals_is_lost():
+    """A chessboard's tiles all explain as much: more than there is room for at first."""
+    heights = np.kron(np.indices((64, 64)).sum(axis=0) % 2, np.ones((4, 4))).astype(np.float32)
+    heights += np.arange(256, dtype=np.float32)[:, None] * 3
+    pool = domain_pool(heights, 4, 2)
+    tiles = cut_tiles(unit_blocks(pool, doubles=True), np.inf)
+    blocks = Pavement(*heights.shape, 4).blocks(heights)
+    codes = codes_of(blocks)[:300]
+    best, slack = np.zeros(len(codes), np.float32), np.full(len(codes), 1e9, np.float32)
+    tile, *_ = reach(tiles, codes, slack, best)
+    assert tile.size == len(tiles.tops) * len(codes) > ROOM
+
+
+@njit
+def run_hopeful(peaks, tops, shares, norms, near, which):
+    return hopeful(5, peaks, 1, tops, shares, norms, near, which)
+
+
+@njit
+def run_promises(shares, ceilings, ours, norms, near, i):
+    return promises(5, shares, 1, ceilings, ours, norms, near, i)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([0.5, 1, 3, 20]))
+def test_bounds_are_their_formula(seed, level):
+    rng = np.random.default_rng(seed)
+    ours = rng.random((3 * WIDTH, 5), dtype=np.float32)
+    norms = rng.random(len(ours), dtype=np.float32) * 2
+    near = rng.random(len(ours), dtype=np.float32) * np.float32(level)
+
+    def gains(totals, limits):
+        p = np.minimum(totals, norms[:, None])
+        s = np.minimum(p, limits)
+        return s * (2 * p - s)
+
+    peaks, tops = rng.random((2, 5), dtype=np.float32), rng.random(2, dtype=np.float32)
+    beside = np.ascontiguousarray(ours.reshape(3, WIDTH, 5).swapaxes(1, 2))
+    which = np.full(len(ours) + WIDTH, -1, np.int32)
+    found = which[: run_hopeful(peaks, tops, beside, norms, near, which)]
+    bounds = gains(ours @ peaks[1, :, None], tops[1])[:, 0]
+    clear = abs(bounds - near) > 1e-5
+    assert np.array_equal(found[clear[found]], np.flatnonzero((bounds >= near) & clear))
+
+    shares = rng.random((2, 5, LANES), dtype=np.float32)
+    ceilings = rng.random((2, LANES), dtype=np.float32)
+    bounds = gains(ours @ shares[1], ceilings[1]).max(axis=1)
+    for i in np.flatnonzero(abs(bounds - near) > 1e-5):
+        assert run_promises(shares, ceilings, ours, norms, near, i) == (bounds[i] >= near[i])
 
 
 @pytest.mark.parametrize("block", [2, 3, 4, 5, 8])
@@ -68,15 +127,15 @@ def test_part_norms_are_the_blocks_own_under_every_isometry(block):
 def test_of_domain_blocks_alike_the_first_is_kept(town):
     heights = np.tile(town.heights[:20, :20], (2, 2)) + np.float32(3)
     pool = domain_pool(heights, 4, 2)
-    columns = pool.norms.shape[1]
     seen, truth = set(), []
     for y, x in np.argwhere(pool.norms):
         relief = naive.shrunk(heights, y, x, 2, 2, 4)
         relief = (relief - relief[0, 0] + 0.0).tobytes()
         if relief not in seen:
             seen.add(relief)
-            truth.append(y * columns + x)
-    assert np.array_equal(distinct(pool), truth)
+            truth.append((y, x))
+    found = unit_blocks(pool)
+    assert list(zip(found.y, found.x, strict=True)) == truth
     assert len(truth) < np.count_nonzero(pool.norms) / 2
 
 
@@ -91,7 +150,7 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
         )
 
     one = found()
-    monkeypatch.setattr(search, "distinct", lambda pool: np.flatnonzero(pool.norms))
+    monkeypatch.setattr(search, "unit_blocks", lambda pool, doubles: unit_blocks(pool, True))
     two = found()
     for name in ("multiple", "y", "x", "iso", "sigma", "beta"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
@@ -99,7 +158,9 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
 
 def test_flat_maps_have_no_tiles():
     pool = domain_pool(np.full((16, 16), 7, np.float32), 4, 2)
-    tiles = cut_tiles(pool.planes, pool.norms, distinct(pool), 0.9)
+    tiles = cut_tiles(unit_blocks(pool), 0.9)
     best = np.zeros(3, np.float32)
-    assert reach(tiles, np.ones((3, 16), np.float32), best, best).shape == (3, 0)
+    assert [
+        column.size for column in reach(tiles, np.ones((3, 16), np.float32), best, best)
+    ] == 3 * [0]
     assert not best.any()

@@ -7,6 +7,7 @@ e = ‖d̃‖², the energy explained with contrast σ is σ(2p − σe), greate
 
 domains  the pool of domain blocks, folded into D4 coordinates
 shapes   range blocks alike, searched but once
+likeness domain blocks alike: norms of parts, order, doubles
 tiles    the search of a whole map, with bounds
 nearby   the search within reach
 matches  the best domain, decided in float64
@@ -22,10 +23,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from evocity.coding.search.domains import DomainPool
+from evocity.coding.search.likeness import unit_blocks
 from evocity.coding.search.matches import TIE, Matches, Search
 from evocity.coding.search.nearby import NEARBY, best_correlations, best_nearby, pairs_compared
 from evocity.coding.search.shapes import same_shape
-from evocity.coding.search.tiles import CHUNK, best_everywhere, cut_tiles, distinct
+from evocity.coding.search.tiles import CHUNK, best_everywhere, cut_tiles
 from evocity.coding.topology import Candidates
 
 #: Domain positions of one pool that a range block may choose among.
@@ -149,12 +151,12 @@ def _sweep(
         for pool in pools:
             search.shrunk[pool.multiple] = pool.shrunk
             if reach is not None:
+                _ = pool.folded  # once, before threads ask for it
                 find = functools.partial(best_nearby, search, corners, reach, pool)
             else:
                 # of doubles the first wins, but only their surroundings tell which fits
-                places = distinct(pool) if tolerance is None else np.flatnonzero(pool.norms)
-                tiles = cut_tiles(pool.planes, pool.norms, places, search.cap)
-                find = functools.partial(best_everywhere, search, tiles)
+                units = unit_blocks(pool, doubles=tolerance is not None)
+                find = functools.partial(best_everywhere, search, cut_tiles(units, search.cap))
 
             def compare(part, pool=pool, find=find):
                 return act(pool, part, *find(part, tolerance or 0.0))

@@ -1,226 +1,284 @@
 """Compiled loops that compare range blocks with domain blocks, in tiles and in windows: arrays in,
-arrays out. Slow twins stand in tests/naive.py."""
+arrays out. Slow twins stand in tests/naive.py.
+
+What every search spends its time on, the gain of one range block from many domain blocks side by
+side, is written out as vector code: compilers of loops leave four fifths of the machine unused
+here. Kernels that are made for one B hold plain numbers only, so that they are found in the disk
+cache; what they call stands in this file, for the same reason.
+"""
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
 from evocity.accelerate import kernel
+from evocity.accelerate.vectors import ABREAST, WIDTH, vector_code
 
-#: Domain positions are compared in groups of so many; pools are padded by one group.
+#: Domain positions in a tile; pools are padded by as many.
 LANES = 32
-#: Tiles of `LANES` domain blocks that stand side by side in a row.
-ABREAST = 8
-#: Tiles times B² that stay in the cache together.
-SPAN = 2048
+#: Tiles in a row: as one, they are tried or not when a search begins.
+ROW = 8
+#: Columns of a window compared at a time, `LANES` at most.
+GROUP = 16
+#: Range blocks that go by together where their windows overlap.
+NEIGHBOURS = 8
+#: Tiles remembered at first, of all range blocks searched together.
+ROOM = 1 << 14
 
 
-@kernel
-def tiled(planes, norms, places, shares, cap, tiles, ceilings, tile_shares, tops, peaks, y, x):
-    """Lay the blocks at ``places`` (y · columns + x) side by side, `LANES` to a tile and `ABREAST`
-    tiles to a row: see evocity.coding.search.tiles. ``shares`` (F, n) go with them."""
-    width, columns = ABREAST * LANES, norms.shape[1]
-    for n in range(places.size):
-        y[n], x[n] = places[n] // columns, places[n] % columns
-        ceilings[n // width, n % width] = cap * norms[y[n], x[n]]
-        t = n // LANES
-        tops[t] = max(tops[t], ceilings[n // width, n % width])
-        for f in range(shares.shape[0]):
-            tile_shares[t, f, n % LANES] = shares[f, n]
-            peaks[f, t] = max(peaks[f, t], shares[f, n])
-    for k in range(tiles.shape[1]):  # outside: so a plane stays in the cache
-        for n in range(places.size):
-            tiles[n // width, k, n % width] = planes[y[n], k, x[n]]
+def _parts(block):
+    """Where the D4 coordinates s1, s2, s3, s4, u, w of blocks of side ``block`` begin and end."""
+    even, odd = (block + 1) // 2, block // 2
+    sizes = [half * (half + sign) // 2 for half in (even, odd) for sign in (1, -1)]
+    ends = np.cumsum([0, *sizes, even * odd, even * odd]).tolist()
+    return list(pairwise(ends))
 
 
-@kernel
-def tile_bounds(peaks, tops, shares, norms, bounds):
-    """bounds[i, t] = no less than the energy of range i that any block of tile t explains;
-    infinite ``norms`` leave the range's own energy out of account.
+def _gain(v, p, limit):
+    """s(2p − s) with s = min(p, limit)."""
+    s = v.smaller(p, limit)
+    return v.mul(s, v.sub(v.add(p, p), s))
 
-    ``shares`` (n, F) and ``norms`` (n,) are the ranges', ``peaks`` (F, T) and ``tops`` (T,) the
-    tiles'.
+
+def _gains(v, block, abreast, code, planes, place, norms, cap=None):
+    """Gains, see `raise_gains`, from ``abreast`` vectors of domain positions side by side, from
+    ``place`` on: a list of vectors. ``norms`` points at the first one's norm."""
+    beside = range(abreast)
+    *squares, (u_start, u_end), (w_start, _) = _parts(block)
+    first, step = planes.at(*place), planes.steps[1]
+
+    def coordinates(k):
+        line = v.after(first, v.builder.mul(step, v.number(k)))
+        return [v.load(v.after(line, g * v.width)) for g in beside]
+
+    sums = [[None] * abreast for _ in range(8)]
+    for n in range(max(end - start for start, end in squares)):
+        for part, (start, end) in enumerate(squares):  # in turn: no sum waits for itself
+            if start + n < end:
+                factor, line = v.spread(v.after(code, start + n)), coordinates(start + n)
+                for g in beside:
+                    sums[part][g] = v.plus_product(sums[part][g], factor, line[g])
+    for n in range(u_end - u_start):
+        ours = [v.spread(v.after(code, start + n)) for start in (u_start, w_start)]
+        theirs = [coordinates(start + n) for start in (u_start, w_start)]
+        for part, (one, two) in enumerate(((0, 0), (1, 1), (0, 1), (1, 0)), start=4):
+            for g in beside:
+                sums[part][g] = v.plus_product(sums[part][g], ours[one], theirs[two][g])
+    gains = []
+    for g in beside:
+        s1, s2, s3, s4, a, b, c, d = (v.zero if one[g] is None else one[g] for one in sums)
+        x, y, z, t = v.add(s1, s2), v.add(s3, s4), v.sub(s1, s2), v.sub(s3, s4)
+        p = [
+            v.add(v.abs(mix(one, two)), v.abs(mix(three, four)))
+            for one, two, three, four in ((x, y, a, b), (z, t, c, d))
+            for mix in (v.add, v.sub)
+        ]
+        p = v.larger(v.larger(p[0], p[1]), v.larger(p[2], p[3]))
+        limit = v.load(v.after(norms, g * v.width))
+        gains.append(_gain(v, p, limit if cap is None else v.mul(v.spread(cap), limit)))
+    return gains
+
+
+@vector_code("none", known=2)
+def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line, j):
+    """gains[line, j : j + count] = max(themselves, the energies of range block codes[i] explained
+    by the unit domain blocks planes[y, :, x : x + count], of norms[y, x : x + count], under the
+    best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see evocity.coding.search.domains)
+    all eight inner products come from 1.5 B² multiplications.
+
+    ``block`` and ``count``, a multiple of `WIDTH`, are known to the compiler.
     """
-    total = np.empty(tops.size, np.float32)
-    for i in range(norms.size):
-        total[:] = 0
-        for f in range(shares.shape[1]):
+    code, norm, target = codes.at(i), norms.at(y, x), gains.at(line, j)
+    for start in range(0, count, ABREAST * WIDTH):
+        abreast = min(ABREAST, (count - start) // WIDTH)
+        place = (y, v.number(0), v.builder.add(x, v.number(start)))
+        found = _gains(v, block, abreast, code, planes, place, v.after(norm, start), cap)
+        for g, one in enumerate(found):
+            pointer = v.after(target, start + g * WIDTH)
+            v.store(v.larger(v.load(pointer), one), pointer)
+
+
+@vector_code("float32", known=1)
+def most_gain(v, block, tiles, t, ceilings, codes, i):
+    """The largest gain, see `raise_gains`, of range block codes[i] from tile t, of
+    ``ceilings`` σ_max·‖d̃‖."""
+    code, most = codes.at(i), v.zero
+    for start in range(0, LANES, ABREAST * WIDTH):
+        place = (t, v.number(0), v.number(start))
+        limits = v.after(ceilings.at(t), start)
+        for one in _gains(v, block, ABREAST, code, tiles, place, limits):
+            most = v.larger(most, one)
+    return v.largest(most)
+
+
+@vector_code("int64", known=1)
+def hopeful(v, parts, peaks, t, tops, range_shares, norms, near, which):
+    """List in ``which`` the range blocks i of whose energy some block of tile t may explain
+    near[i], as far as Σ_f range_shares[i, f]·peaks[t, f], at most norms[i], can tell; returns
+    how many. ``range_shares`` (n / WIDTH, F, WIDTH) holds range blocks side by side."""
+    factors = [v.spread(v.after(peaks.at(t), f)) for f in range(parts)]
+    top, used = v.spread(tops.at(t)), v.variable(v.number(0))
+    with v.loop(range_shares.shape[0]) as row:
+        line, total = range_shares.at(row), None
+        for f, factor in enumerate(factors):
+            total = v.plus_product(total, factor, v.load(v.after(line, f * WIDTH)))
+        first = v.builder.mul(row, v.number(WIDTH))
+        bound = _gain(v, v.smaller(total, v.load(norms.at(first))), top)
+        count = v.builder.load(used)
+        truths = v.reaches(bound, v.load(near.at(first)))
+        more = v.list_lanes(truths, first, which.at(count))
+        v.builder.store(v.builder.add(count, more), used)
+    return v.builder.load(used)
+
+
+@vector_code("int64", known=1)
+def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
+    """1 if some block of tile t may explain near[i] of the energy of range block i, as far as the
+    bounds Σ_f range_shares[i, f]·shares[t, f], at most norms[i], can tell; else 0."""
+    ours, norm, enough = range_shares.at(i), v.spread(norms.at(i)), v.spread(near.at(i))
+    some = None
+    for start in range(0, LANES, WIDTH):
+        total = None
+        for f in range(parts):
+            line = v.load(v.after(shares.at(t, v.number(f)), start))
+            total = v.plus_product(total, v.spread(v.after(ours, f)), line)
+        bound = _gain(v, v.smaller(total, norm), v.load(v.after(ceilings.at(t), start)))
+        truths = v.reaches(bound, enough)
+        some = truths if some is None else v.builder.or_(some, truths)
+    return v.any(some)
+
+
+@kernel
+def tiled(codes, norms, shares, order, cap, tiles, ceilings, tile_shares, tops, peaks):
+    """Lay the blocks order[n] of ``codes`` (n, B²), of ``norms`` (n,), side by side, `LANES` to a
+    tile: see evocity.coding.search.tiles. ``shares`` (F, n) go with them."""
+    for place in range(order.size):
+        n, t, lane = order[place], place // LANES, place % LANES
+        for k in range(codes.shape[1]):
+            tiles[t, k, lane] = codes[n, k]
+        ceilings[t, lane] = cap * norms[n]
+        tops[t] = max(tops[t], ceilings[t, lane])
+        for f in range(shares.shape[0]):
+            tile_shares[t, f, lane] = shares[f, n]
+            peaks[t, f] = max(peaks[t, f], shares[f, n])
+
+
+@kernel
+def most_likely(peaks, tops, shares, rows):
+    """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) that promise range block i,
+    of ``shares`` (n, F), most, were its own energy no limit."""
+    likings = np.empty(tops.size, np.float32)
+    for i in range(rows.shape[1]):
+        likings[:] = 0
+        for f in range(peaks.shape[0]):
             share = shares[i, f]
             for t in range(tops.size):
-                total[t] += share * peaks[f, t]
+                likings[t] += share * peaks[f, t]
         for t in range(tops.size):
-            p = min(total[t], norms[i])
+            p = likings[t]
             s = min(p, tops[t])
-            bounds[i, t] = s * (p + p - s)
+            likings[t] = s * (p + p - s)
+        for k in range(rows.shape[0]):
+            best = np.argmax(likings)
+            rows[k, i] = best
+            likings[best] = -1
 
 
 @kernel
-def most_likely(likings, rows):
-    """rows[i] = the columns of the highest values of likings[i], which are lowered to −1."""
-    for i in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            best = np.argmax(likings[i])
-            rows[i, k] = best
-            likings[i, best] = -1
+def forget(places, gains, used, near):
+    """Of the first ``used`` tiles, range blocks ``places`` (2, n) and ``gains`` (n,), move those
+    to the front whose gain is at least near[range block]; returns how many."""
+    left = 0
+    for n in range(used):
+        places[0, left], places[1, left], gains[left] = places[0, n], places[1, n], gains[n]
+        left += gains[n] >= near[places[1, n]]
+    return left
 
 
-@cache
-def row_kernel(block):
-    """The inner loop of every search, for range blocks of side ``block``.
-
-    The block's side must be known to the compiler: only then are the sums over a block's
-    coordinates unrolled and the loop over domain positions turned into vector code.
-    """
-    even, odd = (block + 1) // 2, block // 2
-    n1 = even * (even + 1) // 2
-    n2 = n1 + even * (even - 1) // 2
-    n3 = n2 + odd * (odd + 1) // 2
-    n4 = n3 + odd * (odd - 1) // 2
-    nu = even * odd
-    n5 = n4 + nu
-
-    # "contract" (a·b + c in one rounding) keeps each position's result independent of the
-    # others, so of threads and chunks; what depends on rounding is settled in float64.
-    @kernel(fastmath={"contract"})
-    def row_gains(planes, norms, code, top, bottom, first, count, cap, gains):
-        """gains[j] = max(itself, the energy of range block ``code`` explained by the unit domain
-        block at position first + j of any row from ``top`` to before ``bottom``, of norm
-        ``norms``, under the best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see
-        evocity.coding.search.domains) all eight inner products come from 1.5 B² multiplications.
-        """
-        for y in range(top, bottom):
-            row, norm = planes[y], norms[y]
-            for j in range(count):
-                q = np.uintp(first + j)  # unsigned: no test for negative indices, so vector code
-                s1 = s2 = s3 = s4 = a = b = c = d = np.float32(0)
-                for k in range(n1):
-                    s1 += code[k] * row[k, q]
-                for k in range(n1, n2):
-                    s2 += code[k] * row[k, q]
-                for k in range(n2, n3):
-                    s3 += code[k] * row[k, q]
-                for k in range(n3, n4):
-                    s4 += code[k] * row[k, q]
-                for k in range(nu):
-                    u, w = row[n4 + k, q], row[n5 + k, q]
-                    a += code[n4 + k] * u
-                    b += code[n5 + k] * w
-                    c += code[n4 + k] * w
-                    d += code[n5 + k] * u
-                p, m = s1 + s2 + (s3 + s4), s1 + s2 - (s3 + s4)
-                t, v = s1 - s2 + (s3 - s4), s1 - s2 - (s3 - s4)
-                p = max(
-                    max(abs(p) + abs(a + b), abs(m) + abs(a - b)),
-                    max(abs(t) + abs(c + d), abs(v) + abs(c - d)),
-                )
-                s = min(p, cap * norm[q])
-                gains[j] = max(gains[j], s * (p + p - s))
-
-    return row_gains
+@kernel
+def moved(places, gains, used, room):
+    """The first ``used`` of ``places`` and ``gains`` in arrays with ``room``."""
+    wider, longer = np.empty((2, room), np.int32), np.empty(room, np.float32)
+    wider[:, :used], longer[:used] = places[:, :used], gains[:used]
+    return wider, longer
 
 
 @cache
 def tile_kernels(block, parts):
     """The kernels of the search of a whole map: reach_tiles, list_tiles; see
     evocity.coding.search.tiles. ``parts`` is how many norms the bounds sum up."""
-    row_gains = row_kernel(block)
-    one = np.float32(1)
-    span = max(1, SPAN // block**2)
 
-    # order of a maximum or of a sum of bounds is free: `slack` covers their rounding
-    @kernel(fastmath={"contract", "nnan", "nsz"})
-    def hopeful(shares, ceilings, which, count, range_shares, norm, near):
-        """Of the tiles ``which[:count]``, move those to the front of which some block may explain
-        ``near`` of a range block; returns how many."""
-        left = 0
-        for n in range(count):
-            share, found = shares[which[n]], np.int32(0)
-            ceiling = ceilings[which[n] // ABREAST, which[n] % ABREAST * LANES :]
-            for j in range(LANES):
-                q, total = np.uintp(j), np.float32(0)
-                for f in range(parts):
-                    total += range_shares[f] * share[f, q]
-                p = min(total, norm)
-                s = min(p, ceiling[q])
-                found += np.int32(s * (p + p - s) >= near)
-            which[left] = which[n]
-            left += found > 0
-        return left
-
-    @kernel(fastmath={"nnan", "nsz"})
-    def explain(planes, ceilings, which, count, code, reached, gains):
-        """reached[t] = the largest gain in tile t, for the tiles ``which[:count]``; returns the
-        largest of all. Neighbours are compared in one go."""
-        most, n = np.float32(0), 0
-        while n < count:
-            first, end = which[n], which[n] + 1
-            row = first // ABREAST
-            while n + end - first < count and which[n + end - first] == end and end % ABREAST:
-                end += 1
-            lanes = (end - first) * LANES
-            gains[:lanes] = 0
-            start = first % ABREAST * LANES
-            row_gains(planes, ceilings, code, row, row + 1, start, lanes, one, gains)
-            for t in range(first, end):
-                largest = np.float32(0)
-                for j in range(LANES):
-                    largest = max(largest, gains[np.uintp((t - first) * LANES + j)])
-                reached[t] = largest
-                most = max(most, largest)
-            n += end - first
-        return most
-
+    # tiles outside: so that a tile stays in the cache while all range blocks go by
     @kernel
     def reach_tiles(
-        planes, ceilings, shares, codes, range_shares, norms, slack, seeds, reached, best
+        tiles, ceilings, shares, peaks, tops, codes, range_shares, norms, slack, first, best
     ):
-        """best[i] = largest gain of range i in any tile; reached[i, t], a bound before, becomes
-        the largest gain within tile t, or −1 where that is sure to fall slack[i] short of best[i].
+        """best[i] = largest gain of range i in any tile.
 
-        The rows of tiles seeds[i] come first: the better the start, the more is left out.
+        Returns (tile, range, gain) ``(n,)`` each: in which tiles the largest gain comes within
+        slack[i] of best[i], or came when it was compared. ``first`` lists the rows of tiles that
+        each range block is tried on at once: the better the start, the more is left out.
         """
-        count = shares.shape[0]
-        which = np.empty(span + ABREAST, np.int64)
-        gains = np.empty(ABREAST * LANES, np.float32)
-        aside = np.empty(count, np.float32)
-        for i in range(best.size):
-            for row in seeds[i]:
-                for t in range(ABREAST):
-                    which[t] = ABREAST * row + t
-                most = explain(planes, ceilings, which, ABREAST, codes[i], aside, gains)
-                best[i] = max(best[i], most)
-        for start in range(0, count, span):  # tiles outside: so they stay in the cache
-            end = min(start + span, count)
-            for i in range(best.size):
-                near, found = best[i] - slack[i], 0
-                for t in range(start, end):
-                    which[found] = t
-                    found += reached[i, t] >= near
-                reached[i, start:end] = -1
-                found = hopeful(shares, ceilings, which, found, range_shares[i], norms[i], near)
-                most = explain(planes, ceilings, which, found, codes[i], reached[i], gains)
-                best[i] = max(best[i], most)
+        count, ranges = tops.size, best.size
+        beside = np.zeros((-(-ranges // WIDTH), parts, WIDTH), np.float32)
+        most = np.zeros(beside.shape[0] * WIDTH, np.float32)
+        near = np.full(most.size, np.float32(np.inf))
+        which = np.empty(most.size, np.int32)
+        for i in range(ranges):
+            most[i] = norms[i]
+            for f in range(parts):
+                beside[i // WIDTH, f, i % WIDTH] = range_shares[i, f]
+        order = np.argsort(first, kind="mergesort")  # of all that come first, by row
+        for n in order:
+            i, row = n % ranges, first[n]
+            for t in range(row * ROW, min(row * ROW + ROW, count)):
+                best[i] = max(best[i], most_gain(block, tiles, t, ceilings, codes, i))
+        for i in range(ranges):
+            near[i] = best[i] - slack[i]
+        places, gains = np.empty((2, ROOM), np.int32), np.empty(ROOM, np.float32)
+        used = 0
+        for t in range(count):
+            # lists, not branches: which range blocks are left is anybody's guess
+            found = hopeful(parts, peaks, t, tops, beside, most, near, which)
+            left = 0
+            for n in range(found):
+                i = which[n]
+                which[left] = i
+                left += promises(parts, shares, t, ceilings, range_shares, norms, near, i)
+            if used + left > gains.size:
+                used = forget(places, gains, used, near)
+                room = max(gains.size, 2 * (used + left))
+                places, gains = moved(places, gains, used, room)
+            for n in range(left):
+                i = np.uintp(which[n])
+                gain = most_gain(block, tiles, t, ceilings, codes, i)
+                places[0, used], places[1, used], gains[used] = t, i, gain
+                used += gain >= near[i]
+                best[i] = max(best[i], gain)
+                near[i] = best[i] - slack[i]
+        used = forget(places, gains, used, near)
+        return places[0, :used], places[1, :used], gains[:used]
 
     @kernel
-    def list_tiles(planes, ceilings, y, x, codes, reached, near, which, down, across):
-        """The domain blocks whose gain is at least near[i], in the tiles that reached as much:
-        block down[n], across[n] of the pool for range which[n], as far as there is room.
-        Returns how many there are."""
-        lanes = np.empty(LANES, np.float32)
-        count = 0
-        for i in range(codes.shape[0]):
-            for t in range(reached.shape[1]):
-                if reached[i, t] < near[i]:
-                    continue
-                lanes[:] = 0
-                row, first = t // ABREAST, t % ABREAST * LANES
-                row_gains(planes, ceilings, codes[i], row, row + 1, first, LANES, one, lanes)
-                for j in range(LANES):
-                    if lanes[j] >= near[i]:
-                        if count < which.size:
-                            which[count] = i
-                            down[count], across[count] = y[t * LANES + j], x[t * LANES + j]
-                        count += 1
+    def list_tiles(tiles, ceilings, y, x, codes, tile, ranges, most, near, which, down, across):
+        """The domain blocks whose gain is at least near[i], in the tiles that reached as much for
+        range i (see reach_tiles): block down[n], across[n] of the pool for range which[n], as far
+        as there is room. Returns how many there are."""
+        gains = np.empty((1, LANES), np.float32)
+        one, count = np.float32(1), 0
+        for n in range(most.size):
+            t, i = tile[n], ranges[n]
+            if most[n] < near[i]:
+                continue
+            gains[:] = 0
+            raise_gains(block, LANES, tiles, t, 0, ceilings, codes, i, one, gains, 0, 0)
+            for lane in range(LANES):
+                if gains[0, lane] >= near[i]:
+                    if count < which.size:
+                        which[count] = i
+                        down[count], across[count] = y[t * LANES + lane], x[t * LANES + lane]
+                    count += 1
         return count
 
     return reach_tiles, list_tiles
@@ -229,75 +287,103 @@ def tile_kernels(block, parts):
 @cache
 def window_kernels(block):
     """The kernels of the search within reach: lane_maxima, list_windows."""
-    row_gains = row_kernel(block)
 
     @kernel
-    def lane_maxima(planes, norms, codes, window, step, cap, first_row, band, lanes, best):
+    def lane_maxima(planes, norms, codes, window, cap, first_row, band, lanes, best):
         """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes
         the largest over the domains in column window.left + j, in the s-th ``band`` of rows from
         ``first_row`` on.
 
-        ``window`` holds (top, bottom, left, right) of each range's domain positions; columns are
-        compared ``step`` at a time, those beyond the window set back to 0.
+        ``window`` holds (top, bottom, left, right) of each range's domain positions; lanes beyond
+        the window, which fill up the last `GROUP`, are set back to 0.
         """
-        for i in range(codes.shape[0]):
-            width = window[i, 3] - window[i, 2]
-            whole = -(-width // step) * step
+        gains = lanes.reshape(-1, lanes.shape[2])
+        for start in range(0, codes.shape[0], NEIGHBOURS):
+            end = min(start + NEIGHBOURS, codes.shape[0])
             for strip in range(lanes.shape[0]):
-                start, line = first_row + strip * band, lanes[strip, i]
-                top, bottom = max(start, window[i, 0]), min(start + band, window[i, 1])
-                row_gains(planes, norms, codes[i], top, bottom, window[i, 2], whole, cap, line)
-                line[max(width, 0) :] = 0
-                most = best[i]
-                for j in range(width):
-                    if line[j] > most:
-                        most = line[j]
+                top = first_row + strip * band
+                first, last = top + band, top
+                for i in range(start, end):
+                    first, last = min(first, window[i, 0]), max(last, window[i, 1])
+                # rows outside: so that one stays in the cache while neighbours go by
+                for y in range(max(first, top), min(last, top + band)):
+                    for i in range(start, end):
+                        if y < window[i, 0] or y >= window[i, 1]:
+                            continue
+                        left, width, j = window[i, 2], window[i, 3] - window[i, 2], 0
+                        line = strip * codes.shape[0] + i
+                        while j < width - GROUP:
+                            raise_gains(
+                                block,
+                                LANES,
+                                planes,
+                                y,
+                                left + j,
+                                norms,
+                                codes,
+                                i,
+                                cap,
+                                gains,
+                                line,
+                                j,
+                            )
+                            j += LANES
+                        if j < width:
+                            raise_gains(
+                                block,
+                                GROUP,
+                                planes,
+                                y,
+                                left + j,
+                                norms,
+                                codes,
+                                i,
+                                cap,
+                                gains,
+                                line,
+                                j,
+                            )
+            for i in range(start, end):
+                width, most = max(window[i, 3] - window[i, 2], 0), best[i]
+                for strip in range(lanes.shape[0]):
+                    line = lanes[strip, i]
+                    line[width:] = 0
+                    for j in range(width):
+                        if line[j] > most:
+                            most = line[j]
                 best[i] = most
 
     @kernel
     def list_windows(
-        planes, norms, codes, window, cap, best, first_row, band, near, group, which, down, across
+        planes, norms, codes, window, cap, best, first_row, band, near, which, down, across
     ):
         """The domains whose gain is at least near[i]: block down[n], across[n] of the pool for
         range which[n], as far as there is room. Returns how many there are.
 
         ``best`` (bands, n, lanes) holds maxima over ``band`` rows from ``first_row`` on: only
-        where these reach near[i] are positions looked at again, in groups of ``group``; the
-        arrays are padded by one.
+        where these reach near[i] are positions looked at again, in groups of `GROUP`.
         """
-        lanes = np.empty(best.shape[2] + group, np.float32)
-        runs = np.empty((best.shape[2] // group + 1, 2), np.int64)
+        gains = np.empty((1, GROUP), np.float32)
         count = 0
         for i in range(codes.shape[0]):
             left, right = window[i, 2], window[i, 3]
             for strip in range(best.shape[0]):
-                line, found, x = best[strip, i], 0, left
+                line, start, x = best[strip, i], first_row + strip * band, left
                 while x < right:
                     if line[x - left] < near[i]:
                         x += 1
                         continue
-                    # whole groups of lanes cost vector code less than single ones
-                    if found and runs[found - 1, 1] >= x:
-                        runs[found - 1, 1] += group
-                    else:
-                        runs[found, 0], runs[found, 1] = x, x + group
-                        found += 1
-                    x = runs[found - 1, 1]
-                if found == 0:
-                    continue
-                start = first_row + strip * band
-                for y in range(max(start, window[i, 0]), min(start + band, window[i, 1])):
-                    for run in range(found):
-                        x, length = runs[run, 0], runs[run, 1] - runs[run, 0]
-                        lanes[:length] = 0
-                        row_gains(planes, norms, codes[i], y, y + 1, x, length, cap, lanes)
-                        for j in range(min(length, right - x)):
-                            if lanes[j] < near[i]:
+                    for y in range(max(start, window[i, 0]), min(start + band, window[i, 1])):
+                        gains[:] = 0
+                        raise_gains(block, GROUP, planes, y, x, norms, codes, i, cap, gains, 0, 0)
+                        for j in range(min(GROUP, right - x)):
+                            if gains[0, j] < near[i]:
                                 continue
                             if count < which.size:
                                 which[count] = i
                                 down[count], across[count] = y, x + j
                             count += 1
+                    x += GROUP
         return count
 
     return lane_maxima, list_windows

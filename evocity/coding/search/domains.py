@@ -9,7 +9,7 @@ s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u�
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -65,30 +65,71 @@ def d4_matrix(block: int) -> np.ndarray:
     return matrix
 
 
+@cache
+def d4_slots(block: int) -> np.ndarray:
+    """Where among its D4 coordinates a block has the product of its a-th and b-th function down
+    and across, first the even functions and then the odd, before (a, b) and (b, a) are mixed:
+    ``(B, B)``."""
+    even, k = (block + 1) // 2, 0
+    slots = np.empty((block, block), np.int64)
+    for functions in (range(even), range(even, block)):
+        upper = [(a, b) for a in functions for b in functions if a <= b]
+        for pairs in (upper, [(b, a) for a, b in upper if a < b]):
+            for pair in pairs:
+                slots[pair] = k
+                k += 1
+    size = even * (block - even)
+    slots[:even, even:].flat = np.arange(k, k + size)
+    slots[even:, :even].T.flat = np.arange(k + size, k + 2 * size)
+    slots.setflags(write=False)
+    return slots
+
+
 @dataclass(frozen=True, eq=False)
 class DomainPool:
     """Domain blocks of side ``multiple``·B of one map: all whose first row lies in a band.
 
+    block : B, px.
     shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the
         whole map.
-    planes : float32 ``(rows, B², columns + LANES)``, D4 coordinates of the shrunk domain blocks
-        made zero-mean and of unit norm, d̃/‖d̃‖.
-    norms : float32 ``(rows, columns + LANES)``, ‖d̃‖, m. Norms and planes are 0 for flat
-        domains and in the padding, which so explain nothing.
-    top : the map row where the first of the ``rows`` begins.
+    top, rows : the map row where the band begins, and how many.
+    least : blocks of no more energy, m², count as flat.
     """
 
     multiple: int
+    block: int
     shrunk: np.ndarray
-    planes: np.ndarray
-    norms: np.ndarray
-    top: int = 0
+    top: int
+    rows: int
+    least: np.float32
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of domain positions along y and x."""
-        rows, columns = self.norms.shape
-        return rows, columns - LANES
+        return self.rows, self.shrunk.shape[1] - self.multiple * (self.block - 1)
+
+    @property
+    def planes(self) -> np.ndarray:
+        """Float32 ``(rows, B², columns + LANES)``, D4 coordinates of the shrunk domain blocks
+        made zero-mean and of unit norm, d̃/‖d̃‖. They are 0 for flat domains and in the padding,
+        which so explain nothing."""
+        return self.folded[0]
+
+    @property
+    def norms(self) -> np.ndarray:
+        """Float32 ``(rows, columns + LANES)``, ‖d̃‖, m; 0 where planes are."""
+        return self.folded[1]
+
+    @cached_property
+    def folded(self) -> tuple[np.ndarray, np.ndarray]:
+        """Planes and norms, made when first asked for."""
+        (rows, columns), block = self.shape, self.block
+        planes = np.zeros((rows, block * block, columns + LANES), np.float32)
+        norms = np.zeros((rows, columns + LANES), np.float32)
+        ones = d4_basis(block).sum(axis=1).astype(self.shrunk.dtype)
+        band = self.shrunk[self.top :]
+        fold(band, self.multiple, d4_slots(block), ones, self.least, planes, norms)
+        return planes, norms
 
 
 def domain_pools(
@@ -99,8 +140,8 @@ def domain_pools(
     memory: int = 64 << 20,
     exact: bool = True,
 ) -> Iterator[DomainPool]:
-    """Fold every domain block of a ``(H, W)`` map, in the order of (D, y): band after band of
-    rows, each of about ``memory`` bytes.
+    """Every domain block of a ``(H, W)`` map, in the order of (D, y): band after band of rows,
+    each of about ``memory`` bytes once folded.
 
     ``domains`` are multiples m of B; sizes that do not fit the map are left out. Domains surely
     flatter than ``flat`` metres from lowest to highest count as flat. Without ``exact`` heights
@@ -111,22 +152,18 @@ def domain_pools(
     highest = float(heights.max(initial=0))
     # a block whose heights span `flat` has at least flat²/2 of energy
     noise = (_NOISE if exact else _COARSE) * highest
-    least = max(flat**2 / 2, (block * noise) ** 2)
+    least = np.float32(max(flat**2 / 2, (block * noise) ** 2))
     for multiple in sorted(domains):
         rows, columns = height - multiple * block + 1, width - multiple * block + 1
         if min(rows, columns) < 1:
             continue
         shrunk = np.empty((height - multiple + 1, width - multiple + 1))
         box_means(heights.astype(np.float64), multiple, multiple, shrunk)
-        lines = shrunk if exact else shrunk.astype(np.float32)
-        ones = d4_basis(block).sum(axis=1).astype(lines.dtype)
+        if not exact:
+            shrunk = shrunk.astype(np.float32)
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
-            band = min(step, rows - top)
-            planes = np.zeros((band, block * block, columns + LANES), np.float32)
-            norms = np.zeros((band, columns + LANES), np.float32)
-            fold(lines[top:], multiple, block, ones, np.float32(least), planes, norms)
-            yield DomainPool(multiple, shrunk, planes, norms, top)
+            yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least)
 
 
 def part_sizes(block: int) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from evocity import isometries
 from evocity.coding.search.domains import DomainPool, d4_matrix
-from evocity.coding.search.scoring import scoring_kernels
+from evocity.coding.search.scoring import rank, resolve, settle
 from evocity.coding.topology import Candidates
 
 #: Gains closer than this share of the range block's energy are a tie, won by the lowest
@@ -67,17 +67,15 @@ class Search:
 
     def settle(self, pool: DomainPool, part: slice, which, y, x) -> None:
         """Keep the best of the domains at (y, x) of ``pool`` for the ``which``-th of ``part``."""
-        settle, *_ = scoring_kernels(self.block)
         settle(
-            which, y + pool.top, x, pool.shrunk, pool.multiple, self.centred[part],
-            isometries.sources(self.block), self.cap, TIE * self.energy[part],
-            self.records[part], self.places[part], self.count[part],
+            which, y + pool.top, x, pool.shrunk, pool.multiple, self.block,
+            self.centred[part], isometries.sources(self.block), self.cap,
+            TIE * self.energy[part], self.records[part], self.places[part], self.count[part],
         )  # fmt: skip
 
     def scored(self, which, multiple, y, x, flat: np.ndarray, least: np.ndarray) -> Candidates:
         """Of the domains (multiple, y, x) for the ``which``-th of blocks ``flat`` (n, B²), under
         all isometries, those that explain at least ``least`` (n,). ``which`` ascends."""
-        _, rank, _ = scoring_kernels(self.block)
         means = flat.mean(axis=1)
         gains, slopes = np.empty((2, which.size, 8))
         levels = np.empty(which.size)
@@ -85,7 +83,7 @@ class Search:
             (hit,) = np.nonzero(multiple == step)
             found = np.empty((hit.size, 8)), np.empty((hit.size, 8)), np.empty(hit.size)
             rank(
-                which[hit], y[hit], x[hit], shrunk, step, flat - means[:, None],
+                which[hit], y[hit], x[hit], shrunk, step, self.block, flat - means[:, None],
                 isometries.sources(self.block), self.cap, *found,
             )  # fmt: skip
             gains[hit], slopes[hit], levels[hit] = found
@@ -103,7 +101,6 @@ class Search:
 
     def matches(self, every: np.ndarray, of: np.ndarray) -> Matches:
         """The result for all blocks ``(n, B²)``; block i has the shape of the of[i]-th searched."""
-        *_, resolve = scoring_kernels(self.block)
         kept = np.arange(_ROOM) < self.count[:, None]
         most = self.records.max(axis=1, initial=0, where=kept)
         least = most - TIE * self.energy
@@ -119,8 +116,8 @@ class Search:
             (hit,) = np.nonzero(multiple == step)
             found = np.zeros(hit.size, np.uint8), np.zeros(hit.size), np.zeros(hit.size)
             resolve(
-                shrunk, step, y[hit], x[hit], centred[hit], isometries.sources(self.block),
-                self.cap, least[of[hit]], *found,
+                shrunk, step, y[hit], x[hit], self.block, centred[hit],
+                isometries.sources(self.block), self.cap, least[of[hit]], *found,
             )  # fmt: skip
             iso[hit], slope[hit], level[hit] = found
         return Matches(

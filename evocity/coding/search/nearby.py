@@ -4,14 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evocity.coding.search._kernels import window_kernels
+from evocity.coding.search._kernels import GROUP, window_kernels
 from evocity.coding.search.domains import UNCAPPED, DomainPool, d4_matrix, domain_pools
 from evocity.coding.search.matches import Search, listed
 
-#: Domain positions re-scored together, at most `LANES`.
-_GROUP = 16
-#: Columns that cost no more than one, at most `LANES`.
-_STEP = 8
 #: Range blocks whose surroundings are searched at a time.
 NEARBY = 128
 
@@ -32,15 +28,15 @@ def best_nearby(
         return np.empty((3, 0), np.int64)
     band = max(16, -(-(last_row - first_row) // 32))
     strips = -(-(last_row - first_row) // band)
-    lanes = np.zeros((strips, len(window), width + -width % _STEP), np.float32)
+    lanes = np.zeros((strips, len(window), width + -width % GROUP), np.float32)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.codes[part], window, _STEP, cap, first_row, band,
+        pool.planes, pool.norms, search.codes[part], window, cap, first_row, band,
         lanes, search.best[part],
     )  # fmt: skip
     return listed(
         list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, lanes, first_row,
-        band, search.near(part, tolerance), _GROUP,
+        band, search.near(part, tolerance),
     )  # fmt: skip
 
 
@@ -72,9 +68,9 @@ def best_correlations(
             part = slice(start, start + NEARBY)
             window = _window(pool, tuple(corner[part] for corner in corners), reach)
             width = max(0, int((window[:, 3] - window[:, 2]).max()))
-            lanes = np.zeros((1, len(window), width + -width % _STEP), np.float32)
+            lanes = np.zeros((1, len(window), width + -width % GROUP), np.float32)
             lane_maxima(
-                pool.planes, pool.norms, codes[part], window, _STEP, UNCAPPED, 0, pool.shape[0],
+                pool.planes, pool.norms, codes[part], window, UNCAPPED, 0, pool.shape[0],
                 lanes, gain[part],
             )  # fmt: skip
     rho2 = np.zeros(rows * columns, np.float32)

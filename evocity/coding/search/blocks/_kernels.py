@@ -5,220 +5,330 @@ import numpy as np
 
 from evocity.accelerate import kernel
 
-
-@kernel
-def mirrored(lines, near, far, even, combined):
-    """combined[x] = √½ (near ± far) of two shifted lines, + for even; the line itself if both
-    are one (the middle line of an odd block)."""
-    half = combined.dtype.type(np.sqrt(0.5))
-    (i, p), (j, q) = near, far
-    p, q = np.uintp(p), np.uintp(q)
-    if i == j and p == q:
-        for x in range(np.uintp(combined.size)):
-            combined[x] = lines[i, x + p]
-    elif even:
-        for x in range(np.uintp(combined.size)):
-            combined[x] = half * (lines[i, x + p] + lines[j, x + q])
-    else:
-        for x in range(np.uintp(combined.size)):
-            combined[x] = half * (lines[i, x + p] - lines[j, x + q])
+#: Blocks handled side by side, so that loops over them become vector code.
+ABREAST = 128
 
 
 @kernel
-def fold(shrunk, step, block, weights, least, planes, norms):
-    """planes[y, :, x], norms[y, x] = D4 coordinates, of unit norm, and norm, the mean removed, of
-    the block of pixels shrunk[y + step·i, x + step·j]; see evocity.coding.search.domains for
-    their order. Both are 0 where the energy (squared norm) is no more than ``least``.
+def coordinates(lines, y, down, across, slots, weights, mixed, folded, mean):
+    """folded[:, x] = D4 coordinates, the mean removed, of the block of pixels
+    lines[y + down·i, x + across·j]; see evocity.coding.search.domains for their order.
 
-    ``weights`` (B²,) holds the coordinates of the block of ones. Columns beyond those where a
-    block fits are left as they are. Sums are of the type of ``shrunk``.
+    ``slots`` (B, B) is the table of that name there, ``weights`` (B²,) the coordinates of the
+    block of ones. The others are room to work in, of the type of ``lines``, as wide as it is (B
+    rows of ``mixed``) or as ``folded``. Each step takes two lines apart into √½ (sum, difference).
     """
-    rows, count = planes.shape[0], planes.shape[1]
-    width = shrunk.shape[1]
-    columns = width - step * (block - 1)
+    block, width, columns = slots.shape[0], np.uintp(mixed.shape[1]), np.uintp(mean.size)
+    half = mean.dtype.type(np.sqrt(0.5))
     evens = (block + 1) // 2
-    down = np.empty((block, width), shrunk.dtype)
-    full = np.empty((block, block, columns), shrunk.dtype)
-    folded = np.empty((count, columns), shrunk.dtype)
+    for i in range(evens):
+        near, far = lines[y + down * i], lines[y + down * (block - 1 - i)]
+        even, odd = mixed[i], mixed[(evens + i) % block]
+        if 2 * i == block - 1:
+            even[:] = near
+            continue
+        for x in range(width):
+            even[x], odd[x] = half * (near[x] + far[x]), half * (near[x] - far[x])
+    for a in range(block):
+        line = mixed[a]
+        for j in range(evens):
+            p, q = np.uintp(across * j), np.uintp(across * (block - 1 - j))
+            even, odd = folded[slots[a, j]], folded[slots[a, (evens + j) % block]]
+            if 2 * j == block - 1:
+                even[:] = line[p : p + columns]
+                continue
+            for x in range(columns):
+                one, two = line[x + p], line[x + q]
+                even[x], odd[x] = half * (one + two), half * (one - two)
+    for a in range(block):
+        for b in range(a + 1, evens if a < evens else block):
+            even, odd = folded[slots[a, b]], folded[slots[b, a]]
+            for x in range(columns):
+                one, two = even[x], odd[x]
+                even[x], odd[x] = half * (one + two), half * (one - two)
+    mean[:] = 0
+    for k in range(weights.size):
+        if weights[k] != 0:
+            line, weight = folded[k], weights[k] / weights.size
+            for x in range(columns):
+                mean[x] += weight * line[x]
+    for k in range(weights.size):
+        if weights[k] != 0:
+            line = folded[k]
+            for x in range(columns):
+                line[x] -= weights[k] * mean[x]
+
+
+@kernel
+def fold(shrunk, step, slots, weights, least, planes, norms):
+    """planes[y, :, x], norms[y, x] = D4 coordinates, of unit norm, and norm, the mean removed, of
+    the block of pixels shrunk[y + step·i, x + step·j]. Both are 0 where the energy (squared norm)
+    is no more than ``least``.
+
+    ``slots`` and ``weights`` are those of `coordinates`. Columns beyond those where a block fits
+    are left as they are. Sums are of the type of ``shrunk``.
+    """
+    block, width = slots.shape[0], shrunk.shape[1]
+    columns = width - step * (block - 1)
+    mixed = np.empty((block, width), shrunk.dtype)
+    folded = np.empty((block * block, columns), shrunk.dtype)
     mean = np.empty(columns, shrunk.dtype)
     energy = np.empty(columns, np.float32)
-    half = shrunk.dtype.type(np.sqrt(0.5))
-    for y in range(rows):
-        for a in range(block):
-            i = a if a < evens else a - evens
-            near, far = y + step * i, y + step * (block - 1 - i)
-            mirrored(shrunk, (near, 0), (far, 0), a < evens, down[a])
-        for a in range(block):
-            for b in range(block):
-                j = b if b < evens else b - evens
-                near, far = step * j, step * (block - 1 - j)
-                mirrored(down, (a, near), (a, far), b < evens, full[a, b])
-        k = 0
-        for first, last in ((0, evens), (evens, block)):
-            for sign in (1, -1):
-                for a in range(first, last):
-                    if sign > 0:
-                        folded[k] = full[a, a]
-                        k += 1
-                    for b in range(a + 1, last):
-                        one, two = full[a, b], full[b, a]
-                        for x in range(columns):
-                            folded[k, x] = half * (one[x] + sign * two[x])
-                        k += 1
-        for swap in (False, True):
-            for a in range(evens):
-                for b in range(evens, block):
-                    folded[k] = full[b, a] if swap else full[a, b]
-                    k += 1
-        mean[:] = 0
-        for k in range(count):
-            if weights[k] != 0:
-                for x in range(columns):
-                    mean[x] += weights[k] * folded[k, x]
-        scale = shrunk.dtype.type(1.0 / count)
+    for y in range(planes.shape[0]):
+        coordinates(shrunk, y, step, step, slots, weights, mixed, folded, mean)
         energy[:] = 0
-        for k in range(count):
-            line = planes[y, k]
-            shift = weights[k] * scale
+        for k in range(block * block):
+            line = folded[k]
             for x in range(columns):
-                value = np.float32(folded[k, x] - shift * mean[x])
-                line[x] = value
+                value = np.float32(line[x])
                 energy[x] += value * value
         for x in range(columns):
             norm = np.sqrt(energy[x]) if energy[x] > least else np.float32(0)
             norms[y, x] = norm
             energy[x] = np.float32(1) / norm if norm > 0 else np.float32(0)
-        for k in range(count):
-            line = planes[y, k]
+        for k in range(block * block):
+            line, plane = folded[k], planes[y, k]
             for x in range(columns):
-                line[x] *= energy[x]
+                plane[x] = np.float32(line[x]) * energy[x]
 
 
 @kernel
-def part_norms(planes, places, sizes, lowest, shares):
-    """shares[2p, n], shares[2p + 1, n] = norm of the block at places[n] = y · columns + x within
-    part p, along the part's ``lowest`` vector and across it; u and w count as one part.
+def part_norms(lines, sizes, lowest, used, shares, energy):
+    """shares[used[2p], n], shares[used[2p + 1], n] = norm of block n, of D4 coordinates
+    lines[:, n], within part p along the part's ``lowest`` vector and across it; u and w count as
+    one part. Where ``used`` is negative the norm is not wanted. energy[n] = squared norm of all.
 
-    ``places`` ascend. The rest is found by subtraction: rounding is made up for upwards.
+    The rest is found by subtraction: rounding is made up for upwards.
     """
-    rows, _, columns = planes.shape
-    parts = sizes.size
-    lines = np.zeros((2 * parts, columns), np.float32)
+    columns = energy.size
     along, across, other = np.empty(columns), np.empty(columns), np.empty(columns)
-    n = 0
-    for y in range(rows):
-        start = 0
-        for part in range(parts):
-            along[:] = 0
-            across[:] = 0
-            other[:] = 0
-            for k in range(start, start + sizes[part]):
-                line, weight = planes[y, k], np.float64(lowest[k])
+    energy[:] = 0
+    start = 0
+    for part in range(sizes.size):
+        along[:] = 0
+        across[:] = 0
+        other[:] = 0
+        for k in range(start, start + sizes[part]):
+            line, weight = lines[k], np.float64(lowest[k])
+            for x in range(columns):
+                value = np.float64(line[x])
+                along[x] += weight * value
+                across[x] += value * value
+            if part == sizes.size - 1:
+                line = lines[k + sizes[part]]
                 for x in range(columns):
                     value = np.float64(line[x])
-                    along[x] += weight * value
+                    other[x] += weight * value
                     across[x] += value * value
-                if part == parts - 1:
-                    line = planes[y, k + sizes[part]]
-                    for x in range(columns):
-                        value = np.float64(line[x])
-                        other[x] += weight * value
-                        across[x] += value * value
+        for x in range(columns):
+            energy[x] += across[x]
+            along[x] = along[x] * along[x] + other[x] * other[x]
+        if used[2 * part] >= 0:
+            share = shares[used[2 * part]]
             for x in range(columns):
-                low = along[x] * along[x] + other[x] * other[x]
-                lines[2 * part, x] = np.sqrt(low)
-                rest = max(across[x] - low, 0.0) + 1e-6 * across[x]
-                lines[2 * part + 1, x] = np.sqrt(rest)
-            start += sizes[part]
-        while n < places.size and places[n] < (y + 1) * columns:
-            for f in range(2 * parts):
-                shares[f, n] = lines[f, places[n] - y * columns]
-            n += 1
+                share[x] = np.sqrt(np.float32(along[x]))
+        if used[2 * part + 1] >= 0:
+            share = shares[used[2 * part + 1]]
+            for x in range(columns):
+                rest = max(across[x] - along[x], 0.0) + 1e-6 * across[x]
+                share[x] = np.sqrt(np.float32(rest))
+        start += sizes[part]
 
 
 @kernel
-def kinds(planes, norms, shrunk, step, block, top, table, firsts):
-    """firsts[n] = row-major place in ``norms`` (y · columns + x) of the n-th kind of domain block,
-    in order of place; returns how many there are.
+def relief_keys(shrunk, step, block, top, weights, least, keys):
+    """keys[y, x] = a number that blocks of pixels shrunk[top + y + step·i, x + step·j] have in
+    common where they differ by a level alone, to the bit; 0 where the energy is surely no more
+    than ``least``: the sum of the pixels' heights above the first, weighted."""
+    rows, columns = keys.shape
+    energy = np.empty(columns)
+    for y in range(rows):
+        key, base = keys[y], shrunk[top + y]
+        key[:] = 0
+        energy[:] = 0
+        for i in range(block):
+            line = shrunk[top + y + step * i]
+            for j in range(i == 0, block):  # the first is its own base
+                weight, shift = weights[block * i + j], np.uintp(step * j)
+                for x in range(np.uintp(columns)):
+                    value = line[x + shift] - base[x]
+                    key[x] += weight * value
+                    energy[x] += value * value
+        for x in range(columns):
+            if not energy[x] > least:
+                key[x] = 0
+            elif key[x] == 0:
+                key[x] = 1
+
+
+@kernel
+def kinds(keys, shrunk, step, block, top, table, firsts):
+    """firsts[n] = row-major place in ``keys`` (y · columns + x) of the n-th kind of block, in
+    order of place; returns how many there are.
 
     Blocks of pixels shrunk[top + y + step·i, x + step·j] that differ by a level alone, to the
-    bit, are of one kind; where the norm is 0 there is none. Blocks are told apart by the bits of
-    ``planes`` first: where rounding hides that two are of one kind, both are kept. ``table``, of
+    bit, are of one kind; where the key (see `relief_keys`) is 0 there is none. ``table``, of
     zeros and a power of two long, has room for twice as many kinds as there are blocks.
     """
-    rows, columns = norms.shape
-    keys = np.empty(columns, np.uint32)
+    rows, columns = keys.shape
+    width, pixels = shrunk.shape[1], shrunk.ravel()
+    offsets = block_offsets(width, step, block)
+    known, corners = np.empty(firsts.size), np.empty(firsts.size, np.uint64)
+    last = np.uint64(table.size - 1)
     count = 0
     for y in range(rows):
-        keys[:] = 0
-        for k in range(planes.shape[1]):
-            bits = planes[y, k].view(np.uint32)
-            odd = np.uint32((2 * k + 1) * 0x9E3779B9 & 0xFFFFFFFF)
-            for x in range(columns):
-                mixed = bits[x] * odd
-                keys[x] += mixed ^ (mixed >> np.uint32(15))
+        bits = keys[y].view(np.uint64)
         for x in range(columns):
-            if norms[y, x] == 0:
+            key = keys[y, x]
+            if key == 0:
                 continue
-            slot = (keys[x] ^ (keys[x] >> np.uint32(16))) & np.uint32(table.size - 1)
+            corner = np.uintp((top + y) * width + x)
+            mixed = bits[x] * np.uint64(0x9E3779B97F4A7C15)
+            slot = (mixed ^ (mixed >> np.uint64(32))) & last
             while True:
                 seen = table[slot] - 1
                 if seen < 0:
-                    firsts[count] = y * columns + x
+                    firsts[count], corners[count], known[count] = y * columns + x, corner, key
                     count += 1
                     table[slot] = count
                     break
-                v, u = firsts[seen] // columns, firsts[seen] % columns
-                if same_relief(shrunk, step, block, top + y, x, top + v, u):
+                if known[seen] == key and same_relief(pixels, offsets, corner, corners[seen]):
                     break
-                slot = (slot + np.uint32(1)) & np.uint32(table.size - 1)
+                slot = (slot + np.uint64(1)) & last
     return count
 
 
 @kernel
-def same_relief(shrunk, step, block, y, x, v, u):
-    """Whether the blocks at (y, x) and (v, u) differ by a level alone, to the bit."""
-    for i in range(block):
-        for j in range(block):
-            one = shrunk[y + step * i, x + step * j] - shrunk[y, x]
-            if one != shrunk[v + step * i, u + step * j] - shrunk[v, u]:
-                return False
-    return True
+def block_offsets(width, step, block):
+    """How far in memory a block's pixels lie from its first, in a raster of such ``width``."""
+    offsets = np.empty(block * block, np.uintp)
+    for k in range(block * block):
+        offsets[k] = step * (k // block * width + k % block)
+    return offsets
 
 
 @kernel
-def canonical(blocks, sources, shapes, keys):
-    """shapes[i] = block i with its lowest (or, turned upside down, its highest) pixel at 0, under
-    that one of the 16 combinations of sign and isometry whose hash, keys[i], is least.
+def same_relief(pixels, offsets, corner, other):
+    """Whether the blocks at two corners differ by a level alone, to the bit."""
+    one, two = pixels[corner], pixels[other]
+    different = 0
+    for offset in offsets:
+        different += pixels[corner + offset] - one != pixels[other + offset] - two
+    return different == 0
 
-    Whole-number arithmetic, so equal bits give equal hashes; float32 heights have exact float64
-    differences.
+
+@kernel
+def fold_at(
+    shrunk, step, corners, slots, weights, least, sizes, lowest, used, codes, norms, shares
+):
+    """codes[n], norms[n] = D4 coordinates, of unit norm, and norm, the mean removed, of the block
+    whose first pixel is shrunk.flat[corners[n]]; shares[:, n] = norms of its parts over its own
+    (see `part_norms`). All are 0 where its energy is no more than ``least``."""
+    block, pixels = slots.shape[0], shrunk.ravel()
+    offsets = block_offsets(shrunk.shape[1], step, block)
+    at, bases = np.empty(ABREAST, np.uintp), np.empty(ABREAST)
+    stones = np.zeros((block, block, ABREAST), np.float32)
+    lines = stones.reshape(block, block * ABREAST)
+    mixed, mean = np.empty_like(lines), np.empty(ABREAST, np.float32)
+    folded = np.empty((block * block, ABREAST), np.float32)
+    parts, energy = np.empty((shares.shape[0], ABREAST), np.float32), np.empty(ABREAST)
+    units = np.empty(ABREAST, np.float32)
+    for start in range(0, corners.size, ABREAST):
+        most = min(ABREAST, corners.size - start)
+        for n in range(ABREAST):
+            at[n] = corners[start + min(n, most - 1)]
+            bases[n] = pixels[at[n]]
+        for k in range(block * block):
+            stone, offset = stones[k // block, k % block], offsets[k]
+            for n in range(ABREAST):  # less the first: heights may be far above their differences
+                stone[n] = pixels[at[n] + offset] - bases[n]
+        coordinates(lines, 0, 1, ABREAST, slots, weights, mixed, folded, mean)
+        part_norms(folded, sizes, lowest, used, parts, energy)
+        for n in range(most):
+            flat = not np.float32(energy[n]) > least
+            norm = np.float32(0) if flat else np.sqrt(np.float32(energy[n]))
+            norms[start + n], units[n] = norm, np.float32(0) if flat else np.float32(1) / norm
+        for n in range(most):
+            unit, code = units[n], codes[start + n]
+            for k in range(block * block):
+                code[k] = unit * folded[k, n]
+        for f in range(parts.shape[0]):
+            part, share = parts[f], shares[f, start : start + most]
+            for n in range(most):
+                share[n] = units[n] * part[n]
+
+
+@kernel
+def z_order(values, low, scale, bits, counts, order):
+    """order = of the columns of ``values`` (K, n) along a Z-order curve, of ``bits`` bits a row:
+    the cell of values[k, n] is (values[k, n] − low[k]) · scale[k], less than 2^bits.
+
+    A counting sort: ``counts`` holds 2^(K · bits) + 1 zeros.
+    """
+    rows, columns = values.shape
+    keys = np.zeros(columns, np.uint32)
+    for k in range(rows):
+        line, least, factor = values[k], low[k], scale[k]
+        for bit in range(bits):
+            source, target = np.uint32(bit), np.uint32(bit * rows + rows - 1 - k)
+            for n in range(columns):
+                cell = np.uint32(np.int32((line[n] - least) * factor))
+                keys[n] |= (cell >> source & np.uint32(1)) << target
+    for n in range(columns):
+        counts[keys[n] + 1] += 1
+    for key in range(1, counts.size):
+        counts[key] += counts[key - 1]
+    for n in range(columns):
+        order[counts[keys[n]]] = n
+        counts[keys[n]] += 1
+
+
+@kernel
+def canonical(blocks, sources, weights, shapes, keys):
+    """shapes[i] = block i with its lowest (or, turned upside down, its highest) pixel at 0, under
+    that one of the 16 combinations of sign and isometry whose sum weighted by ``weights`` (B²,),
+    keys[i], is least.
+
+    Sums of the same numbers in the same order, so equal bits give equal keys; float32 heights
+    have exact float64 differences.
     """
     count, pixels = blocks.shape
-    bits = np.empty((2, pixels), np.uint64)
-    odd = np.empty(pixels, np.uint64)
-    for t in range(pixels):
-        odd[t] = np.uint64(2 * t + 1) * np.uint64(0x9E3779B97F4A7C15)
-    sides = np.empty((2, pixels))
-    for i in range(count):
-        low, high = blocks[i].min(), blocks[i].max()
-        for t in range(pixels):
-            sides[0, t] = blocks[i, t] - low + 0.0  # −0 becomes 0
-            sides[1, t] = high - blocks[i, t] + 0.0
-        for sign in range(2):
-            bits[sign] = sides[sign].view(np.uint64)
+    sides = np.empty((2, pixels, ABREAST))
+    low, high = np.empty(ABREAST), np.empty(ABREAST)
+    least, total = np.empty(ABREAST), np.empty(ABREAST)
+    where = np.empty(ABREAST, np.int64)
+    for start in range(0, count, ABREAST):
+        most = min(ABREAST, count - start)
+        for n in range(ABREAST):
+            block = blocks[start + min(n, most - 1)]
             for t in range(pixels):
-                bits[sign, t] ^= bits[sign, t] >> np.uint64(29)
-        least, where = np.uint64(0), -1
+                sides[0, t, n] = block[t]
+        low[:] = np.inf
+        high[:] = -np.inf
+        for t in range(pixels):
+            side = sides[0, t]
+            for n in range(ABREAST):
+                low[n], high[n] = min(low[n], side[n]), max(high[n], side[n])
+        for t in range(pixels):
+            side, other = sides[0, t], sides[1, t]
+            for n in range(ABREAST):
+                value = side[n]
+                side[n], other[n] = value - low[n], high[n] - value
+        least[:] = np.inf
+        where[:] = 0
         for sign in range(2):
             for k in range(sources.shape[0]):
-                key = np.uint64(0)
+                total[:] = 0
                 for t in range(pixels):
-                    mixed = bits[sign, sources[k, t]] * odd[t]
-                    key += mixed ^ (mixed >> np.uint64(32))
-                if where < 0 or key < least:
-                    least, where = key, sign * sources.shape[0] + k
-        keys[i] = least
-        source = sources[where % sources.shape[0]]
-        for t in range(pixels):
-            shapes[i, t] = sides[where // sources.shape[0], source[t]]
+                    side, weight = sides[sign, sources[k, t]], weights[t]
+                    for n in range(ABREAST):
+                        total[n] += weight * side[n]
+                for n in range(ABREAST):
+                    lower = total[n] < least[n]
+                    least[n] = total[n] if lower else least[n]
+                    where[n] = sign * sources.shape[0] + k if lower else where[n]
+        for n in range(most):
+            keys[start + n] = least[n]
+            sign, k = divmod(where[n], sources.shape[0])
+            for t in range(pixels):
+                shapes[start + n, t] = sides[sign, sources[k, t], n]

@@ -1,5 +1,5 @@
 """The last word on near-ties: domain blocks scored in float64."""
 
-from evocity.coding.search.scoring._kernels import scoring_kernels
+from evocity.coding.search.scoring._kernels import rank, resolve, settle
 
-__all__ = ["scoring_kernels"]
+__all__ = ["rank", "resolve", "settle"]

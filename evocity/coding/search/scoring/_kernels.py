@@ -1,140 +1,139 @@
 """Compiled loops that decide in float64: arrays in, arrays out. Slow twins stand in
 tests/naive.py."""
 
-from functools import cache
-
 import numpy as np
 
 from evocity.accelerate import kernel
 
 
-@cache
-def scoring_kernels(block):
-    """The kernels that decide near-ties in float64: settle, rank, resolve."""
+@kernel
+def turned(range_block, sources, images):
+    """images[u, k] = the pixel of the range block that meets pixel u of a domain block
+    under isometry k: so ⟨r, iso_k d⟩ = Σ_u images[u, k] d[u], all eight side by side."""
+    for k in range(8):
+        for t in range(range_block.size):
+            images[np.uintp(sources[k, t]), k] = range_block[t]
+
+
+@kernel
+def exact_gains(shrunk, step, y, x, block, images, cap, domain, gains, slopes):
+    """gains[k], slopes[k]: energy explained and σ with isometry k, in float64; returns the
+    domain's mean."""
+    mean = 0.0
+    for i in range(block):
+        line = shrunk[np.uintp(y + step * i)]
+        for j in range(block):
+            value = line[np.uintp(x + step * j)]
+            domain[np.uintp(block * i + j)] = value
+            mean += value
+    mean /= domain.size
+    energy = 0.0
+    p0 = p1 = p2 = p3 = p4 = p5 = p6 = p7 = 0.0  # in registers, not in an array
+    for t in range(domain.size):
+        value = domain[t] - mean
+        image = images[t]
+        energy += value * value
+        p0 += image[0] * value
+        p1 += image[1] * value
+        p2 += image[2] * value
+        p3 += image[3] * value
+        p4 += image[4] * value
+        p5 += image[5] * value
+        p6 += image[6] * value
+        p7 += image[7] * value
+    slopes[0], slopes[1], slopes[2], slopes[3] = p0, p1, p2, p3
+    slopes[4], slopes[5], slopes[6], slopes[7] = p4, p5, p6, p7
+    for k in range(8):
+        p = slopes[k]
+        s = min(abs(p) / energy, cap) if energy > 0 else 0.0
+        gains[k] = s * (2 * abs(p) - s * energy)
+        slopes[k] = s if p >= 0 else -s
+    return mean
+
+
+@kernel
+def keep(gain, place, slack, records, places, count):
+    """Note a domain at ``place`` unless one before it explains as much; forget those after
+    it that explain no more, and those more than ``slack`` below the best. Returns how many
+    of ``records`` and ``places`` are in use."""
+    most = gain
+    for k in range(count):
+        if records[k] >= gain and places[k] < place:
+            return count
+        most = max(most, records[k])
+    kept = 0
+    for k in range(count):
+        if records[k] >= most - slack and not (gain >= records[k] and place < places[k]):
+            records[kept], places[kept] = records[k], places[k]
+            kept += 1
+    if gain < most - slack:
+        return kept
+    if kept == records.size:  # the least goes: it wins only if all others are forgotten
+        kept -= 1
+        least = np.argmin(records)
+        records[least], places[least] = records[kept], places[kept]
+    records[kept], places[kept] = gain, place
+    return kept + 1
+
+
+@kernel
+def settle(which, y, x, shrunk, step, block, blocks, sources, cap, slack, records, places, count):
+    """Score for range which[n], ascending, the domain at (y[n], x[n]) in float64 and `keep`
+    it where it may be the best. Once one explains everything, none behind it can win."""
     pixels = block * block
-
-    @kernel
-    def turned(range_block, sources, images):
-        """images[u, k] = the pixel of the range block that meets pixel u of a domain block
-        under isometry k: so ⟨r, iso_k d⟩ = Σ_u images[u, k] d[u], all eight side by side."""
-        for k in range(8):
-            for t in range(pixels):
-                images[sources[k, t], k] = range_block[t]
-
-    @kernel
-    def exact_gains(shrunk, step, y, x, images, cap, domain, gains, slopes):
-        """gains[k], slopes[k]: energy explained and σ with isometry k, in float64; returns the
-        domain's mean."""
-        mean = 0.0
-        for i in range(block):
-            line = shrunk[y + step * i]
-            for j in range(block):
-                value = line[np.uintp(x + step * j)]
-                domain[block * i + j] = value
-                mean += value
-        mean /= pixels
-        energy = 0.0
-        p0 = p1 = p2 = p3 = p4 = p5 = p6 = p7 = 0.0  # in registers, not in an array
-        for t in range(pixels):
-            value = domain[t] - mean
-            image = images[t]
-            energy += value * value
-            p0 += image[0] * value
-            p1 += image[1] * value
-            p2 += image[2] * value
-            p3 += image[3] * value
-            p4 += image[4] * value
-            p5 += image[5] * value
-            p6 += image[6] * value
-            p7 += image[7] * value
-        slopes[0], slopes[1], slopes[2], slopes[3] = p0, p1, p2, p3
-        slopes[4], slopes[5], slopes[6], slopes[7] = p4, p5, p6, p7
-        for k in range(8):
-            p = slopes[k]
-            s = min(abs(p) / energy, cap) if energy > 0 else 0.0
-            gains[k] = s * (2 * abs(p) - s * energy)
-            slopes[k] = s if p >= 0 else -s
-        return mean
-
-    @kernel
-    def keep(gain, place, slack, records, places, count):
-        """Note a domain at ``place`` unless one before it explains as much; forget those after
-        it that explain no more, and those more than ``slack`` below the best. Returns how many
-        of ``records`` and ``places`` are in use."""
-        most = gain
-        for k in range(count):
-            if records[k] >= gain and places[k] < place:
-                return count
-            most = max(most, records[k])
-        kept = 0
-        for k in range(count):
-            if records[k] >= most - slack and not (gain >= records[k] and place < places[k]):
-                records[kept], places[kept] = records[k], places[k]
-                kept += 1
-        if gain < most - slack:
-            return kept
-        if kept == records.size:  # the least goes: it wins only if all others are forgotten
-            kept -= 1
-            least = np.argmin(records)
-            records[least], places[least] = records[kept], places[kept]
-        records[kept], places[kept] = gain, place
-        return kept + 1
-
-    @kernel
-    def settle(which, y, x, shrunk, step, blocks, sources, cap, slack, records, places, count):
-        """Score for range which[n], ascending, the domain at (y[n], x[n]) in float64 and `keep`
-        it where it may be the best. Once one explains everything, none behind it can win."""
-        domain = np.empty(pixels)
-        gains, slopes = np.empty(8), np.empty(8)
-        images = np.empty((pixels, 8))
-        before = -1
-        for n in range(which.size):
-            i = which[n]
-            if i != before:
-                turned(blocks[i], sources, images)
-                energy = 0.0
-                for t in range(pixels):
-                    energy += blocks[i, t] * blocks[i, t]
-                before = i
-            place = (np.int64(step) << 42) | (np.int64(y[n]) << 21) | np.int64(x[n])
-            beaten = False
-            for k in range(count[i]):
-                beaten |= places[i, k] < place and records[i, k] >= energy - slack[i] / 2
-            if beaten:
-                continue
-            exact_gains(shrunk, step, y[n], x[n], images, cap, domain, gains, slopes)
-            count[i] = keep(gains.max(), place, slack[i], records[i], places[i], count[i])
-
-    @kernel
-    def rank(which, y, x, shrunk, step, blocks, sources, cap, gains, slopes, levels):
-        """gains[n, k], slopes[n, k]: energy explained and σ of range which[n], ascending, by the
-        domain at (y[n], x[n]) under isometry k; levels[n]: the domain's mean. In float64."""
-        domain = np.empty(pixels)
-        images = np.empty((pixels, 8))
-        before = -1
-        for n in range(which.size):
-            i = which[n]
-            if i != before:
-                turned(blocks[i], sources, images)
-                before = i
-            levels[n] = exact_gains(
-                shrunk, step, y[n], x[n], images, cap, domain, gains[n], slopes[n]
-            )
-
-    @kernel
-    def resolve(shrunk, step, y, x, blocks, sources, cap, least, iso, slope, level):
-        """For each block and the domain at (y, x): the lowest isometry that explains at least
-        least[i], its σ, and the domain's mean."""
-        domain = np.empty(pixels)
-        gains, slopes = np.empty(8), np.empty(8)
-        images = np.empty((pixels, 8))
-        for i in range(blocks.shape[0]):
+    domain = np.empty(pixels)
+    gains, slopes = np.empty(8), np.empty(8)
+    images = np.empty((pixels, 8))
+    before = -1
+    for n in range(which.size):
+        i = which[n]
+        if i != before:
             turned(blocks[i], sources, images)
-            level[i] = exact_gains(shrunk, step, y[i], x[i], images, cap, domain, gains, slopes)
-            enough = min(least[i], gains.max())
-            for k in range(8):
-                if gains[k] >= enough:
-                    iso[i], slope[i] = k, slopes[k]
-                    break
+            energy = 0.0
+            for t in range(pixels):
+                energy += blocks[i, t] * blocks[i, t]
+            before = i
+        place = (np.int64(step) << 42) | (np.int64(y[n]) << 21) | np.int64(x[n])
+        beaten = False
+        for k in range(count[i]):
+            beaten |= places[i, k] < place and records[i, k] >= energy - slack[i] / 2
+        if beaten:
+            continue
+        exact_gains(shrunk, step, y[n], x[n], block, images, cap, domain, gains, slopes)
+        count[i] = keep(gains.max(), place, slack[i], records[i], places[i], count[i])
 
-    return settle, rank, resolve
+
+@kernel
+def rank(which, y, x, shrunk, step, block, blocks, sources, cap, gains, slopes, levels):
+    """gains[n, k], slopes[n, k]: energy explained and σ of range which[n], ascending, by the
+    domain at (y[n], x[n]) under isometry k; levels[n]: the domain's mean. In float64."""
+    pixels = block * block
+    domain = np.empty(pixels)
+    images = np.empty((pixels, 8))
+    before = -1
+    for n in range(which.size):
+        i = which[n]
+        if i != before:
+            turned(blocks[i], sources, images)
+            before = i
+        levels[n] = exact_gains(
+            shrunk, step, y[n], x[n], block, images, cap, domain, gains[n], slopes[n]
+        )
+
+
+@kernel
+def resolve(shrunk, step, y, x, block, blocks, sources, cap, least, iso, slope, level):
+    """For each block and the domain at (y, x): the lowest isometry that explains at least
+    least[i], its σ, and the domain's mean."""
+    pixels = block * block
+    domain = np.empty(pixels)
+    gains, slopes = np.empty(8), np.empty(8)
+    images = np.empty((pixels, 8))
+    for i in range(blocks.shape[0]):
+        turned(blocks[i], sources, images)
+        level[i] = exact_gains(shrunk, step, y[i], x[i], block, images, cap, domain, gains, slopes)
+        enough = min(least[i], gains.max())
+        for k in range(8):
+            if gains[k] >= enough:
+                iso[i], slope[i] = k, slopes[k]
+                break

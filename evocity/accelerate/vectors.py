@@ -1,0 +1,192 @@
+"""Vector code written out, instruction by instruction, for the few loops that matter most.
+
+The compiler of loops leaves most of the machine unused where many sums run side by side: it loads
+what it could keep, and takes vectors of half the width. `vector_code` makes of a function that
+writes such code something that kernels can call.
+
+The disk cache does not see changes here or in what calls this: kernels stand in one file with the
+vector code they call; after a change in this file, empty the cache (``make clean``).
+"""
+
+from contextlib import contextmanager
+from functools import wraps
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
+
+_FEATURES = cpu_target.target_context.codegen().magic_tuple()[2]  # part of the cache's key
+
+#: Floats in one vector, and for how many vectors the registers hold eight sums each.
+WIDTH, ABREAST = (16, 2) if "+avx512f" in _FEATURES else (8, 1)
+
+_INDEX, _LANE, _FLOAT = ir.IntType(64), ir.IntType(32), ir.FloatType()
+
+
+def vector_code(result: str, known: int):
+    """Decorate a function that writes vector code: kernels can then call it by its name.
+
+    It is called as ``write(v, *numbers, *arguments)``: with a `Vectors`; the first ``known``
+    arguments of the call as numbers (kernels must give literals, or what they take from the
+    function that made them); arrays as `Items`, whole numbers and floats as values of the code.
+    It returns the value of the type ``result`` names in numba, or None for "none".
+    """
+
+    def made(write):
+        @wraps(write)  # numba looks at the names of the arguments
+        def typed(context, *kinds):
+            if not all(isinstance(kind, types.IntegerLiteral) for kind in kinds[:known]):
+                return None
+            numbers = [kind.literal_value for kind in kinds[:known]]
+            # numba tells what is written for other numbers by the types of the call alone
+            kinds = [*kinds[:known], *map(_plain, kinds[known:])]
+
+            def codegen(context, builder, signature, arguments):
+                v = Vectors(builder)
+                given = [
+                    Items(context, v, kind, one) if isinstance(kind, types.Array) else one
+                    for kind, one in zip(signature.args, arguments, strict=True)
+                ]
+                found = write(v, *numbers, *given[known:])
+                return context.get_dummy_value() if found is None else found
+
+            return getattr(types, result)(*kinds), codegen
+
+        return intrinsic(prefer_literal=True)(typed)
+
+    return made
+
+
+def _plain(kind):
+    """The type that vector code takes in place of ``kind``."""
+    if isinstance(kind, types.Integer):
+        return types.int64
+    return types.float32 if isinstance(kind, types.Float) else kind
+
+
+class Vectors:
+    """Arithmetic on vectors of float32 in the function that ``builder`` writes.
+
+    ``width`` floats make a vector; pointers point at single floats.
+    """
+
+    def __init__(self, builder, width: int = WIDTH):
+        self.builder, self.width = builder, width
+        self.type = ir.VectorType(_FLOAT, width)
+        self.add, self.sub, self.mul = builder.fadd, builder.fsub, builder.fmul
+        self.zero = ir.Constant(self.type, [0.0] * width)
+
+    @contextmanager
+    def loop(self, count):
+        """What is written within is done for each whole number from 0 to before ``count``."""
+        with cgutils.for_range(self.builder, count) as loop:
+            yield loop.index
+
+    def variable(self, value):
+        """Pointer to a place of its own that holds ``value`` at first."""
+        return cgutils.alloca_once_value(self.builder, value)
+
+    def number(self, value: int):
+        """A whole number as a value of the code."""
+        return ir.Constant(_INDEX, value)
+
+    def after(self, pointer, count):
+        """The pointer ``count`` items, a number or a value, after ``pointer``."""
+        count = self.number(count) if isinstance(count, int) else count
+        return self.builder.gep(pointer, [count])
+
+    def load(self, pointer):
+        """``width`` floats in a row."""
+        return self.builder.load(self.builder.bitcast(pointer, self.type.as_pointer()), align=4)
+
+    def store(self, a, pointer):
+        """Write ``width`` floats in a row."""
+        self.builder.store(a, self.builder.bitcast(pointer, self.type.as_pointer()), align=4)
+
+    def spread(self, one):
+        """A float, or the one that a pointer points at, in all lanes."""
+        one = self.builder.load(one, align=4) if one.type.is_pointer else one
+        kind = ir.VectorType(one.type, self.width)
+        first = ir.Constant(_LANE, 0)
+        lone = self.builder.insert_element(ir.Constant(kind, ir.Undefined), one, first)
+        lanes = ir.Constant(ir.VectorType(_LANE, self.width), [0] * self.width)
+        return self.builder.shuffle_vector(lone, lone, lanes)
+
+    def plus_product(self, total, a, b):
+        """total + a·b, in one rounding where the machine can; a total of None is 0."""
+        return self.mul(a, b) if total is None else self._math("fmuladd", a, b, total)
+
+    def abs(self, a):
+        return self._math("fabs", a)
+
+    def larger(self, a, b):
+        return self.builder.select(self.builder.fcmp_ordered(">", a, b), a, b)
+
+    def smaller(self, a, b):
+        return self.builder.select(self.builder.fcmp_ordered("<", a, b), a, b)
+
+    def largest(self, a):
+        """The largest of all lanes, a float; none is NaN."""
+        name = f"llvm.vector.reduce.fmax.v{self.width}f32"
+        function = self._declared(name, _FLOAT, self.type)
+        return self.builder.call(function, [a], fastmath=("nnan", "nsz"))
+
+    def reaches(self, a, b):
+        """In which lanes a ≥ b: a vector of truth values."""
+        return self.builder.fcmp_ordered(">=", a, b)
+
+    def any(self, truths):
+        """1 if one of the lanes is true, else 0: a whole number."""
+        bits = self.builder.bitcast(truths, ir.IntType(self.width))
+        return self.builder.zext(self.builder.icmp_unsigned("!=", bits, bits.type(0)), _INDEX)
+
+    def list_lanes(self, truths, first, pointer):
+        """Write the numbers ``first`` + lane, int32, of the lanes that are true one after another;
+        returns how many."""
+        kind = ir.VectorType(_LANE, self.width)
+        numbers = self.builder.add(
+            self.spread(self.builder.trunc(first, _LANE)),
+            ir.Constant(kind, list(range(self.width))),
+        )
+        name = f"llvm.masked.compressstore.v{self.width}i32"
+        store = self._declared(name, ir.VoidType(), kind, pointer.type, truths.type)
+        self.builder.call(store, [numbers, pointer, truths])
+        bits = self.builder.bitcast(truths, ir.IntType(self.width))
+        return self.builder.zext(self.builder.ctpop(bits), _INDEX)
+
+    def _math(self, name, *arguments):
+        kinds = [self.type] * len(arguments)
+        function = self._declared(f"llvm.{name}.v{self.width}f32", self.type, *kinds)
+        return self.builder.call(function, arguments)
+
+    def _declared(self, name, result, *kinds):
+        return cgutils.get_or_insert_function(
+            self.builder.module, ir.FunctionType(result, kinds), name
+        )
+
+
+class Items:
+    """An array among the arguments: where its items lie. Strides are of whole items."""
+
+    def __init__(self, context, v: Vectors, kind, array):
+        self.builder = v.builder
+        made = context.make_array(kind)(context, v.builder, array)
+        self.start = made.data
+        self.shape = cgutils.unpack_tuple(v.builder, made.shape)
+        size = ir.Constant(_INDEX, kind.dtype.bitwidth // 8)
+        self.steps = [
+            v.builder.sdiv(stride, size, flags=("exact",))
+            for stride in cgutils.unpack_tuple(v.builder, made.strides)
+        ]
+
+    def at(self, *index):
+        """Pointer to the item ``index``, one value an axis; axes left out begin at 0."""
+        pointer = self.start
+        for place, step in zip(index, self.steps, strict=False):
+            pointer = self.builder.gep(pointer, [self.builder.mul(place, step)])
+        return pointer
+
+
+__all__ = ["ABREAST", "WIDTH", "Items", "Vectors", "vector_code"]

@@ -1,0 +1,89 @@
+"""What is compiled once is there for every later process: the kernels come from numba's cache."""
+
+import inspect
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from evocity.accelerate import kernel
+
+ROOT = Path(__file__).parent.parent
+MODULES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in sorted((ROOT / "evocity").rglob("_kernels.py"))
+]
+# Compiles and runs a kernel that calls two others, then tells how often the cache had it.
+RANKING = """
+import numpy as np
+from evocity.coding.search.scoring import rank
+
+which, y, x = np.zeros((3, 1), np.int64)
+blocks, sources = np.arange(4.0)[None], np.tile(np.arange(4), (8, 1))
+found = np.empty((1, 8)), np.empty((1, 8)), np.empty(1)
+rank(which, y, x, np.eye(4), 1, 2, blocks, sources, 1.0, *found)
+print(sum(rank.stats.cache_hits.values()), sum(rank.stats.cache_misses.values()))
+"""
+
+
+def kernels(module):
+    """The kernels of a module, those too that are made for one size of block."""
+    for thing in vars(module).values():
+        if hasattr(thing, "cache_parameters"):  # of functools: it makes kernels, once a size
+            thing = thing(*[4] * len(inspect.signature(thing).parameters))
+        things = thing if isinstance(thing, tuple) else (thing,)
+        yield from (one for one in things if isinstance(one, Dispatcher))
+
+
+def held(function):
+    """What a kernel takes from the function that made it: numba pickles it to know the kernel."""
+    return [cell.cell_contents for cell in function.py_func.__closure__ or ()]
+
+
+def is_plain(value):
+    if isinstance(value, tuple):
+        return all(map(is_plain, value))
+    return isinstance(value, int | float | str | np.generic)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_kernels_hold_plain_numbers_only(name):
+    # another kernel, or an intrinsic, is pickled under a name drawn anew in each process
+    found = list(kernels(import_module(name)))
+    assert found
+    faults = {one.py_func.__qualname__ for one in found if not all(map(is_plain, held(one)))}
+    assert not faults
+
+
+def test_a_kernel_that_holds_another_is_told():
+    size = 3
+
+    @kernel
+    def inner(value):
+        return value + size
+
+    @kernel
+    def outer(value):
+        return inner(value)
+
+    assert [held(inner), is_plain(size), is_plain((1, 2.0, np.float32(1)))] == [[3], True, True]
+    assert held(outer) == [inner]
+    assert not is_plain(inner)
+    assert not is_plain((1, inner))
+
+
+def test_a_second_process_compiles_nothing(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", RANKING],
+            env=environment, cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout
+        for _ in range(2)
+    ]  # fmt: skip
+    assert told == ["0 1\n", "1 0\n"]
