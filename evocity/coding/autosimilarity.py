@@ -10,14 +10,13 @@ import functools
 import operator
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
-from evocity.coding.search import available_cores
+from evocity.coding.search.crew import Crew
 from evocity.coding.search.domains import d4_basis
 from evocity.coding.search.likeness import UnitBlocks, shares_of
 from evocity.coding.search.shapes import same_shape
@@ -221,8 +220,7 @@ def _errors(heights, block, extents, threads, work: _Work) -> tuple[np.ndarray, 
     level /= level.max() or 1.0
     errors = np.empty([side - block + 1 for side in level.shape])
     curve = dict.fromkeys(extents, 0.0)
-    crew = ThreadPoolExecutor(threads or available_cores())
-    try:
+    with Crew(threads) as crew:
         for rows in _bands(level, block, block):
             share, codes, of = _ranges(level[rows.start : rows.stop + block - 1], block)
             best = np.zeros(len(codes), np.float32)
@@ -231,8 +229,6 @@ def _errors(heights, block, extents, threads, work: _Work) -> tuple[np.ndarray, 
                 curve[extent] += float(_unexplained(share, of, found).sum()) / errors.size
                 np.maximum(best, found, out=best)
             errors[rows] = _unexplained(share, of, best).reshape(-1, errors.shape[1])
-    finally:
-        crew.shutdown(cancel_futures=True)
     return errors, curve
 
 

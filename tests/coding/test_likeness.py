@@ -3,6 +3,8 @@
 import naive
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from evocity import isometries
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
@@ -35,13 +37,13 @@ def test_unit_blocks_against_the_naive_twin(town, block, multiple):
     for part in pools:
         found = unit_blocks(part, doubles=True)
         for code, norm, y, x in zip(found.codes, found.norms, found.y, found.x, strict=True):
-            domain = naive.shrunk(heights, int(y) + part.top, int(x), multiple, multiple, block)
+            domain = naive.shrunk(heights, int(y), int(x), multiple, multiple, block)
             truth = d4_matrix(block).astype(float) @ (domain - domain[0, 0]).ravel()
             assert code * norm == pytest.approx(truth, abs=1e-6 * np.abs(truth).max())
         assert np.einsum("nk,nk->n", found.codes, found.codes) == pytest.approx(1, abs=1e-6)
         assert range_shares(found.codes) == pytest.approx(found.shares.T, abs=2e-3)
         y, x = np.nonzero(part.norms)  # the same blocks, folded row by row
-        assert np.array_equal(found.y, y)
+        assert np.array_equal(found.y, y + part.top)
         assert np.array_equal(found.x, x)
         assert found.norms == pytest.approx(part.norms[y, x], rel=1e-5)
         assert found.codes == pytest.approx(part.planes[y, :, x], abs=1e-5)
@@ -95,3 +97,16 @@ def test_relief_that_is_rounding_counts_as_flat():
     assert np.ptp(pool.shrunk) > 0
     assert unit_blocks(pool, doubles=True).norms.size == 0
     assert not pool.norms.any()
+
+
+@given(st.integers(1, 40), st.integers(1, 6), st.sampled_from([0.3, 0.8, 1.0]))
+def test_bands_of_a_pool_are_the_pool(rows, count, last):
+    heights = np.random.default_rng(rows).random((rows + 7, 9)).astype(np.float32)
+    pool = domain_pool(heights, 4, 2)
+    bands = pool.split(count, last)
+    assert 1 <= len(bands) <= count
+    assert bands[0].top == pool.top
+    assert [band.top + band.rows for band in bands] == [b.top for b in bands[1:]] + [pool.rows]
+    assert all(band.rows > 0 for band in bands)
+    planes = np.concatenate([band.planes for band in bands])
+    assert np.array_equal(planes, pool.planes)

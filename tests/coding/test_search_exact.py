@@ -180,7 +180,12 @@ def test_heights_that_are_no_numbers_are_refused(town, wrong):
 
 def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
     one = encode(town, threads=1, reach=None).genome
-    assert encode(town, threads=3, reach=None).genome == one
+    several = encode(town, threads=1, reach=None, domains=(2, 3)).genome
+    for few in (0, 1 << 20):  # threads share the range blocks, or the domain blocks
+        monkeypatch.setattr("evocity.coding.search.FEW", few)
+        assert encode(town, threads=3, reach=None).genome == one
+        assert encode(town, threads=2, reach=None, domains=(2, 3)).genome == several
+    monkeypatch.setattr("evocity.coding.search.FEW", 0)
     monkeypatch.setattr("evocity.coding.search.CHUNK", 7)
     monkeypatch.setattr("evocity.coding.search.NEARBY", 7)
     assert encode(town, threads=2, reach=None).genome == one

@@ -11,17 +11,17 @@ likeness domain blocks alike: norms of parts, order, doubles
 tiles    the search of a whole map, with bounds
 nearby   the search within reach
 matches  the best domain, decided in float64
+crew     threads that share the work
 blocks   compiled: what a block is, whatever it is compared with
 scoring  compiled: near-ties in float64
 """
 
 import functools
-import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from evocity.coding.search.crew import Crew, available_cores
 from evocity.coding.search.domains import DomainPool
 from evocity.coding.search.likeness import unit_blocks
 from evocity.coding.search.matches import TIE, Matches, Search
@@ -32,6 +32,8 @@ from evocity.coding.topology import Candidates
 
 #: Domain positions of one pool that a range block may choose among.
 MOST = 1024
+#: Fewer range blocks than this are not worth sharing among threads: the domains are.
+FEW = 256
 #: Domain positions scored together.
 _TOGETHER = 1 << 17
 
@@ -61,14 +63,16 @@ def best_matches(
 
     Ties (gains within `TIE` of the block's energy) go to the lowest (D, y, x, iso).
     """
-    every = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
-    of, first = _searched(blocks, reach)
-    search = Search(every[first], sigma_max)
-    corners = tuple(corner[first] for corner in corners)
-    for pool, part, _ in _sweep(search, pools, corners, reach, threads, search.settle):
-        if progress:
-            progress(pool.shape[0] * len(first[part]) / len(first))
-    return search.matches(every, of)
+    with Crew(threads) as crew:
+        ready = _prepared(pools, crew, reach, sigma_max)
+        every = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
+        of, first = _searched(blocks, reach)
+        search = Search(every[first], sigma_max)
+        corners = tuple(corner[first] for corner in corners)
+        for pool, part, _ in _sweep(search, ready, corners, reach, crew, search.settle):
+            if progress:
+                progress(pool.shape[0] * len(first[part]) / len(first))
+        return search.matches(every, of)
 
 
 def near_best(
@@ -99,14 +103,16 @@ def near_best(
         which, y, x = which[order], y[order], x[order]
         few = np.arange(which.size) - np.searchsorted(which, which) < MOST
         multiple = np.full(np.count_nonzero(few), pool.multiple)
-        return which[few] + part.start, multiple, y[few] + pool.top, x[few]
+        return which[few] + part.start, multiple, y[few], x[few]
 
     corners = tuple(corner[first] for corner in corners)
     found = []
-    for pool, part, places in _sweep(search, pools, corners, reach, threads, listed, tolerance):
-        found.append(places)
-        if progress:
-            progress(pool.shape[0] * len(first[part]) / len(first))
+    with Crew(threads) as crew:
+        ready = _prepared(pools, crew, reach, sigma_max, doubles=True)
+        for pool, part, places in _sweep(search, ready, corners, reach, crew, listed, tolerance):
+            found.append(places)
+            if progress:
+                progress(pool.shape[0] * len(first[part]) / len(first))
     if not found:
         return
     shape, *places = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -135,43 +141,78 @@ def _searched(blocks: np.ndarray, reach: int | None) -> tuple[np.ndarray, np.nda
     return every, every
 
 
-def _sweep(
-    search: Search, pools, corners, reach: int | None, threads: int | None, act, tolerance=None
-):
+def _prepared(
+    pools: Iterable[DomainPool], crew: Crew, reach: int | None, sigma_max: float, doubles=False
+) -> Iterator[tuple[DomainPool, list[Callable]]]:
+    """Each pool and, band by band, how to get what a search compares with. The ``crew`` makes all
+    but the last band one pool ahead of the search, of the first pool as soon as this is called;
+    the last is made by whoever asks for it."""
+
+    def prepare(band: DomainPool):
+        if reach is not None:
+            return band.folded
+        # of doubles the first wins, but only their surroundings tell which fits
+        return cut_tiles(unit_blocks(band, doubles), sigma_max)
+
+    def begun():
+        pool = next(pools, None)
+        if not pool:
+            return None, []
+        # whoever asks has had the range blocks to see to
+        *bands, last = pool.split(crew.threads, last=0.8) if reach is None else [pool]
+        mine = functools.cache(functools.partial(prepare, last))
+        return pool, [*(crew.begin(prepare, band) for band in bands), mine]
+
+    def following(ready):
+        while ready[0]:
+            upcoming = begun()
+            yield ready
+            ready = upcoming
+
+    pools = iter(pools)
+    return following(begun())
+
+
+def _sweep(search: Search, ready, corners, reach: int | None, crew: Crew, act, tolerance=None):
     """``act(pool, part, which, y, x)`` on the domains that may be the best of a chunk of range
     blocks, or within the ``tolerance`` of it: yields (pool, part, what it returned) in order.
     """
-    threads = threads or available_cores()
-    count = len(search.codes)
-    most = CHUNK if reach is None else NEARBY
-    step = max(1, min(most, -(-count // threads)))
+    count, most = len(search.codes), CHUNK if reach is None else NEARBY
+    step = max(1, min(most, -(-count // crew.threads)))
     parts = [slice(k, min(k + step, count)) for k in range(0, count, step)]
-    crew = ThreadPoolExecutor(threads)
-    try:
-        for pool in pools:
-            search.shrunk[pool.multiple] = pool.shrunk
+    whole, few = slice(0, count), reach is None and count < FEW
+    tolerance = tolerance or 0.0
+    for pool, bands in ready:
+        search.shrunk[pool.multiple] = pool.shrunk
+
+        def among(part, bands, pool=pool):
+            """The domains in question in some bands."""
             if reach is not None:
-                _ = pool.folded  # once, before threads ask for it
-                find = functools.partial(best_nearby, search, corners, reach, pool)
-            else:
-                # of doubles the first wins, but only their surroundings tell which fits
-                units = unit_blocks(pool, doubles=tolerance is not None)
-                find = functools.partial(best_everywhere, search, cut_tiles(units, search.cap))
+                return best_nearby(search, corners, reach, pool, part, tolerance)
+            found = [best_everywhere(search, tiles(), part, tolerance) for tiles in bands]
+            return _joined(found)
 
-            def compare(part, pool=pool, find=find):
-                return act(pool, part, *find(part, tolerance or 0.0))
+        def compare(part, pool=pool, bands=bands, among=among):
+            return act(pool, part, *among(part, bands))
 
-            for part, result in zip(parts, crew.map(compare, parts), strict=True):
-                yield pool, part, result
-    finally:
-        crew.shutdown(cancel_futures=True)
+        if few:  # the domains are shared, not the range blocks
+            others = [crew.begin(among, whole, [band]) for band in bands[:-1]]
+            mine = among(whole, bands[-1:])
+            yield pool, whole, act(pool, whole, *_joined([*(found() for found in others), mine]))
+            continue
+        for band in bands:  # all are made before threads ask for them
+            band()
+        for part, result in zip(parts, crew.map(compare, parts), strict=True):
+            yield pool, part, result
 
 
-def available_cores() -> int:
-    """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def _joined(found: list) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(which, y, x) of several bands as one, which ascending."""
+    if len(found) == 1:
+        return found[0]
+    which, y, x = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.argsort(which, kind="stable")
+    return which[order], y[order], x[order]
 
 
 __all__ = [

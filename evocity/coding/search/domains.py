@@ -8,8 +8,9 @@ s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u�
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -107,6 +108,15 @@ class DomainPool:
     def shape(self) -> tuple[int, int]:
         """Number of domain positions along y and x."""
         return self.rows, self.shrunk.shape[1] - self.multiple * (self.block - 1)
+
+    def split(self, count: int, last: float = 1.0) -> list["DomainPool"]:
+        """The same domain blocks in at most ``count`` bands of rows, the last of them ``last``
+        times as high as the others."""
+        step = max(1, round(self.rows / (count - 1 + last)))
+        edges = [*range(0, self.rows, step)[:count], self.rows]
+        return [
+            replace(self, top=self.top + first, rows=end - first) for first, end in pairwise(edges)
+        ]
 
     @property
     def planes(self) -> np.ndarray:

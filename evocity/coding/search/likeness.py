@@ -26,7 +26,7 @@ class UnitBlocks:
     codes : float32 ``(n, B²)``, D4 coordinates of the unit blocks d̃/‖d̃‖.
     norms : float32 ``(n,)``, ‖d̃‖, m.
     shares : float32 ``(F, n)``, norms of the parts of d̃/‖d̃‖, 0…1.
-    y, x : int32 ``(n,)``, where in its pool each block lies.
+    y, x : int32 ``(n,)``, where on the map each block begins, px.
     """
 
     codes: np.ndarray
@@ -45,19 +45,17 @@ def unit_blocks(pool: DomainPool, doubles: bool = False) -> UnitBlocks:
     relief_keys(*below, key_weights(block), pool.least, keys)
     room = int(np.count_nonzero(keys))
     if doubles:
-        places = np.flatnonzero(keys)
+        y, x = (column.astype(np.int32) for column in np.nonzero(keys))
+        y += np.int32(pool.top)
     else:
-        places = np.empty(room, np.int64)
-        places = places[: kinds(keys, *below, np.zeros(2 << room.bit_length(), np.int32), places)]
-    count, used = places.size, used_parts(block)
-    codes, norms = np.empty((count, block * block), np.float32), np.empty(count, np.float32)
-    shares = np.empty((len(used), count), np.float32)
-    y, x = (column.astype(np.int32) for column in np.divmod(places, columns))
-    corners = (pool.top + y) * np.int64(pool.shrunk.shape[1]) + x
+        y, x = np.empty((2, room), np.int32)
+        count = kinds(keys, *below, np.zeros(2 << room.bit_length(), np.int32), y, x)
+        y, x = y[:count], x[:count]
+    codes, norms = np.empty((y.size, block * block), np.float32), np.empty(y.size, np.float32)
+    shares = np.empty((len(used_parts(block)), y.size), np.float32)
     fold_at(
-        pool.shrunk, pool.multiple, corners, d4_slots(block),
-        d4_basis(block).sum(axis=1).astype(np.float32), pool.least, np.array(part_sizes(block)),
-        lowest(block), _slots(block), codes, norms, shares,
+        pool.shrunk, pool.multiple, y, x, d4_slots(block), _ones(block), pool.least,
+        np.array(part_sizes(block)), lowest(block), _slots(block), codes, norms, shares,
     )  # fmt: skip
     kept = norms > 0
     if kept.all():
@@ -115,6 +113,14 @@ def used_parts(block: int) -> tuple[int, ...]:
 
 
 @cache
+def _ones(block: int) -> np.ndarray:
+    """D4 coordinates of the block of ones, float32."""
+    ones = d4_basis(block).sum(axis=1).astype(np.float32)
+    ones.setflags(write=False)
+    return ones
+
+
+@cache
 def _slots(block: int) -> np.ndarray:
     """Place of each norm (lowest, rest of each part) among those used, −1 of the others."""
     slots = np.full(2 * len(part_sizes(block)), -1)
@@ -129,7 +135,7 @@ def z_order(values: np.ndarray) -> np.ndarray:
     order = np.empty(count, np.int64)
     if not count:
         return order
-    spread = values[:, :: max(1, count >> 12)].std(axis=1)
+    spread = values[:, :: max(1, count >> 10)].std(axis=1)
     most = values[np.argsort(-spread, kind="stable")[:_KEYS]]
     low = most.min(axis=1)
     span = np.maximum(most.max(axis=1) - low, np.float32(1e-6))

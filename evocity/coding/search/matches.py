@@ -66,9 +66,10 @@ class Search:
         return np.maximum(self.best[part] - less, np.float32(1e-30))
 
     def settle(self, pool: DomainPool, part: slice, which, y, x) -> None:
-        """Keep the best of the domains at (y, x) of ``pool`` for the ``which``-th of ``part``."""
+        """Keep the best of the domains of ``pool`` at (y, x) of the map for the ``which``-th of
+        ``part``."""
         settle(
-            which, y + pool.top, x, pool.shrunk, pool.multiple, self.block,
+            which, y, x, pool.shrunk, pool.multiple, self.block,
             self.centred[part], isometries.sources(self.block), self.cap,
             TIE * self.energy[part], self.records[part], self.places[part], self.count[part],
         )  # fmt: skip

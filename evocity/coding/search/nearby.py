@@ -17,8 +17,8 @@ def best_nearby(
 ):
     """Raise ``search.best`` of one chunk of ranges by the domains of ``pool`` within ``reach``.
 
-    Returns (which of the chunk, y, x) of all domains within the ``tolerance`` (a share of the
-    range block's energy) and rounding of that best.
+    Returns (which of the chunk, y, x on the map) of all domains within the ``tolerance`` (a share
+    of the range block's energy) and rounding of that best.
     """
     lane_maxima, list_nearby = window_kernels(search.block)
     window = _window(pool, tuple(corner[part] for corner in corners), reach)
@@ -34,10 +34,11 @@ def best_nearby(
         pool.planes, pool.norms, search.codes[part], window, cap, first_row, band,
         lanes, search.best[part],
     )  # fmt: skip
-    return listed(
+    which, y, x = listed(
         list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, lanes, first_row,
         band, search.near(part, tolerance),
     )  # fmt: skip
+    return which, y + pool.top, x
 
 
 def best_correlations(

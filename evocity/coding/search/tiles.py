@@ -36,7 +36,7 @@ class Tiles:
     ceilings : float32 ``(tiles, LANES)``, σ_max·‖d̃‖, m.
     shares : float32 ``(tiles, F, LANES)``, norms of the parts of d̃/‖d̃‖, 0…1.
     tops, peaks : float32 ``(tiles,)`` and ``(tiles, F)``, the greatest of these in each tile.
-    y, x : int32 ``(n,)``, where in its pool each block lies.
+    y, x : int32 ``(n,)``, where on the map each block begins, px.
     """
 
     planes: np.ndarray
@@ -72,8 +72,8 @@ def cut_tiles(units: UnitBlocks, sigma_max: float) -> Tiles:
 def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float = 0.0):
     """Raise ``search.best`` of one chunk of ranges by all domains in ``tiles``.
 
-    Returns (which of the chunk, y, x) of all domains within the ``tolerance`` (a share of the
-    range block's energy) and rounding of that best; which ascends.
+    Returns (which of the chunk, y, x on the map) of all domains within the ``tolerance`` (a share
+    of the range block's energy) and rounding of that best; which ascends.
     """
     codes = search.codes[part]
     slack = search.unsure[part] + np.float32(tolerance) * search.energy[part].astype(np.float32)

@@ -162,18 +162,18 @@ def relief_keys(shrunk, step, block, top, weights, least, keys):
 
 
 @kernel
-def kinds(keys, shrunk, step, block, top, table, firsts):
-    """firsts[n] = row-major place in ``keys`` (y · columns + x) of the n-th kind of block, in
-    order of place; returns how many there are.
+def kinds(keys, shrunk, step, block, top, table, down, across):
+    """(down[n], across[n]) = where on the map the first block of the n-th kind begins, in order
+    of place; returns how many kinds there are.
 
     Blocks of pixels shrunk[top + y + step·i, x + step·j] that differ by a level alone, to the
-    bit, are of one kind; where the key (see `relief_keys`) is 0 there is none. ``table``, of
+    bit, are of one kind; where keys[y, x] (see `relief_keys`) is 0 there is none. ``table``, of
     zeros and a power of two long, has room for twice as many kinds as there are blocks.
     """
     rows, columns = keys.shape
     width, pixels = shrunk.shape[1], shrunk.ravel()
     offsets = block_offsets(width, step, block)
-    known, corners = np.empty(firsts.size), np.empty(firsts.size, np.uint64)
+    known, corners = np.empty(down.size), np.empty(down.size, np.uint64)
     last = np.uint64(table.size - 1)
     count = 0
     for y in range(rows):
@@ -188,7 +188,8 @@ def kinds(keys, shrunk, step, block, top, table, firsts):
             while True:
                 seen = table[slot] - 1
                 if seen < 0:
-                    firsts[count], corners[count], known[count] = y * columns + x, corner, key
+                    down[count], across[count] = top + y, x
+                    corners[count], known[count] = corner, key
                     count += 1
                     table[slot] = count
                     break
@@ -218,11 +219,9 @@ def same_relief(pixels, offsets, corner, other):
 
 
 @kernel
-def fold_at(
-    shrunk, step, corners, slots, weights, least, sizes, lowest, used, codes, norms, shares
-):
+def fold_at(shrunk, step, y, x, slots, weights, least, sizes, lowest, used, codes, norms, shares):
     """codes[n], norms[n] = D4 coordinates, of unit norm, and norm, the mean removed, of the block
-    whose first pixel is shrunk.flat[corners[n]]; shares[:, n] = norms of its parts over its own
+    whose first pixel is shrunk[y[n], x[n]]; shares[:, n] = norms of its parts over its own
     (see `part_norms`). All are 0 where its energy is no more than ``least``."""
     block, pixels = slots.shape[0], shrunk.ravel()
     offsets = block_offsets(shrunk.shape[1], step, block)
@@ -233,10 +232,11 @@ def fold_at(
     folded = np.empty((block * block, ABREAST), np.float32)
     parts, energy = np.empty((shares.shape[0], ABREAST), np.float32), np.empty(ABREAST)
     units = np.empty(ABREAST, np.float32)
-    for start in range(0, corners.size, ABREAST):
-        most = min(ABREAST, corners.size - start)
+    for start in range(0, y.size, ABREAST):
+        most = min(ABREAST, y.size - start)
         for n in range(ABREAST):
-            at[n] = corners[start + min(n, most - 1)]
+            place = start + min(n, most - 1)
+            at[n] = np.int64(y[place]) * shrunk.shape[1] + x[place]
             bases[n] = pixels[at[n]]
         for k in range(block * block):
             stone, offset = stones[k // block, k % block], offsets[k]
