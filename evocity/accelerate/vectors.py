@@ -39,6 +39,8 @@ def vector_code(result: str, known: int):
         def typed(context, *kinds):
             if not all(isinstance(kind, types.IntegerLiteral) for kind in kinds[:known]):
                 return None
+            if not all(map(_is_plain, kinds[known:])):
+                return None
             numbers = [kind.literal_value for kind in kinds[:known]]
             # numba tells what is written for other numbers by the types of the call alone
             kinds = [*kinds[:known], *map(_plain, kinds[known:])]
@@ -59,6 +61,13 @@ def vector_code(result: str, known: int):
     return made
 
 
+def _is_plain(kind):
+    """Whether vector code can read it: arrays must lie item by item, of 32 bits each."""
+    if not isinstance(kind, types.Array):
+        return True
+    return kind.layout == "C" and kind.dtype in (types.float32, types.int32)
+
+
 def _plain(kind):
     """The type that vector code takes in place of ``kind``."""
     if isinstance(kind, types.Integer):
@@ -67,16 +76,16 @@ def _plain(kind):
 
 
 class Vectors:
-    """Arithmetic on vectors of float32 in the function that ``builder`` writes.
+    """Arithmetic on vectors of `WIDTH` float32 in the function that ``builder`` writes. Pointers
+    point at single floats."""
 
-    ``width`` floats make a vector; pointers point at single floats.
-    """
+    width = WIDTH
 
-    def __init__(self, builder, width: int = WIDTH):
-        self.builder, self.width = builder, width
-        self.type = ir.VectorType(_FLOAT, width)
+    def __init__(self, builder):
+        self.builder = builder
+        self.type = ir.VectorType(_FLOAT, WIDTH)
         self.add, self.sub, self.mul = builder.fadd, builder.fsub, builder.fmul
-        self.zero = ir.Constant(self.type, [0.0] * width)
+        self.zero = ir.Constant(self.type, [0.0] * WIDTH)
 
     @contextmanager
     def loop(self, count):
@@ -91,6 +100,14 @@ class Vectors:
     def number(self, value: int):
         """A whole number as a value of the code."""
         return ir.Constant(_INDEX, value)
+
+    def plus(self, one, other):
+        """The sum of two whole numbers, values of the code or ``other`` a number."""
+        return self.builder.add(one, self.number(other) if isinstance(other, int) else other)
+
+    def times(self, one, other):
+        """The product of two whole numbers, values of the code."""
+        return self.builder.mul(one, other)
 
     def after(self, pointer, count):
         """The pointer ``count`` items, a number or a value, after ``pointer``."""

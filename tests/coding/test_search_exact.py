@@ -12,6 +12,7 @@ from evocity import isometries
 from evocity.coding import best_correlations, encode
 from evocity.coding.search import best_matches
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
+from evocity.coding.search.scoring._kernels import keep
 from evocity.coding.search.shapes import same_shape
 from evocity.errors import MapError
 from evocity.pavement import Pavement
@@ -268,3 +269,49 @@ def test_bands_of_domains_do_not_change_the_matches(town, memory):
     for banded, whole in (found[:2], found[2:]):
         for name in ("multiple", "y", "x", "iso", "sigma", "beta", "gain"):
             assert np.array_equal(getattr(banded, name), getattr(whole, name))
+
+
+def test_large_blocks_are_summed_in_runs(town):
+    """Above B = 16 the sums are loops of the compiled code, not written out."""
+    heights = np.tile(town.heights, (2, 2))[:50, :46]
+    blocks = np.stack([heights[y : y + 18, x : x + 18] for y, x in ((5, 3), (9, 7), (20, 12))])
+    corners = np.array([5, 9, 20]), np.array([3, 7, 12])
+    for reach in (None, 12):
+        pools = domain_pools(heights, 18, (2,))
+        found = best_matches(pools, blocks, corners, reach=reach, sigma_max=0.9)
+        for i, block in enumerate(blocks):
+            window = reach if reach is None else (corners[0][i], corners[1][i], reach)
+            place, gain = best_of_all(heights, block, window)
+            assert (found.y[i], found.x[i], found.iso[i]) == place
+            assert found.gain[i] == pytest.approx(gain, rel=1e-9)
+
+
+def best_of_all(heights, block, window):
+    """(y, x, iso) of the best domain block of twice the side, and what it explains."""
+    best, where = 0.0, None
+    side = 2 * len(block)
+    for y in range(heights.shape[0] - side + 1):
+        for x in range(heights.shape[1] - side + 1):
+            if window and max(abs(y - window[0]), abs(x - window[1])) > window[2]:
+                continue
+            domain = naive.shrunk(heights, y, x, 2, 2, len(block))
+            for iso, (gain, _) in enumerate(naive.gains(block, domain, 0.9)):
+                if gain > best * (1 + 1e-9):
+                    best, where = gain, (y, x, iso)
+    return where, best
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 60), st.sampled_from([1e-12, 1e-10, 1e-8]))
+def test_the_first_of_many_near_ties_is_kept(seed, count, step):
+    rng = np.random.default_rng(seed)
+    gains = 1 + rng.integers(0, 12, count) * step
+    slack = 1e-9
+    truth = np.flatnonzero(gains >= gains.max() - slack)[0]
+    rising = 1 + np.arange(count) * slack / 80  # more than there is room for
+    for values, first in ((gains, truth), (rising, 0)):
+        records, places, used = np.zeros(16), np.zeros(16, np.int64), 0
+        for place in rng.permutation(count):
+            used = keep(values[place], place, slack, records, places, used)
+        near = records[:used] >= records[:used].max() - slack
+        assert places[:used][near].min() == first

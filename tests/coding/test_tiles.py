@@ -2,17 +2,15 @@
 
 import naive
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from evocity import isometries
 from evocity.accelerate.vectors import WIDTH
 from evocity.coding import search
 from evocity.coding.search._kernels import LANES, ROOM, hopeful, promises
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
-from evocity.coding.search.likeness import range_shares, unit_blocks, used_parts
+from evocity.coding.search.likeness import unit_blocks
 from evocity.coding.search.matches import UNSURE
 from evocity.coding.search.tiles import cut_tiles, reach
 from evocity.pavement import Pavement
@@ -110,33 +108,6 @@ def test_bounds_are_their_formula(seed, level):
     bounds = gains(ours @ shares[1], ceilings[1]).max(axis=1)
     for i in np.flatnonzero(abs(bounds - near) > 1e-5):
         assert run_promises(shares, ceilings, ours, norms, near, i) == (bounds[i] >= near[i])
-
-
-@pytest.mark.parametrize("block", [2, 3, 4, 5, 8])
-def test_part_norms_are_the_blocks_own_under_every_isometry(block):
-    blocks = np.random.default_rng(block).random((6, block, block)).astype(np.float32)
-    shares = range_shares(codes_of(blocks))
-    assert shares.shape == (6, len(used_parts(block)))
-    energy = blocks.var(axis=(1, 2)) * block**2
-    assert (shares**2).sum(axis=1) == pytest.approx(energy, rel=1e-4)
-    for k in range(8):
-        turned = isometries.apply(k, blocks)
-        assert range_shares(codes_of(turned)) == pytest.approx(shares, abs=2e-3)
-
-
-def test_of_domain_blocks_alike_the_first_is_kept(town):
-    heights = np.tile(town.heights[:20, :20], (2, 2)) + np.float32(3)
-    pool = domain_pool(heights, 4, 2)
-    seen, truth = set(), []
-    for y, x in np.argwhere(pool.norms):
-        relief = naive.shrunk(heights, y, x, 2, 2, 4)
-        relief = (relief - relief[0, 0] + 0.0).tobytes()
-        if relief not in seen:
-            seen.add(relief)
-            truth.append((y, x))
-    found = unit_blocks(pool)
-    assert list(zip(found.y, found.x, strict=True)) == truth
-    assert len(truth) < np.count_nonzero(pool.norms) / 2
 
 
 def test_leaving_out_doubles_changes_nothing(town, monkeypatch):

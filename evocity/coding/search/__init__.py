@@ -96,7 +96,9 @@ def near_best(
     every = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
     of, first = _searched(blocks, reach)
     search = Search(every[first], sigma_max)
-    search.best[:] = matches.gain[first]
+    # a best that none can raise, lest what is listed depend on the order of the search
+    search.best[:] = matches.gain[first] + search.unsure
+    search.unsure *= 2
 
     def listed(pool, part, which, y, x):
         order = np.lexsort((x, y, which))
@@ -195,7 +197,8 @@ def _sweep(search: Search, ready, corners, reach: int | None, crew: Crew, act, t
         def compare(part, pool=pool, bands=bands, among=among):
             return act(pool, part, *among(part, bands))
 
-        if few:  # the domains are shared, not the range blocks
+        if few:  # the domains are shared, not the range blocks; a best that one thread takes
+            # from another's hands only lists more
             others = [crew.begin(among, whole, [band]) for band in bands[:-1]]
             mine = among(whole, bands[-1:])
             yield pool, whole, act(pool, whole, *_joined([*(found() for found in others), mine]))

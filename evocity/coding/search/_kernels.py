@@ -23,6 +23,8 @@ ROW = 8
 GROUP = 16
 #: Range blocks that go by together where their windows overlap.
 NEIGHBOURS = 8
+#: Sums over the coordinates of larger blocks are loops, `RUN` products a turn.
+UNROLLED, RUN = 16, 8
 #: Tiles remembered at first, of all range blocks searched together.
 ROOM = 1 << 14
 
@@ -45,26 +47,39 @@ def _gains(v, block, abreast, code, planes, place, norms, cap=None):
     """Gains, see `raise_gains`, from ``abreast`` vectors of domain positions side by side, from
     ``place`` on: a list of vectors. ``norms`` points at the first one's norm."""
     beside = range(abreast)
-    *squares, (u_start, u_end), (w_start, _) = _parts(block)
+    *squares, (u, u_end), (w, _) = _parts(block)
     first, step = planes.at(*place), planes.steps[1]
 
-    def coordinates(k):
-        line = v.after(first, v.builder.mul(step, v.number(k)))
-        return [v.load(v.after(line, g * v.width)) for g in beside]
+    def add_products(sums, n, terms):
+        """sums[total] += the n-th of our coordinates from ``one`` on, times theirs from ``other``
+        on, for each (total, one, other)."""
+
+        def at(start):
+            return v.number(start + n) if isinstance(n, int) else v.plus(n, start)
+
+        ours = {one: v.spread(v.after(code, at(one))) for _, one, _ in terms}
+        theirs = {
+            other: [v.load(v.after(line, g * v.width)) for g in beside]
+            for other, line in {
+                t[2]: v.after(first, v.times(step, at(t[2]))) for t in terms
+            }.items()
+        }
+        for total, one, other in terms:
+            for g in beside:
+                sums[total][g] = v.plus_product(sums[total][g], ours[one], theirs[other][g])
 
     sums = [[None] * abreast for _ in range(8)]
-    for n in range(max(end - start for start, end in squares)):
-        for part, (start, end) in enumerate(squares):  # in turn: no sum waits for itself
-            if start + n < end:
-                factor, line = v.spread(v.after(code, start + n)), coordinates(start + n)
-                for g in beside:
-                    sums[part][g] = v.plus_product(sums[part][g], factor, line[g])
-    for n in range(u_end - u_start):
-        ours = [v.spread(v.after(code, start + n)) for start in (u_start, w_start)]
-        theirs = [coordinates(start + n) for start in (u_start, w_start)]
-        for part, (one, two) in enumerate(((0, 0), (1, 1), (0, 1), (1, 0)), start=4):
-            for g in beside:
-                sums[part][g] = v.plus_product(sums[part][g], ours[one], theirs[two][g])
+    crossed = [(4, u, u), (5, w, w), (6, u, w), (7, w, u)]
+    if block <= UNROLLED:
+        for n in range(max(end - start for start, end in squares)):
+            terms = [(k, start, start) for k, (start, end) in enumerate(squares) if start + n < end]
+            add_products(sums, n, terms)  # of all parts in turn: no sum waits for itself
+        for n in range(u_end - u):
+            add_products(sums, n, crossed)
+    else:
+        rows = [(end - start, [(k, start, start)]) for k, (start, end) in enumerate(squares)]
+        for count, terms in [*rows, (u_end - u, crossed)]:
+            _sum_in_runs(v, sums, count, terms, add_products)
     gains = []
     for g in beside:
         s1, s2, s3, s4, a, b, c, d = (v.zero if one[g] is None else one[g] for one in sums)
@@ -80,6 +95,29 @@ def _gains(v, block, abreast, code, planes, place, norms, cap=None):
     return gains
 
 
+def _sum_in_runs(v, sums, count, terms, add_products):
+    """The sums of ``terms`` over ``count`` coordinates, run after run of `RUN`: written out whole,
+    those of a large block would take the compiler minutes. Runs added up also round less."""
+    totals = [total for total, *_ in terms]
+    abreast = len(sums[0])
+    held = {total: [v.variable(v.zero) for _ in range(abreast)] for total in totals}
+
+    def add_run(first, length):
+        run = [[None] * abreast for _ in sums]
+        for n in range(length):
+            add_products(run, v.plus(first, n), terms)
+        for total in totals:
+            for place, part in zip(held[total], run[total], strict=True):
+                v.builder.store(v.add(v.builder.load(place), part), place)
+
+    with v.loop(v.number(count // RUN)) as row:
+        add_run(v.times(row, v.number(RUN)), RUN)
+    if count % RUN:
+        add_run(v.number(count - count % RUN), count % RUN)
+    for total in totals:
+        sums[total] = [v.builder.load(place) for place in held[total]]
+
+
 @vector_code("none", known=2)
 def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line, j):
     """gains[line, j : j + count] = max(themselves, the energies of range block codes[i] explained
@@ -92,7 +130,7 @@ def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line
     code, norm, target = codes.at(i), norms.at(y, x), gains.at(line, j)
     for start in range(0, count, ABREAST * WIDTH):
         abreast = min(ABREAST, (count - start) // WIDTH)
-        place = (y, v.number(0), v.builder.add(x, v.number(start)))
+        place = (y, v.number(0), v.plus(x, start))
         found = _gains(v, block, abreast, code, planes, place, v.after(norm, start), cap)
         for g, one in enumerate(found):
             pointer = v.after(target, start + g * WIDTH)
@@ -123,12 +161,12 @@ def hopeful(v, parts, peaks, t, tops, range_shares, norms, near, which):
         line, total = range_shares.at(row), None
         for f, factor in enumerate(factors):
             total = v.plus_product(total, factor, v.load(v.after(line, f * WIDTH)))
-        first = v.builder.mul(row, v.number(WIDTH))
+        first = v.times(row, v.number(WIDTH))
         bound = _gain(v, v.smaller(total, v.load(norms.at(first))), top)
         count = v.builder.load(used)
         truths = v.reaches(bound, v.load(near.at(first)))
         more = v.list_lanes(truths, first, which.at(count))
-        v.builder.store(v.builder.add(count, more), used)
+        v.builder.store(v.plus(count, more), used)
     return v.builder.load(used)
 
 
@@ -196,14 +234,6 @@ def forget(places, gains, used, near):
     return left
 
 
-@kernel
-def moved(places, gains, used, room):
-    """The first ``used`` of ``places`` and ``gains`` in arrays with ``room``."""
-    wider, longer = np.empty((2, room), np.int32), np.empty(room, np.float32)
-    wider[:, :used], longer[:used] = places[:, :used], gains[:used]
-    return wider, longer
-
-
 @cache
 def tile_kernels(block, parts):
     """The kernels of the search of a whole map: reach_tiles, list_tiles; see
@@ -212,13 +242,18 @@ def tile_kernels(block, parts):
     # tiles outside: so that a tile stays in the cache while all range blocks go by
     @kernel
     def reach_tiles(
-        tiles, ceilings, shares, peaks, tops, codes, range_shares, norms, slack, first, best
-    ):
+        tiles, ceilings, shares, peaks, tops, codes, range_shares, norms, slack, first, best,
+        start, used, places, gains,
+    ):  # fmt: skip
         """best[i] = largest gain of range i in any tile.
 
-        Returns (tile, range, gain) ``(n,)`` each: in which tiles the largest gain comes within
-        slack[i] of best[i], or came when it was compared. ``first`` lists the rows of tiles that
-        each range block is tried on at once: the better the start, the more is left out.
+        (places[0, n], places[1, n], gains[n]) = tile, range and the largest gain there, where it
+        comes within slack[i] of best[i]. The first ``used`` are known from the tiles before
+        ``start``. Returns at which tile it stopped, for want of room or at the end, and how many
+        are known. ``first`` lists the rows of tiles that each range block is tried on at once:
+        the better the start, the more is left out.
+
+        It returns no arrays: making them Python's own is no place for a Ctrl-C to come in.
         """
         count, ranges = tops.size, best.size
         beside = np.zeros((-(-ranges // WIDTH), parts, WIDTH), np.float32)
@@ -236,9 +271,7 @@ def tile_kernels(block, parts):
                 best[i] = max(best[i], most_gain(block, tiles, t, ceilings, codes, i))
         for i in range(ranges):
             near[i] = best[i] - slack[i]
-        places, gains = np.empty((2, ROOM), np.int32), np.empty(ROOM, np.float32)
-        used = 0
-        for t in range(count):
+        for t in range(start, count):
             # lists, not branches: which range blocks are left is anybody's guess
             found = hopeful(parts, peaks, t, tops, beside, most, near, which)
             left = 0
@@ -248,8 +281,8 @@ def tile_kernels(block, parts):
                 left += promises(parts, shares, t, ceilings, range_shares, norms, near, i)
             if used + left > gains.size:
                 used = forget(places, gains, used, near)
-                room = max(gains.size, 2 * (used + left))
-                places, gains = moved(places, gains, used, room)
+                if used + left > gains.size:
+                    return t, used
             for n in range(left):
                 i = np.uintp(which[n])
                 gain = most_gain(block, tiles, t, ceilings, codes, i)
@@ -257,8 +290,7 @@ def tile_kernels(block, parts):
                 used += gain >= near[i]
                 best[i] = max(best[i], gain)
                 near[i] = best[i] - slack[i]
-        used = forget(places, gains, used, near)
-        return places[0, :used], places[1, :used], gains[:used]
+        return count, forget(places, gains, used, near)
 
     @kernel
     def list_tiles(tiles, ceilings, y, x, codes, tile, ranges, most, near, which, down, across):

@@ -12,8 +12,9 @@ from evocity.coding.topology import Candidates
 #: Gains closer than this share of the range block's energy are a tie, won by the lowest
 #: (D, y, x, iso).
 TIE = 1e-9
-#: How far float32 gains may be off, as a share of the energy; closer ones are re-scored.
-UNSURE = 2e-5
+#: How far float32 gains may be off, as a share of the energy; closer ones are re-scored. Sums of
+#: blocks above `_SIDE` round more, about in proportion to B.
+UNSURE, _SIDE = 2e-5, 16
 #: Domains remembered for each range block until the best is known.
 _ROOM = 16
 
@@ -52,7 +53,7 @@ class Search:
         self.centred = flat - flat.mean(axis=1, keepdims=True)
         self.energy = np.einsum("nk,nk->n", self.centred, self.centred)
         self.codes = self.centred.astype(np.float32) @ d4_matrix(self.block).T
-        self.unsure = (UNSURE * self.energy).astype(np.float32)
+        self.unsure = (UNSURE * max(1, self.block / _SIDE) * self.energy).astype(np.float32)
         self.best = np.zeros(count, np.float32)
         self.records = np.zeros((count, _ROOM))
         self.places = np.zeros((count, _ROOM), np.int64)

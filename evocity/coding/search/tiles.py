@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.coding.search._kernels import ROW, most_likely, tile_kernels, tiled
+from evocity.coding.search._kernels import ROOM, ROW, most_likely, tile_kernels, tiled
 from evocity.coding.search.domains import LANES, UNCAPPED
 from evocity.coding.search.likeness import UnitBlocks, range_shares, z_order
 from evocity.coding.search.matches import Search, listed
@@ -83,7 +83,7 @@ def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float 
         list_tiles, tiles.planes, tiles.ceilings, tiles.y, tiles.x, codes, *reached,
         search.near(part, tolerance),
     )  # fmt: skip
-    order = np.argsort(found[0].astype(np.uint16), kind="stable")  # chunks are short
+    order = np.argsort(found[0].astype(np.uint32), kind="stable")  # chunks are short
     return tuple(column[order] for column in found)
 
 
@@ -96,10 +96,17 @@ def reach(tiles: Tiles, codes: np.ndarray, slack: np.ndarray, best: np.ndarray):
     reach_tiles, _ = tile_kernels(int(np.sqrt(codes.shape[1])), tiles.shares.shape[1])
     shares = range_shares(codes)
     norms = np.linalg.norm(codes, axis=1) * np.float32(1 + 1e-6)
-    return reach_tiles(
-        tiles.planes, tiles.ceilings, tiles.shares, tiles.peaks, tiles.tops, codes, shares,
-        norms, slack, _seeds(tiles, shares), best,
-    )  # fmt: skip
+    first, start, used = _seeds(tiles, shares), 0, 0
+    places, gains = np.empty((2, ROOM), np.int32), np.empty(ROOM, np.float32)
+    while True:
+        start, used = reach_tiles(
+            tiles.planes, tiles.ceilings, tiles.shares, tiles.peaks, tiles.tops, codes, shares,
+            norms, slack, first, best, start, used, places, gains,
+        )  # fmt: skip
+        if start == tiles.tops.size:
+            return *places[:, :used], gains[:used]
+        more = ((0, 0), (0, used + 2 * len(codes)))
+        first, places, gains = first[:0], np.pad(places, more), np.pad(gains, more[1])
 
 
 def _seeds(tiles: Tiles, shares: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from evocity.accelerate import kernel
 
 #: Blocks handled side by side, so that loops over them become vector code.
-ABREAST = 128
+TOGETHER = 128
 
 
 @kernel
@@ -225,24 +225,24 @@ def fold_at(shrunk, step, y, x, slots, weights, least, sizes, lowest, used, code
     (see `part_norms`). All are 0 where its energy is no more than ``least``."""
     block, pixels = slots.shape[0], shrunk.ravel()
     offsets = block_offsets(shrunk.shape[1], step, block)
-    at, bases = np.empty(ABREAST, np.uintp), np.empty(ABREAST)
-    stones = np.zeros((block, block, ABREAST), np.float32)
-    lines = stones.reshape(block, block * ABREAST)
-    mixed, mean = np.empty_like(lines), np.empty(ABREAST, np.float32)
-    folded = np.empty((block * block, ABREAST), np.float32)
-    parts, energy = np.empty((shares.shape[0], ABREAST), np.float32), np.empty(ABREAST)
-    units = np.empty(ABREAST, np.float32)
-    for start in range(0, y.size, ABREAST):
-        most = min(ABREAST, y.size - start)
-        for n in range(ABREAST):
+    at, bases = np.empty(TOGETHER, np.uintp), np.empty(TOGETHER)
+    stones = np.zeros((block, block, TOGETHER), np.float32)
+    lines = stones.reshape(block, block * TOGETHER)
+    mixed, mean = np.empty_like(lines), np.empty(TOGETHER, np.float32)
+    folded = np.empty((block * block, TOGETHER), np.float32)
+    parts, energy = np.empty((shares.shape[0], TOGETHER), np.float32), np.empty(TOGETHER)
+    units = np.empty(TOGETHER, np.float32)
+    for start in range(0, y.size, TOGETHER):
+        most = min(TOGETHER, y.size - start)
+        for n in range(TOGETHER):
             place = start + min(n, most - 1)
             at[n] = np.int64(y[place]) * shrunk.shape[1] + x[place]
             bases[n] = pixels[at[n]]
         for k in range(block * block):
             stone, offset = stones[k // block, k % block], offsets[k]
-            for n in range(ABREAST):  # less the first: heights may be far above their differences
+            for n in range(TOGETHER):  # less the first: heights may be far above their differences
                 stone[n] = pixels[at[n] + offset] - bases[n]
-        coordinates(lines, 0, 1, ABREAST, slots, weights, mixed, folded, mean)
+        coordinates(lines, 0, 1, TOGETHER, slots, weights, mixed, folded, mean)
         part_norms(folded, sizes, lowest, used, parts, energy)
         for n in range(most):
             flat = not np.float32(energy[n]) > least
@@ -293,13 +293,13 @@ def canonical(blocks, sources, weights, shapes, keys):
     have exact float64 differences.
     """
     count, pixels = blocks.shape
-    sides = np.empty((2, pixels, ABREAST))
-    low, high = np.empty(ABREAST), np.empty(ABREAST)
-    least, total = np.empty(ABREAST), np.empty(ABREAST)
-    where = np.empty(ABREAST, np.int64)
-    for start in range(0, count, ABREAST):
-        most = min(ABREAST, count - start)
-        for n in range(ABREAST):
+    sides = np.empty((2, pixels, TOGETHER))
+    low, high = np.empty(TOGETHER), np.empty(TOGETHER)
+    least, total = np.empty(TOGETHER), np.empty(TOGETHER)
+    where = np.empty(TOGETHER, np.int64)
+    for start in range(0, count, TOGETHER):
+        most = min(TOGETHER, count - start)
+        for n in range(TOGETHER):
             block = blocks[start + min(n, most - 1)]
             for t in range(pixels):
                 sides[0, t, n] = block[t]
@@ -307,11 +307,11 @@ def canonical(blocks, sources, weights, shapes, keys):
         high[:] = -np.inf
         for t in range(pixels):
             side = sides[0, t]
-            for n in range(ABREAST):
+            for n in range(TOGETHER):
                 low[n], high[n] = min(low[n], side[n]), max(high[n], side[n])
         for t in range(pixels):
             side, other = sides[0, t], sides[1, t]
-            for n in range(ABREAST):
+            for n in range(TOGETHER):
                 value = side[n]
                 side[n], other[n] = value - low[n], high[n] - value
         least[:] = np.inf
@@ -321,9 +321,9 @@ def canonical(blocks, sources, weights, shapes, keys):
                 total[:] = 0
                 for t in range(pixels):
                     side, weight = sides[sign, sources[k, t]], weights[t]
-                    for n in range(ABREAST):
+                    for n in range(TOGETHER):
                         total[n] += weight * side[n]
-                for n in range(ABREAST):
+                for n in range(TOGETHER):
                     lower = total[n] < least[n]
                     least[n] = total[n] if lower else least[n]
                     where[n] = sign * sources.shape[0] + k if lower else where[n]

@@ -52,6 +52,21 @@ def exact_gains(shrunk, step, y, x, block, images, cap, domain, gains, slopes):
 
 
 @kernel
+def closest(records, places):
+    """Which of the ``records``, that rise with their ``places``, exceeds the one before it by
+    least; not the highest, which tells who is near enough."""
+    best, found, least = np.argmax(records), -1, np.inf
+    for k in range(records.size):
+        before = -np.inf
+        for other in range(records.size):
+            if places[other] < places[k]:
+                before = max(before, records[other])
+        if k != best and records[k] - before < least:
+            found, least = k, records[k] - before
+    return found
+
+
+@kernel
 def keep(gain, place, slack, records, places, count):
     """Note a domain at ``place`` unless one before it explains as much; forget those after
     it that explain no more, and those more than ``slack`` below the best. Returns how many
@@ -68,10 +83,10 @@ def keep(gain, place, slack, records, places, count):
             kept += 1
     if gain < most - slack:
         return kept
-    if kept == records.size:  # the least goes: it wins only if all others are forgotten
+    if kept == records.size:  # then one goes that hardly differs from one before it
         kept -= 1
-        least = np.argmin(records)
-        records[least], places[least] = records[kept], places[kept]
+        gone = closest(records, places)
+        records[gone], places[gone] = records[kept], places[kept]
     records[kept], places[kept] = gain, place
     return kept + 1
 
