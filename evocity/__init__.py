@@ -4,7 +4,7 @@ A `CityMap` is a district as a raster of building heights. Coded, it is a `Genom
 lifs, for each range block of its `Pavement`. Operators breed genomes; decoding finds the
 attractor, the map a genome stands for; a measure gives a map one number. A `Recipe` says what
 to breed and what to reward; a `Search` carries it out, generation by generation, and writes
-every birth into a run folder, which `open_run` reads.
+every birth into a run folder, which `open_run` reads; `archive` finds its best births of all.
 """
 
 from importlib import import_module
@@ -19,7 +19,7 @@ _ROOMS = {
     "genome": ["Genome", "read_genome"],
     "io": ["cities", "read_map", "write_map"],
     "pavement": ["Pavement"],
-    "search": ["Recipe", "Search", "read_recipe"],
+    "search": ["Recipe", "Search", "archive", "read_recipe"],
     "store": ["open_run"],
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}

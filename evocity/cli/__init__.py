@@ -1,6 +1,7 @@
 """The `evocity` command: one file a command; each parses, calls the library and prints.
 
-- `run`, `resume`, `status`: a search, shown while it goes on by `searching`
+- `run`, `resume`: a search, shown while it goes on by `searching`
+- `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `pattern`: a town drawn by a rule
@@ -28,6 +29,7 @@ from evocity.cli.grow import grow
 from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
 from evocity.cli.readers import readers
+from evocity.cli.report import report
 from evocity.cli.resume import resume
 from evocity.cli.run import run
 from evocity.cli.score import score
@@ -55,6 +57,7 @@ for _command in (
     run,
     resume,
     status,
+    report,
     encode,
     decode,
     breed,

@@ -5,7 +5,14 @@ from pathlib import Path
 
 import click
 
-from evocity.cli.common import check_output, json_option, output_option, print_json, writing
+from evocity.cli.common import (
+    check_output,
+    json_option,
+    note,
+    output_option,
+    print_json,
+    writing,
+)
 from evocity.cli.encode import check_no_map_name
 from evocity.cli.parents import parent_options, parents_of
 from evocity.cli.settings import settings_of, settings_option
@@ -80,7 +87,20 @@ def breed(
     click.echo("lifs of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
     for key, value in made.items():
         click.echo(f"{key}: {_told(value)}")
+    _note_fill(made)
     click.echo(f"wrote {output}")
+
+
+def _note_fill(made: Mapping[str, object]) -> None:
+    """Say if the parents' shares are farther from what was asked for than the margin allows."""
+    if not {"fill", "fill_reached", "margin"} <= made.keys():
+        return
+    off = max(abs(a - b) for a, b in zip(made["fill"], made["fill_reached"], strict=True))
+    if off > made["margin"]:
+        note(
+            f"a share is {off:.2f} off what fill asks for, margin {made['margin']:g}: too few "
+            "groups fit; a larger tolerance= lets in more, see evocity operators list"
+        )
 
 
 def chosen(name: str, settings: Mapping[str, object]):

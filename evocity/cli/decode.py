@@ -16,13 +16,14 @@ Examples:
   evocity decode lyon.parquet -o lyon.tif
   evocity decode lyon.parquet -o detailed.png --zoom 2
   evocity decode lyon.parquet -o simpler.png --low-pass 10
-  evocity decode runs/lyon-x-montpellier --id 97 -o bred.tif"""
+  evocity decode lyon.parquet -o lyon.geojson
+  evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg"""
 )
 @click.argument("genome", metavar="GENOME|RUN")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights, where on Earth), .png (a picture), .npy (bare heights); "
-    "overwritten if it exists.",
+    "Map to write: .tif (heights, where on Earth), .gpkg or .geojson (footprints with heights), "
+    ".png (a picture), .npy (bare heights); overwritten if it exists.",
 )
 @id_option
 @click.option(
@@ -46,6 +47,9 @@ def decode(genome: str, output: Path, identifier, zoom: float, f_c, count) -> No
     """Write the map that a genome stands for, its attractor.
 
     The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
+
+    Footprints are a polygon a building, with id, height (the mean of its pixels, metres) and area
+    (m²). A map that lies nowhere on Earth is written as .gpkg, in local metres, not as .geojson.
     """
     from evocity.io import WRITERS
 

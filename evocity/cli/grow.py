@@ -17,7 +17,7 @@ from evocity.cli.given import id_option
 from evocity.cli.parents import parent_options, parents_of
 from evocity.errors import EvocityError
 
-#: What is made whole in memory, a picture or a genome, has at most so many pixels: 4096².
+#: What is made whole in memory (footprints, a picture, a genome) has at most so many pixels: 4096².
 MOST_WHOLE = 1 << 24
 
 
@@ -34,7 +34,8 @@ Examples:
 @output_option(
     "FILE",
     "File to write: .tif (heights, where on Earth), .npy (bare heights); up to 4096 × 4096 px "
-    "also .png (a picture) and .parquet (the fabric as a genome); overwritten if it exists.",
+    "also .gpkg and .geojson (footprints with heights), .png (a picture) and .parquet (the fabric "
+    "as a genome); overwritten if it exists.",
 )
 @click.option(
     "--seed",
@@ -105,10 +106,11 @@ def grow(
     """
     import numpy as np
 
-    from evocity.io import WINDOW_WRITERS
+    from evocity.io import WINDOW_WRITERS, WRITERS
+    from evocity.io.polygons import is_placed, no_geojson
     from evocity.operators.growth import grow as grown
 
-    check_output(output, genome, {*WINDOW_WRITERS, ".png", ".parquet"})
+    check_output(output, genome, {*WINDOW_WRITERS, *WRITERS, ".parquet"})
     suffix = output.suffix.lower()
     if suffix not in WINDOW_WRITERS and width * height > MOST_WHOLE:
         raise EvocityError(
@@ -117,6 +119,8 @@ def grow(
             "write a .tif or .npy, or choose a smaller size",
         )
     (code,) = parents_of([genome], () if identifier is None else (identifier,), reading, coding)
+    if suffix == ".geojson" and not is_placed(code):
+        raise no_geojson(" × ".join(code.cities))
     start = time.perf_counter()
     with progress_bar(f"growing {' × '.join(code.cities)}") as progress:
         fabric = grown(
@@ -162,12 +166,12 @@ def grow(
 def _write(fabric, output: Path) -> dict:
     """Write a fabric as the suffix says; returns what was made besides."""
     import evocity
-    from evocity.io import WINDOW_WRITERS, write_windows
+    from evocity.io import WINDOW_WRITERS, WRITERS, write_windows
 
     if output.suffix.lower() in WINDOW_WRITERS:
         with progress_bar(f"writing {output.name}") as progress:
             write_windows(fabric, output, progress)
-    elif output.suffix.lower() == ".png":
+    elif output.suffix.lower() in WRITERS:
         evocity.write_map(fabric.city(), output)
     else:
         genome = fabric.genome()

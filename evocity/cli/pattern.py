@@ -16,14 +16,15 @@ from evocity.errors import EvocityError, near_miss
     epilog="""\b
 Examples:
   evocity pattern concentric -o concentric.tif
+  evocity pattern concentric -o concentric.gpkg
   evocity pattern chessboard --seed 7 --set block=60 --set storeys=[3,6] -o chess.png
   evocity pattern substitution --set motif=AAB/C.B/CDD --set iterations=3 -o motif.tif"""
 )
 @click.argument("name", metavar="NAME")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights), .png (a picture), .npy (bare heights); overwritten if it "
-    "exists.",
+    "Map to write: .tif (heights), .gpkg (footprints with heights), .png (a picture), .npy (bare "
+    "heights); overwritten if it exists.",
 )
 @click.option(
     "--pixels", type=int, default=256, show_default=True, help="Side of the square map, pixels."
@@ -55,6 +56,7 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
     docs/pictures.md tells the parameters of each. The same seed draws the same town.
     """
     from evocity.io import PATTERNS, WRITERS
+    from evocity.io.polygons import no_geojson
 
     if name not in PATTERNS:
         raise EvocityError(
@@ -63,6 +65,8 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
             near_miss(name, PATTERNS) or "choose one of these",
         )
     check_output(output, "", WRITERS)
+    if output.suffix.lower() == ".geojson":
+        raise no_geojson(f"a town drawn by the rule {name}")
     town = PATTERNS[name]
     chosen = _chosen(settings, name, town)
     city = town(pixels, metres_per_pixel, rng=_generator(seed), **chosen)

@@ -31,7 +31,7 @@ def carry_out(start: Start, folder: Path) -> None:
         _report(folder)
     except KeyboardInterrupt:
         if folder.is_dir():
-            click.echo(f"Stopped. Go on with: evocity resume {folder}", err=True)
+            click.echo(f"Stopped. Go on with: evocity resume {folder}{_look(folder)}", err=True)
         else:
             click.echo("Stopped before the first generation; nothing was written.", err=True)
         click.get_current_context().exit(130)
@@ -65,10 +65,18 @@ def _report(folder: Path) -> None:
     except Exception as error:
         raise RunFailed(
             f"the report could not be written ({type(error).__name__}: {error})\n"
-            f"  The run's data are safe in {folder}; to try again: evocity resume {folder}"
+            f"  The run's data are safe in {folder}; to try again: evocity report {folder}"
         ) from error
     click.echo(f"run:    {folder}")
     click.echo(f"report: {report}")
+
+
+def _look(folder: Path) -> str:
+    """How to see a run that was stopped; nothing if no generation is whole."""
+    with contextlib.suppress(RunError):
+        if evocity.open_run(folder).generations:
+            return f"; see what it has with: evocity report {folder}"
+    return ""
 
 
 def _note_parents(folder: Path, recipe) -> None:

@@ -1,5 +1,7 @@
 """`evocity status`: where a run is."""
 
+from datetime import timedelta
+
 import click
 
 import evocity
@@ -7,6 +9,12 @@ from evocity.cli.common import json_option, print_json, print_table
 
 #: Ids of the front that are listed at most.
 _MOST_IDS = 12
+
+#: The time left is told by the pace of so many generations.
+_PACE = 8
+
+#: A time left above this, thirty years, tells of a damaged log.
+_MOST_SECONDS = 1e9
 
 
 @click.command(
@@ -20,15 +28,23 @@ def status(run: str, as_json: bool) -> None:
     """Say where the run in the folder RUN is.
 
     Safe while it goes on: nothing is changed, and only whole generations are seen. Individuals
-    of the front stand by their numbers, for --id of decode, score and show.
+    of the front stand by their numbers, for --id of decode, score and show; all of them with
+    --json.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to its best value), evaluations_per_second, finished.
+    hypervolume, best (measure to its best value), evaluations_per_second, finished, running
+    (a process is at it now), seconds_left (an estimate while it is running, else null), front
+    (numbers of all individuals of the last generation's front).
     """
     opened = evocity.open_run(run)
+    held = _is_held(opened)  # before the state: a run that ends between is not told to go on
     state = opened.status()
+    members = [] if state["generation"] is None else _members(opened, state["generation"])
+    running = held and not state["finished"]
+    left = _seconds_left(opened) if running else None
+    front = sorted(row["id"] for row in members if row["rank"] == 0)
     if as_json:
-        print_json(state)
+        print_json(state | {"running": running, "seconds_left": left, "front": front})
         return
     from evocity.report import Facts, failures
 
@@ -37,18 +53,57 @@ def status(run: str, as_json: bool) -> None:
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
     rows = [
-        ("finished", "yes" if state["finished"] else f"no; go on with: evocity resume {run}"),
+        ("finished", _finished(run, state, running, left, members)),
         ("generation", _shown(state["generation"]) + (planned if whole else "")),
         ("births", _shown(state["births"])),
         ("failures", _shown(state["failures"])),
         *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
         *((f"best {a.name}", _best(a, best[a.name])) for a in facts.aims if a.name in best),
-        *([("front", _ids(facts.front))] if whole else []),
+        *([("front", _ids(front, run))] if whole else []),
         *([("constraints", _broken(facts))] if whole and facts.broken else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
+
+
+def _is_held(opened) -> bool:
+    from evocity.store.lock import is_held
+
+    return is_held(opened.path / "lock")
+
+
+def _members(opened, generation: int) -> list[dict]:
+    return opened.members(generation).select(["id", "rank"]).to_pylist()
+
+
+def _seconds_left(opened) -> float | None:
+    """Of a run that goes on, by its last generations' pace; None if there is nothing to tell by."""
+    from evocity.report import Facts
+
+    planned, history = Facts(opened).planned, opened.history()
+    # the first generation also waited for the workers
+    paces = [one.get("evaluations_per_second") for one in history[1:][-_PACE:] or history]
+    if planned is None or not paces or not all(paces):
+        return None
+    one = sum(opened.header.population / pace for pace in paces) / len(paces)
+    left = max(0, planned - history[-1]["generation"]) * one
+    return left if left < _MOST_SECONDS else None
+
+
+def _finished(run: str, state: dict, running: bool, left: float | None, members: list) -> str:
+    """Whether the run is done; if not, what it does or what is to be done."""
+    if state["finished"]:
+        return "yes"
+    if running:
+        time = "" if left is None else f", about {timedelta(seconds=round(left))} left"
+        return f"no; running{time}"
+    if state["generation"] is not None and not members:
+        from evocity.search.resuming import nobody_lives
+
+        error = nobody_lives(run, state["generation"])
+        return f"no, and it cannot go on: {error.found}; {error.remedy}"
+    return f"no; go on with: evocity resume {run}"
 
 
 def _broken(facts) -> str:
@@ -59,11 +114,13 @@ def _best(aim, value: float) -> str:
     return f"{_shown(value)} {aim.unit}".rstrip() + f" ({aim.wanted})"
 
 
-def _ids(front: list[int]) -> str:
+def _ids(front: list[int], run: str) -> str:
     """Who is on the front, to be named by --id."""
     more = len(front) - _MOST_IDS
-    listed = " ".join(map(str, sorted(front)[:_MOST_IDS]))
-    return f"{listed} and {more} more" if more > 0 else listed or "nobody"
+    listed = " ".join(map(str, front[:_MOST_IDS]))
+    if more > 0:
+        return f"{listed} and {more} more; all: evocity status {run} --json"
+    return listed or "nobody"
 
 
 def _shown(value) -> str:

@@ -12,6 +12,8 @@ from numbers import Real
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.genome import Genome
@@ -122,7 +124,7 @@ class Measure:
                 number = float(value)
                 if not math.isinf(number):
                     return number
-        raise self._no_number(shown(value), city.name)
+        raise self._no_number(value, city.name)
 
     def _picked(self, values):
         if isinstance(values, Mapping) and self.number in values:
@@ -135,12 +137,13 @@ class Measure:
             f'add "{self.number}": … to the mapping that {name} returns',
         )
 
-    def _no_number(self, found: str, city: str) -> FitnessError:
+    def _no_number(self, value, city: str) -> FitnessError:
         name = self.name.partition(".")[0]
+        many = isinstance(value, np.ndarray) and value.size > 1
         return FitnessError(
-            f"{self.name} ({self.file}, line {self.line}) returned {found} for {city}",
+            f"{self.name} ({self.file}, line {self.line}) returned {shown(value)} for {city}",
             "one finite real number, or NaN where the measure has no meaning",
-            f"end {name} with: return float(...)",
+            f"end {name} with: return float(" + ("np.mean(...))" if many else "...)"),
         )
 
     @property

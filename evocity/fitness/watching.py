@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import io
 import math
+import os
 import sys
 import threading
 import time
@@ -72,7 +73,7 @@ def watched(measure: Measure, case: Case, timeout: float, *, memory: bool = Fals
     found: dict = {}
     thread = threading.Thread(target=_call, args=(measure, case, found), daemon=True)
     ear, standard = _Ear(measure.file), sys.stdout
-    with warnings.catch_warnings(), _memory(memory) as peak:
+    with warnings.catch_warnings(), _memory(memory) as peak, _staying():
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", RuntimeWarning)
         warnings.showwarning = ear.warn
@@ -93,6 +94,20 @@ def watched(measure: Measure, case: Case, timeout: float, *, memory: bool = Fals
         warned=ear.warned,
         peak=peak[0],
     )
+
+
+@contextlib.contextmanager
+def _staying() -> Iterator[None]:
+    """Within, whoever would end the process at once gets an exception, and so is told of."""
+
+    def refuse(code: int = 0):
+        raise SystemExit(f"os._exit({code}), which ends the process")
+
+    standard, os._exit = os._exit, refuse
+    try:
+        yield
+    finally:
+        os._exit = standard
 
 
 @contextlib.contextmanager

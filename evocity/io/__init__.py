@@ -11,6 +11,7 @@
 - `patterns`, `substitution`: towns drawn by a rule; `houses`: what they share
 - `field`: values on a city's grid that are no heights
 - `writing`: `write_map`, `write_field`, `write_shares`, `write_windows`, and the tables of writers
+- `polygons`: the writers of footprints, GeoPackage and GeoJSON
 - `picture`: a map, a field, or shares, as a picture
 """
 

@@ -36,16 +36,22 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
     side = request.metres_per_pixel or METRES_PER_PIXEL
     check_size(name, pixels, pixels)
     polygons, tags = _buildings(footprints, name)
-    places = _places(polygons, footprints, name)
-    center = request.center or footprints.center or places.middle
-    crs = footprints.projection
-    if crs is None or not is_true_to_scale(crs, *center):
-        crs = local_metres(*center)
-    x, y = moved(*center, WGS84, crs)
+    if footprints.crs.is_engineering:
+        crs, (x, y) = None, _local_center(polygons, footprints, request, name)
+    else:
+        places = _places(polygons, footprints, name)
+        center = request.center or footprints.center or places.middle
+        crs = footprints.projection
+        if crs is None or not is_true_to_scale(crs, *center):
+            crs = local_metres(*center)
+        x, y = moved(*center, WGS84, crs)
+        polygons = moved_polygons(polygons, footprints.crs, crs)
     half = pixels * side / 2
     window = shapely.box(x - half, y - half, x + half, y + half)
-    polygons, tags = _inside(moved_polygons(polygons, footprints.crs, crs), tags, window)
+    polygons, tags = _inside(polygons, tags, window)
     if not tags:
+        if crs is None:
+            raise _nothing_about(name, (x, y), 2 * half)
         raise _nothing_there(name, center, 2 * half, places)
     heights, rules = zip(*(height_of(t, request.default_height) for t in tags), strict=True)
     return CityMap(
@@ -53,8 +59,8 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
         side,
         name=name,
         attribution=footprints.attribution,
-        origin=(x - half, y + half),
-        crs=code_of(crs),
+        origin=None if crs is None else (x - half, y + half),
+        crs=None if crs is None else code_of(crs),
         height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
     )
 
@@ -68,6 +74,12 @@ def burnt_onto(
     Raises `MapError` if the city has no place on Earth, or no pixel of it lies in a polygon.
     """
     crs = crs_of(city, name)
+    if footprints.crs.is_engineering:
+        raise MapError(
+            f"{name} has no place on Earth, {city.name} has one",
+            "footprints in a reference system of the Earth",
+            "assign it to them, for example with ogr2ogr -a_srs EPSG:…",
+        )
     if not len(footprints.polygons) or shapely.is_empty(footprints.polygons).all():
         raise MapError(
             f"{name}: no polygon among its features",
@@ -224,6 +236,33 @@ def _painted(
         transform=north_up(*corner, side),
         all_touched=False,  # the pixel-centre rule
         dtype="float32",
+    )
+
+
+def _local_center(
+    polygons: np.ndarray, footprints: Footprints, request: Request, name: str
+) -> tuple[float, float]:
+    """The middle of the window, metres, of footprints that lie nowhere on Earth."""
+    if request.center is not None:
+        raise MapError(
+            f"{name} has no place on Earth, yet center={request.center} is asked for",
+            "a file with a reference system, or no center=",
+            "leave center= out: the window then lies about the middle",
+        )
+    if any(axis.unit_conversion_factor != 1.0 for axis in footprints.crs.axis_info):
+        raise MapError(
+            f"{name}: local coordinates in {footprints.crs.axis_info[0].unit_name}",
+            "local coordinates in metres, or a reference system of the Earth",
+            "assign a reference system, for example with ogr2ogr -a_srs EPSG:…",
+        )
+    return footprints.center or _Places(shapely.bounds(polygons)).middle
+
+
+def _nothing_about(name: str, center: tuple[float, float], side: float) -> MapError:
+    return MapError(
+        f"{name}: no building in the {side:g} m about x = {center[0]:g}, y = {center[1]:g}",
+        "a window with buildings",
+        "pass more pixels=, or a larger metres_per_pixel=",
     )
 
 

@@ -38,8 +38,9 @@ class Footprints:
     ----------
     polygons : object array of shapely polygons or multipolygons, 2D, in ``crs``.
     tags : one mapping a polygon, the source's attributes; the rules of `heights` read them.
-    crs : two-dimensional reference system of the coordinates.
-    center : (lon, lat) of the window the file itself asks for, or None.
+    crs : two-dimensional reference system of the coordinates; an engineering one of metres if
+        they lie nowhere on Earth.
+    center : (lon, lat) of the window the file itself asks for, or None; (x, y) if nowhere.
     projection : reference system in metres the file itself asks for, or None.
     """
 

@@ -4,6 +4,7 @@ The kind of content is checked before GDAL sees a file (`sources.content_of`), s
 virtual format under another name, which may point to the network, is never opened.
 """
 
+import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping
@@ -19,7 +20,8 @@ from pyproj.exceptions import CRSError as BadCRS
 
 from evocity.errors import MapError
 from evocity.io.heights import BUILDING_FIELDS, plain_name
-from evocity.io.projection import crs_named, flat
+from evocity.io.polygons import CENTER_TAG
+from evocity.io.projection import crs_named, flat, is_metric
 from evocity.io.sources import Footprints, Request
 
 # names of layers of buildings, in some of the languages that publish them
@@ -49,7 +51,10 @@ def read_layers(path: Path, request: Request) -> Footprints:
             "a layer with one (a .prj file beside a Shapefile)",
             "assign it, for example with ogr2ogr -a_srs EPSG:…",
         )
-    return Footprints(polygons, tags, _crs(path, crs), _attribution(metadata))
+    crs = _crs(path, crs)
+    center = _center(path, metadata)
+    own = crs if center is not None and is_metric(crs) else None
+    return Footprints(polygons, tags, crs, _attribution(metadata), center, own)
 
 
 def _check_whole(path: Path) -> None:
@@ -125,6 +130,24 @@ def _crs(path: Path, text: str):
         return crs_named(text, path.name)
     with _gdal_trouble(path):
         return flat(CRS.from_wkt(text))
+
+
+def _center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | None:
+    """The middle of the window that evocity wrote the layer for, if it was evocity."""
+    told = metadata.get(CENTER_TAG)
+    if told is None:
+        return None
+    try:
+        x, y = (float(number) for number in told.split())
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise MapError(
+            f"{path.name}: {CENTER_TAG} {told[:80]!r} in the metadata",
+            "two numbers, longitude and latitude",
+            "correct it, or take it out: the middle of the buildings is then taken",
+        )
+    return x, y
 
 
 def _attribution(metadata: Mapping[str, str]) -> str:

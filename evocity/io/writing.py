@@ -1,4 +1,4 @@
-"""`write_map`, `write_field`, `write_shares`: GeoTIFF, PNG, NPY; whole or not at all."""
+"""`write_map`, `write_field`, `write_shares`: rasters, pictures, footprints, whole or not."""
 
 import contextlib
 import functools
@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 import rasterio
 from PIL import Image, PngImagePlugin
+from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
@@ -19,11 +20,22 @@ from evocity.errors import MapError
 from evocity.files import whole_file
 from evocity.io.field import Field, Shares
 from evocity.io.picture import render, render_field, render_shares
+from evocity.io.polygons import write_geojson, write_geopackage
 from evocity.io.raster import PIXEL_TAG
 from evocity.io.sources import north_up
 
 # A picture's map is drawn at least this large, pixels.
 _PICTURE_SIDE = 768
+
+# What the libraries that write raise where they cannot.
+_TROUBLE = (
+    OSError,
+    RasterioError,
+    DataSourceError,
+    DataLayerError,
+    FeatureError,
+    GeometryError,
+)
 
 # Side of a GeoTIFF's tiles, px, and bytes GDAL may keep of one that is written by windows.
 _TILE, _CACHE = 256, 64 << 20
@@ -36,10 +48,19 @@ def write_map(city: CityMap, path: str | os.PathLike) -> None:
     heights are the same bit for bit. ``.png``: a picture with a colour scale in metres and
     the attribution. ``.npy``: the bare array, metres.
 
+    ``.gpkg``, ``.geojson``: footprints, a polygon a building of `CityMap.buildings` along its
+    pixels' edges, courtyards as holes, with ``id`` (its label there), ``height`` (m, the mean of
+    its pixels) and ``area`` (m²), and the attribution. A GeoPackage has one layer, ``buildings``,
+    in the map's reference system; in metres from the map's south-west corner, which GIS call an
+    undefined Cartesian system, if the map lies nowhere on Earth. GeoJSON is in longitude and
+    latitude (RFC 7946). Read back with the same ``pixels`` and ``metres_per_pixel``, the same
+    pixels are built, each as high as its building.
+
     Raises
     ------
-    MapError : another suffix, no such folder, or the file cannot be written. Nothing
-        half-written is left, and a file that was there stays as it was.
+    MapError : another suffix, no such folder, the file cannot be written, or GeoJSON is asked for
+        of a map that lies nowhere on Earth, or across the 180th meridian. Nothing half-written
+        is left, and a file that was there stays as it was.
     """
     _write(city, path, WRITERS)
 
@@ -132,7 +153,8 @@ def _write(
         raise MapError(
             f"{path.name}: no map is written as {path.suffix or 'a file without a suffix'}",
             f"a name that ends in {', '.join(sorted(writers))}",
-            "choose .tif to go on working with the values, .png to look at them",
+            "choose .tif to go on working with the values, .png to look at them"
+            + (", .gpkg for footprints in a GIS" if ".gpkg" in writers else ""),
         )
     if not path.parent.is_dir() or path.is_dir():
         raise MapError(
@@ -143,7 +165,7 @@ def _write(
     try:
         with whole_file(path) as temporary:
             write(what, temporary)
-    except (OSError, RasterioError) as error:
+    except _TROUBLE as error:
         raise MapError(
             f"{str(path)!r} cannot be written: {error}",
             "a folder this user may write to, with room left",
@@ -257,6 +279,8 @@ WRITERS = {
     ".tiff": _write_geotiff,
     ".png": _write_png,
     ".npy": _write_npy,
+    ".gpkg": write_geopackage,
+    ".geojson": write_geojson,
 }
 
 #: The same of maps written by windows.

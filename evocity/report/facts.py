@@ -14,6 +14,8 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import EvocityError, RunError
 from evocity.genome import Genome
+from evocity.search import Archive, archive
+from evocity.search.archiving import aims_of_run
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
@@ -27,7 +29,8 @@ _TURNS = ("start", "resume", "stop", "finish")
 @dataclass(frozen=True)
 class Aim:
     """A measure of the run and what was wanted of it: max, min, like, a target, bounds (for a
-    constraint alone), or unknown; and what it counted in if it was part of a sum."""
+    constraint alone), or unknown; what it counted in if it was part of a sum; and what it tells,
+    if it is known here."""
 
     name: str
     unit: str
@@ -36,6 +39,7 @@ class Aim:
     low: float | None = None
     high: float | None = None
     total: str | None = None
+    meaning: str = ""
 
     @property
     def wanted(self) -> str:
@@ -91,7 +95,7 @@ class Aim:
 
 @dataclass(frozen=True)
 class Shown:
-    """An individual of the last generation as the gallery shows it.
+    """An individual of the last generation, or of the archive, as a gallery shows it.
 
     ``others``: the measures that exist besides the run's own, as (name, value, unit).
     ``shares`` is the share of its lifs from each source city, in the run's order of cities.
@@ -147,6 +151,7 @@ class Facts:
             low,
             high,
             "".join(filter(str.isprintable, total)) if isinstance(total, str) else None,
+            known.summary if known else "",
         )
 
     @cached_property
@@ -248,6 +253,27 @@ class Facts:
     def shown(self) -> list[Shown]:
         """The last generation's individuals, at most `MOST_SHOWN`, the front first."""
         return self._shown(self.members[:MOST_SHOWN])
+
+    @cached_property
+    def archive(self) -> Archive | None:
+        """What no other birth ever dominated; None if the run does not tell what it wanted."""
+        try:
+            aims_of_run(self.run)
+        except RunError:
+            return None
+        return archive(self.run)
+
+    @cached_property
+    def gone(self) -> list[int]:
+        """Ids of those of the archive that no longer live, the wide apart first."""
+        rows = [] if self.archive is None else self.archive.births.to_pylist()
+        dead = [row for row in rows if not row["alive"]]
+        return [row["id"] for row in sorted(dead, key=lambda row: (-row["crowding"], row["id"]))]
+
+    @cached_property
+    def shown_gone(self) -> list[Shown]:
+        """The archive's individuals that no longer live, at most `MOST_SHOWN`."""
+        return self._shown([{"id": one, "rank": 0} for one in self.gone[:MOST_SHOWN]])
 
     def best(self, count: int) -> list[Shown]:
         """Of the last generation the best by each measure in turn, ``count`` in all."""

@@ -1,4 +1,4 @@
-"""The gallery: a card for each individual, with picture, every measure and lineage."""
+"""The galleries: a card for each individual, with picture, every measure and lineage."""
 
 import json
 import math
@@ -31,12 +31,24 @@ def gallery(facts: Facts, highest: float) -> str:
     options = "".join(
         f'<option value="{index}">{escape(order)}</option>' for index, order in enumerate(orders)
     )
-    cards = "".join(_card(facts, one, place, highest) for place, one in enumerate(facts.shown))
+    cards = "".join(
+        _card(facts, one, place, highest, _place_of(facts, one))
+        for place, one in enumerate(facts.shown)
+    )
     return (
         f'<p class="controls"><label>Order <select id="order">{options}</select></label> '
         '<label><input type="checkbox" id="front-only"> the front only</label></p>'
         f'<div class="gallery" id="gallery">{cards}</div>'
     )
+
+
+def archive_gallery(facts: Facts, highest: float) -> str:
+    """Cards of those of the archive that no longer live, the wide apart first."""
+    badge = '<span class="badge">archive</span>'
+    cards = "".join(
+        _card(facts, one, place, highest, badge) for place, one in enumerate(facts.shown_gone)
+    )
+    return f'<div class="gallery">{cards}</div>'
 
 
 def parents(facts: Facts, highest: float) -> str:
@@ -54,6 +66,11 @@ def parents(facts: Facts, highest: float) -> str:
             f"<table>{rows}</table></figcaption></figure>"
         )
     note = "Maps as read; the measures are those of their decoded genomes."
+    if any(birth.status != "ok" for birth in first.values()):
+        note += (
+            " A dash is a measure that has no value there: such a city does not live itself, but"
+            " its children do."
+        )
     return f'<p>{note}</p><div class="gallery">{"".join(cards)}</div>'
 
 
@@ -70,14 +87,16 @@ def _source_births(facts: Facts) -> list:
     return [birth for birth in births if birth.operator == "source"]
 
 
-def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
+def _place_of(facts: Facts, one: Shown) -> str:
+    front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {escape(str(one.rank))}"
+    return front + (", breaks a constraint" if one.birth.id in facts.broken else "")
+
+
+def _card(facts: Facts, one: Shown, place: int, highest: float, badge: str) -> str:
     birth = one.birth
     losses = [aim.loss(birth.values[aim.name]) for aim in facts.aims]
     keys = json.dumps([place, *losses, -birth.id])
     name, rank = escape(str(birth.id)), escape(str(one.rank))
-    front = '<span class="badge">front</span>' if one.rank == 0 else f"rank {rank}"
-    if birth.id in facts.broken:
-        front += ", breaks a constraint"
     others = "".join(
         f"<tr><th>{escape(measure)}</th><td>{escape(number(value, unit))}</td></tr>"
         for measure, value, unit in one.others
@@ -85,7 +104,7 @@ def _card(facts: Facts, one: Shown, place: int, highest: float) -> str:
     return (
         f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}">'
         f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {name}" '
-        f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{front}</small></h3>'
+        f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{badge}</small></h3>'
         f"<table>{_rows(facts, birth.values)}</table>"
         f"<details><summary>{len(one.others)} more measures</summary>"
         f'<table class="others">{others}</table></details>'
@@ -103,7 +122,7 @@ def _rows(facts: Facts, values) -> str:
 
 def _lineage(facts: Facts, one: Shown) -> str:
     birth = one.birth
-    here = {shown.birth.id for shown in facts.shown}
+    here = {shown.birth.id for shown in [*facts.shown, *facts.shown_gone]}
     links = ", ".join(
         f'<a href="#i{escape(str(parent))}">{escape(str(parent))}</a>'
         if parent in here

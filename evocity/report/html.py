@@ -16,7 +16,7 @@ from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.report.facts import Aim, Facts
 from evocity.report.failures import failures, shortened
-from evocity.report.gallery import city_key, gallery, number, parents
+from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
 from evocity.report.pictures import common_scale, scale_colours
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
 from evocity.store import STATUSES, open_run
@@ -34,16 +34,17 @@ _POLICY = (
 )
 
 
-def write_report(run_folder: str | os.PathLike) -> Path:
-    """Write ``report.html`` into a run folder, and return its path.
+def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None = None) -> Path:
+    """Write the report of a run into its folder as ``report.html``, or to ``output``; returns its
+    path.
 
-    The page stands alone: settings, the parents, the front, the curves, the gallery of the
-    last generation with every measure under each picture, births and failures, attributions.
-    Nothing in the folder is executed. Raises `RunError` if there is no run, if it has no whole
-    generation yet, or if the page cannot be written.
+    The page stands alone: settings, the parents, the front, the curves, the galleries of the
+    last generation and of the archive with every measure under each picture, births and
+    failures, attributions. Nothing in the folder is executed. Raises `RunError` if there is no
+    run, if it has no whole generation yet, or if the page cannot be written.
     """
     run = open_run(run_folder)
-    page = Path(run_folder) / "report.html"
+    page = Path(run_folder) / "report.html" if output is None else Path(output)
     text = _page(Facts(run))
     try:
         with whole_file(page) as temporary:
@@ -51,8 +52,8 @@ def write_report(run_folder: str | os.PathLike) -> Path:
     except OSError as error:
         raise RunError(
             f"{page} cannot be written: {error.strerror or error}",
-            "a run folder this user may write to, with room left",
-            "free space, or copy the folder to another place",
+            "a folder this user may write to, with room left",
+            "free space, or write it to another place",
         ) from error
     return page
 
@@ -65,6 +66,7 @@ def _page(facts: Facts) -> str:
         ("The front", _front(facts)),
         ("Generation by generation", _curves(facts)),
         (_gallery_title(facts), city_key(facts.run.header.cities) + gallery(facts, highest)),
+        ("Archive", _archive(facts, highest)),
         ("Births", _births(facts)),
         ("Settings", _settings(facts)),
         ("Attribution", f"<p>{attribution or 'The source maps state none.'}</p>"),
@@ -105,6 +107,8 @@ def _summary(facts: Facts) -> str:
         ("hypervolume", _text(number(status["hypervolume"])) + _gain(facts)),
         ("seed", _text(header.seed)),
     ]
+    if facts.archive is not None:
+        figures.insert(4, ("in the archive", f"{len(facts.archive)}"))
     if facts.broken:
         figures.insert(4, ("break a constraint", f"{len(facts.broken)} of {len(facts.members)}"))
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
@@ -124,8 +128,12 @@ def _reasons(facts: Facts) -> str:
 
 def _gain(facts: Facts) -> str:
     volumes = [about.get("hypervolume") for about in facts.history]
-    if len(volumes) < 2 or not volumes[0] or volumes[-1] is None:
+    if len(volumes) < 2 or volumes[0] is None or volumes[-1] is None:
         return ""
+    first = facts.kept[facts.births["generation"].to_numpy() == 0]
+    if volumes[0] <= 0 or volumes[0] < 0.01 * volumes[-1] or 2 * first.sum() < len(first):
+        # a share of next to nothing, or of a few that happened to live, tells nothing
+        return f" <small>{_text(number(volumes[0]))} in the first population</small>"
     return f" <small>{volumes[-1] / volumes[0] - 1:+.0%} over the first population</small>"
 
 
@@ -241,6 +249,26 @@ def _gallery_title(facts: Facts) -> str:
     return f"Generation {facts.last}: {part} individuals"
 
 
+def _archive(facts: Facts, highest: float) -> str:
+    archive = facts.archive
+    if archive is None:
+        return "<p>The run does not record what it wanted of its measures: none can be told.</p>"
+    count, gone, shown = len(archive), len(facts.gone), len(facts.shown_gone)
+    born = f"{count} birth{'' if count == 1 else 's'} that no other ever dominated"
+    if not gone:
+        return f"<p>{born}, all of them in the last generation.</p>" if count else f"<p>{born}.</p>"
+    volume = "hypervolume "
+    if archive.hypervolume is not None:
+        volume += f"of the archive {number(archive.hypervolume)}, "
+    part = "" if shown == gone else f" Of those {gone} the {shown} widest apart are shown."
+    return (
+        f"<p>{born}, {count - gone} of them alive at the end; {volume}of the last generation "
+        f"{number(archive.hypervolume_alive)}. Those that no longer live are in the log all the "
+        f"same, for <code>evocity show</code>, <code>score</code> and <code>decode</code> with "
+        f"<code>--id</code>.{part}</p>{archive_gallery(facts, highest)}"
+    )
+
+
 def _births(facts: Facts) -> str:
     births = facts.births
     status, operator = births["status"].to_pylist(), births["operator"].to_pylist()
@@ -283,12 +311,12 @@ def _generations(facts: Facts) -> str:
 
 
 def _settings(facts: Facts) -> str:
-    measures = [(aim.name, aim.unit, aim.wanted) for aim in facts.aims]
+    measures = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in facts.aims]
     kept = {k: v for k, v in facts.run.provenance.items() if k != "header"}
     rows = [(name, _plainly(value)) for name, value in kept.items()]
     return (
         '<div class="tables">'
-        + _table(("measure", "unit", "what is wanted"), measures)
+        + _table(("measure", "unit", "what is wanted", "what it tells"), measures)
         + (_table(("event", "when, UTC"), facts.times[-12:]) if facts.times else "")
         + "</div>"
         + f"<h3>Recipe, as given</h3>{_replaced(facts)}"

@@ -10,7 +10,7 @@ if (gallery) {
   document.getElementById("front-only").addEventListener("change", (event) => {
     for (const card of cards) card.hidden = event.target.checked && card.dataset.rank !== "0";
   });
-  gallery.addEventListener("click", (event) => {
-    if (event.target.tagName === "IMG") event.target.closest(".card").classList.toggle("large");
-  });
 }
+document.addEventListener("click", (event) => {
+  if (event.target.matches(".card[id] img")) event.target.closest(".card").classList.toggle("large");
+});

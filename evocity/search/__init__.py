@@ -7,11 +7,22 @@
 - `nsga2`, `population`: who dominates, who lives, how good the living are together
 - `engine`: `Search`, the loop, which writes every birth down
 - `resuming`: taking a run up again
+- `archiving`: of all births ever, those that no other dominates
 """
 
+from evocity.search.archiving import Archive, archive
 from evocity.search.breeding import Individual
 from evocity.search.engine import Generation, Search
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
 
-__all__ = ["Generation", "Individual", "Recipe", "Search", "read_recipe", "recipes"]
+__all__ = [
+    "Archive",
+    "Generation",
+    "Individual",
+    "Recipe",
+    "Search",
+    "archive",
+    "read_recipe",
+    "recipes",
+]

@@ -1,7 +1,8 @@
 """NSGA-II (Deb et al. 2002): who dominates, who lives, who breeds. All losses: lower is better.
 
-The only file that knows DEAP (its types and crowding distance) and moocore (ranks and
-hypervolume). Draws come from a handed-down generator; ties are broken by id.
+The only file that knows DEAP (its types and crowding distance) and moocore (ranks, the filter
+of what is not dominated, and hypervolume). Draws come from a handed-down generator; ties are
+broken by id.
 """
 
 from collections.abc import Sequence
@@ -46,6 +47,21 @@ def ranks_and_crowding(
         emo.assignCrowdingDist(crowded)
         crowding[where] = [one.fitness.crowding_dist for one in crowded]
     return ranks, crowding
+
+
+def not_dominated(losses: np.ndarray) -> np.ndarray:
+    """Bool: which rows of ``(n, m)`` losses no other dominates; of equal ones the first alone.
+
+    The first front of `ranks_and_crowding` without doubles, and for many rows far quicker.
+    """
+    losses = np.ascontiguousarray(losses, np.float64)
+    if not np.isfinite(losses).all():
+        raise ValueError("losses must be finite to be compared")
+    if not len(losses):
+        return np.zeros(0, bool)
+    if losses.shape[1] == 1:
+        return np.arange(len(losses)) == losses[:, 0].argmin()
+    return moocore.is_nondominated(losses).astype(bool)
 
 
 def select(

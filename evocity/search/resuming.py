@@ -79,15 +79,20 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             status = run.status()
             births, failures = status["births"], status["failures"]
             if not living:
-                raise RunError(
-                    f"{run.path}: nobody lives in generation {whole[-1]}",
-                    "parents to breed from",
-                    "correct what made all births fail, and start a new run with the recipe",
-                )
+                raise nobody_lives(run.path, whole[-1])
     except BaseException:
         writer.close()
         raise
     return TakenUp(prepared, writer, first, living, len(whole), births, failures, changes + notes)
+
+
+def nobody_lives(path: Path, generation: int) -> RunError:
+    """Why no run can go on after a ``generation`` that left nobody to breed from."""
+    return RunError(
+        f"{path}: nobody lives in generation {generation}",
+        "parents to breed from",
+        "correct what made all births fail, and start a new run with the recipe",
+    )
 
 
 def _recipe(run: Run, generations: int | None) -> Recipe:

@@ -39,10 +39,15 @@ def open_to_append(path: Path) -> BinaryIO:
     return os.fdopen(handle, "ab+")
 
 
+def open_to_read(path: Path) -> BinaryIO:
+    """A plain file opened to read."""
+    plain_file(path)
+    return os.fdopen(os.open(path, os.O_RDONLY | _SAFELY), "rb")
+
+
 def read_bytes(path: Path) -> bytes:
     """All bytes of a plain file of `MOST_BYTES` or fewer."""
-    plain_file(path)
-    with os.fdopen(os.open(path, os.O_RDONLY | _SAFELY), "rb") as file:
+    with open_to_read(path) as file:
         content = file.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise RunError(

@@ -54,6 +54,14 @@ def test_what_was_made_is_told_in_words(tmp_path, towns):
     assert result.stdout.endswith(f"wrote {tmp_path / 'child.parquet'}\n")
 
 
+def test_shares_that_are_missed_are_noted(tmp_path, towns):
+    words = ("breed", "pavement_fusion", *towns, "-o", tmp_path / "child.parquet", "--set")
+    missed = call(*words, "tolerance=0.001")
+    assert "Note: a share is" in missed.stderr
+    assert "margin 0.1" in missed.stderr
+    assert "Note:" not in call(*words, "tolerance=1000").stderr
+
+
 def test_the_seed_decides(tmp_path, towns):
     children = []
     for seed in (1, 1, 2):

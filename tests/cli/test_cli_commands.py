@@ -39,6 +39,7 @@ def test_the_commands_are_these():
         "run",
         "resume",
         "status",
+        "report",
         "encode",
         "decode",
         "breed",

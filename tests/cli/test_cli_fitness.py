@@ -168,7 +168,12 @@ WRONG = {
         "give other parameters default values",
     ),
     "text": ("x = 1\nreturn 'much'", 9, "returned str 'much'", "return float(...)"),
-    "array": ("return city.heights", 8, "returned ndarray of shape (256, 256)", "float(...)"),
+    "array": (
+        "return city.heights",
+        8,
+        "returned ndarray of shape (256, 256)",
+        "float(np.mean(...))",
+    ),
     "none": ("x = 1", 8, "for lyon-1er", "return float(...)"),
     "nan": ("return float('nan')", 8, "NaN without a reason", "evocity.fitness.Undefined"),
     "complex": ("return 1j", 8, "returned complex 1j", "return float(...)"),

@@ -77,10 +77,16 @@ def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
         out, err = running.communicate(timeout=60)
     assert running.returncode == 130, err
     assert out == ""
-    assert err.splitlines()[-1] == f"Stopped. Go on with: evocity resume {tmp_path / 'run'}"
+    folder = tmp_path / "run"
+    assert err.splitlines()[-1] == (
+        f"Stopped. Go on with: evocity resume {folder}; "
+        f"see what it has with: evocity report {folder}"
+    )
     assert "Traceback" not in err
     before = json.loads(process("status", tmp_path / "run", "--json").stdout)
-    assert before["finished"] is False
+    assert (before["finished"], before["running"]) == (False, False)
+    done = process("report", tmp_path / "run")
+    assert done.stdout == f"report: {tmp_path / 'run' / 'report.html'}\n", done.stderr
     more = str(before["generation"] + 1)
     done = process("resume", tmp_path / "run", "--generations", more)
     assert done.returncode == 0, done.stderr

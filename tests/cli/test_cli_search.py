@@ -172,9 +172,12 @@ def test_status_tells_where_a_run_is(finished):
         "best",
         "evaluations_per_second",
         "finished",
+        "running",
+        "seconds_left",
+        "front",
     }
     assert (told["generation"], told["births"], told["failures"]) == (2, 18, 0)
-    assert told["finished"] is True
+    assert (told["finished"], told["running"], told["seconds_left"]) == (True, False, None)
     assert set(told["best"]) == {"alignment", "gsi"}
     text = call("status", finished).stdout
     (generation,) = [line for line in text.splitlines() if line.startswith("generation")]
@@ -332,7 +335,7 @@ def test_a_run_error_on_the_way_is_the_runs_failure(tmp_path, recipe, searching)
     result = call("run", recipe, "--out", tmp_path / "run", code=1)
     assert "the disk is full" in result.stderr
     assert "what to do: make some" in result.stderr
-    assert result.stderr.startswith("reading a map …\ngeneration 0")
+    assert f"run: {tmp_path / 'run'}\nreading a map …\ngeneration 0" in result.stderr
     assert "Traceback" not in result.stderr
 
 
@@ -350,6 +353,7 @@ def test_a_report_that_fails_loses_nothing(tmp_path, recipe, searching, monkeypa
     result = call("run", recipe, "--out", tmp_path / "run", code=1)
     assert "no ink" in result.stderr
     assert f"data are safe in {tmp_path / 'run'}" in result.stderr
+    assert f"to try again: evocity report {tmp_path / 'run'}" in result.stderr
 
 
 def test_the_line_of_progress():

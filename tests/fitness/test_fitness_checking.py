@@ -241,6 +241,7 @@ FAULTS = {
     "empty": ("return city.heights[city.built].min()", "exception", 0, "on empty map"),
     "missing": ("return float(open('weights.txt').read())", "exception", 0, "weights.txt"),
     "exit": ("raise SystemExit(3)", "exception", 0, "raised SystemExit: 3"),
+    "ends": ("import os\nos._exit(3)", "exception", 1, "os._exit(3), which ends the process"),
     "writes": ("h = city.heights\nh[0] = 1\nreturn 1", "exception", 1, "read-only"),
     "sets": ("city.name = 'x'\nreturn 1", "exception", 0, "does not change"),
     "unlocks": (
@@ -267,6 +268,7 @@ FAULTS = {
 }
 REMEDIES = {
     "text": "return float(...)",
+    "array": "return float(np.mean(...))",
     "missing": "the measure's own folder",
     "writes": "city.heights.copy()",
     "sets": "city.heights.copy()",

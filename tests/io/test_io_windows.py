@@ -33,7 +33,7 @@ def town():
 
 
 def test_windows_are_written_to_what_maps_are():
-    assert set(WINDOW_WRITERS) == set(WRITERS) - {".png"}
+    assert set(WINDOW_WRITERS) == set(WRITERS) - {".png", ".gpkg", ".geojson"}
 
 
 def test_a_geotiff_by_windows_tells_what_a_whole_one_does(tmp_path, town):

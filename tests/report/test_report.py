@@ -18,8 +18,9 @@ from evocity.io.picture import render
 from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failures import shortened
-from evocity.report.html import pairs_to_show
+from evocity.report.html import _gain, pairs_to_show
 from evocity.report.pictures import _caption, data_uri, map_uri
+from evocity.search import archive
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
 
 SIDE, BLOCK = 32, 4
@@ -268,6 +269,73 @@ def test_why_births_failed_stands_beside_their_number(tmp_path):
 def test_a_long_reason_is_shortened():
     assert shortened("a " * 200, most=9) == "a a a a …"
     assert shortened("as it is") == "as it is"
+
+
+def told_run(folder, **options):
+    goals = [{"name": "gsi", "goal": "max"}, {"name": "fsi", "goal": "min"}]
+    return make_run(folder, provenance={"fitness": goals}, **options)
+
+
+def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
+    folder = told_run(tmp_path / "run", generations=6)
+    run = open_run(folder)
+    page, found = Page(write_report(folder).read_text("utf-8")), archive(run)
+    rows = found.births.to_pylist()
+    gone = {row["id"] for row in rows if not row["alive"]}
+    living = set(run.members(5)["id"].to_pylist())
+    assert gone
+    assert set(page.cards) == {f"i{one}" for one in gone | living}
+    assert not gone & living
+    for birth in run.individuals(sorted(gone)):
+        words = page.cards[f"i{birth.id}"]
+        assert "archive" in words
+        assert f"born in generation {birth.generation}, " in " ".join(words)
+        assert all(measure.name in words for measure in fitness.measures())
+        for name, value in birth.values.items():
+            assert f"{value:.4g}" == words[words.index(name) + 1]
+    told = " ".join(page.words)
+    assert (
+        f"{len(rows)} births that no other ever dominated, {len(rows) - len(gone)} of them alive "
+        f"at the end; hypervolume of the archive {found.hypervolume:.4g}, of the last generation "
+        f"{found.hypervolume_alive:.4g}."
+    ) in told
+    assert page.words[page.words.index("in the archive") + 1] == str(len(rows))
+    assert "does not record what it wanted" in " ".join(Page(usual[1]).words)
+
+
+def test_an_archive_that_lives_is_one_sentence(tmp_path):
+    page = Page(write_report(told_run(tmp_path / "run", generations=1)).read_text("utf-8"))
+    assert len(page.cards) == 6
+    assert "ever dominated, all of them in the last generation." in " ".join(page.words)
+
+
+def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
+    facts = Facts(open_run(told_run(tmp_path / "run", generations=6)))
+    crowding = {row["id"]: row["crowding"] for row in facts.archive.births.to_pylist()}
+    spread = [crowding[one] for one in facts.gone]
+    assert spread == sorted(spread, reverse=True)
+    monkeypatch.setattr("evocity.report.facts.MOST_SHOWN", 1)
+    assert [one.birth.id for one in facts.shown_gone] == facts.gone[:1]
+    told = write_report(facts.run.path).read_text("utf-8")
+    assert f"Of those {len(facts.gone)} the 1 widest apart are shown." in told
+
+
+@pytest.mark.parametrize(
+    ("volumes", "failed", "said"),
+    [
+        ([1.0, 3.0], 0, "+200% over the first population"),
+        ([0.02, 3.0], 0, "0.02 in the first population"),
+        ([0.0, 3.0], 0, "0 in the first population"),
+        ([1.0, 3.0], 4, "1 in the first population"),
+        ([1.0, None], 0, ""),
+        ([1.0], 0, ""),
+    ],
+)
+def test_the_gain_is_a_share_where_a_share_tells(tmp_path, volumes, failed, said):
+    fails = {"fails": lambda generation, slot: generation == 0 and slot < failed}
+    facts = Facts(open_run(make_run(tmp_path / "run", **fails)))
+    facts.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
+    assert re.sub("<.*?>", "", _gain(facts)).strip() == said
 
 
 def test_what_replaced_the_recipe_stands_beside_it(tmp_path, usual):

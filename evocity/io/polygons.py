@@ -1,0 +1,197 @@
+"""Maps written as footprints with heights: GeoPackage and GeoJSON, a polygon a building.
+
+The buildings are those of `CityMap.buildings`, their outlines `CityMap.outline`. What a reader
+needs to lay the same window about them is written beside them.
+"""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pyogrio
+import shapely
+from pyproj import CRS
+
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.io.burning import crs_of
+from evocity.io.projection import WGS84, code_of, crs_named, is_metric, moved, moved_polygons
+
+#: Name of the layer of a GeoPackage.
+LAYER = "buildings"
+
+#: The middle of the window in a layer's metadata: "lon lat", or "x y" where the layer has no
+#: place on Earth.
+CENTER_TAG = "EVOCITY_CENTER"
+
+#: What the heights are, for whoever opens the file.
+HEIGHTS = "mean height above ground of the building's pixels, metres"
+
+# What GDAL's GeoPackage calls metres that lie nowhere on Earth (srs_id -1).
+_NOWHERE = (
+    'ENGCRS["Undefined Cartesian SRS",EDATUM["unknown"],CS[Cartesian,2],'
+    'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+)
+
+# Digits of a degree: 1 cm.
+_DIGITS = 7
+
+
+def write_geopackage(city: CityMap, path: Path) -> None:
+    """A GeoPackage of one layer, `LAYER`, in the map's reference system; in metres from its
+    south-west corner if it has none."""
+    crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
+    x, y = _middle(city)
+    if is_placed(city):
+        own = crs_of(city, path.name)
+        crs = code_of(own)
+        x, y = moved(x, y, own, WGS84)
+    tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
+    numbers, heights, areas = _attributes(city)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GDAL's, of an empty layer
+        pyogrio.raw.write(
+            path,
+            geometry=shapely.to_wkb(_oriented(np.array(city.outline, dtype=object))),
+            field_data=[numbers, heights, areas],
+            fields=["id", "height", "area"],
+            layer=LAYER,
+            driver="GPKG",
+            geometry_type="Polygon",
+            crs=crs,
+            layer_metadata={key: text for key, text in tags.items() if text},
+            layer_options={"IDENTIFIER": city.name, "DESCRIPTION": city.attribution},
+        )
+
+
+def write_geojson(city: CityMap, path: Path) -> None:
+    """GeoJSON after RFC 7946, in WGS84; `MapError` if the map has no place on Earth."""
+    if not is_placed(city):
+        raise no_geojson(city.name)
+    crs = crs_of(city, path.name)
+    polygons = moved_polygons(np.array(city.outline, dtype=object), crs, WGS84)
+    polygons = _rounded(polygons, city.name)
+    head = {
+        "type": "FeatureCollection",
+        "name": city.name,
+        "attribution": city.attribution,
+        "heights": HEIGHTS,
+        "window": _window(city, crs),
+    }
+    if len(polygons):
+        head["bbox"] = shapely.total_bounds(polygons).tolist()
+    names = ("id", "height", "area")
+    rows = zip(*(column.tolist() for column in _attributes(city)), strict=True)
+    features = (
+        _dumped(
+            {
+                "type": "Feature",
+                "properties": dict(zip(names, row, strict=True)),
+                "geometry": shapely.geometry.mapping(polygon),
+            }
+        )
+        for row, polygon in zip(rows, polygons, strict=True)
+    )
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        file.write(_dumped(head)[:-1] + ', "features": [')
+        for number, feature in enumerate(features):
+            file.write((",\n" if number else "\n") + feature)
+        file.write("\n]}\n")
+
+
+def is_placed(about) -> bool:
+    """Whether a map's, a genome's or a fabric's ``crs`` and ``origin`` say where on Earth it is."""
+    return about.crs is not None and about.origin is not None
+
+
+def no_geojson(name: str) -> MapError:
+    """Why a map that lies nowhere on Earth is not written as GeoJSON."""
+    return MapError(
+        f"{name} has no place on Earth, and GeoJSON has no coordinates but longitude and latitude",
+        "a map with a reference system (RFC 7946 knows WGS84 alone)",
+        "write a .gpkg instead: it takes footprints in local metres",
+    )
+
+
+def _attributes(city: CityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers, heights in m and areas in m² of the buildings."""
+    buildings = city.buildings
+    # as short as float32, which the map's own heights are, can be told: 9.2, not 9.199999809
+    heights = [float(str(height)) for height in buildings.height.astype(np.float32)]
+    numbers = np.arange(1, len(buildings) + 1, dtype=np.int32)
+    return numbers, np.array(heights, dtype=float), buildings.area
+
+
+def _corner(city: CityMap) -> tuple[float, float]:
+    return city.origin if is_placed(city) else (0.0, city.shape[0] * city.metres_per_pixel)
+
+
+def _middle(city: CityMap) -> tuple[float, float]:
+    """The middle of the smallest square window on the map's own pixels that covers it."""
+    (rows, columns), side = city.shape, city.metres_per_pixel
+    most, (left, top) = max(rows, columns), _corner(city)
+    x = left - (most - columns) // 2 * side + most * side / 2
+    y = top + (most - rows) // 2 * side - most * side / 2
+    return x, y
+
+
+def _window(city: CityMap, crs: CRS) -> dict[str, object]:
+    """The member ``window``: what `read_map` shall look at, as in the bundled districts."""
+    lon, lat = moved(*_middle(city), crs, WGS84)
+    window = {"center": [float(lon), float(lat)]}
+    window["side_m"] = max(city.shape) * city.metres_per_pixel
+    told = code_of(crs)
+    if told.startswith("PROJCRS"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a PROJ string may tell less
+            told = crs.to_proj4().removesuffix(" +type=crs")
+    try:
+        if is_metric(crs_named(told, "window")):
+            window["projection"] = told
+    except MapError:
+        pass  # not every system has a plain name; a local one is then chosen
+    return window
+
+
+def _rounded(polygons: np.ndarray, name: str) -> np.ndarray:
+    """Polygons of WGS84 with `_DIGITS` digits, valid."""
+    if not len(polygons):
+        return polygons
+    west, south, east, north = shapely.total_bounds(polygons)
+    if not (east - west < 180 and abs(south) <= 90 and abs(north) <= 90):
+        raise MapError(
+            f"{name} lies across the 180th meridian, or beyond its reference system",
+            "a map on one side of it, where its reference system holds",
+            "write a .gpkg instead: it keeps the map's own coordinates",
+        )
+    polygons = shapely.transform(polygons, lambda points: np.round(points, _DIGITS))
+    broken = ~shapely.is_valid(polygons)
+    polygons[broken] = shapely.make_valid(
+        polygons[broken], method="structure", keep_collapsed=False
+    )
+    return _oriented(polygons)
+
+
+def _oriented(polygons: np.ndarray) -> np.ndarray:
+    """The same polygons, shells counter-clockwise and holes clockwise."""
+    turned = np.empty(len(polygons), dtype=object)
+    for number, polygon in enumerate(polygons):
+        simple = isinstance(polygon, shapely.Polygon)
+        turned[number] = shapely.geometry.polygon.orient(polygon) if simple else polygon
+    return turned
+
+
+def _dumped(what: dict) -> str:
+    return json.dumps(what, ensure_ascii=False, allow_nan=False)
+
+
+__all__ = [
+    "CENTER_TAG",
+    "HEIGHTS",
+    "LAYER",
+    "is_placed",
+    "no_geojson",
+    "write_geojson",
+    "write_geopackage",
+]

@@ -1,0 +1,59 @@
+"""`evocity decode`, `pattern` and `grow` write footprints with heights."""
+
+import numpy as np
+import pyogrio
+import pytest
+from cli_tools import AT_2_M, call, refused, write_town
+
+import evocity
+
+
+@pytest.fixture
+def nowhere(tmp_path):
+    path = tmp_path / "town.parquet"
+    call("encode", write_town(tmp_path / "town.npy"), *AT_2_M, "-o", path)
+    return path
+
+
+@pytest.fixture
+def placed(tmp_path):
+    path = tmp_path / "lyon.parquet"
+    call("encode", "lyon-1er", "--pixels", 64, "-o", path)
+    return path
+
+
+def features(path) -> int:
+    return pyogrio.read_info(path)["features"]
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".geojson"])
+def test_a_decoded_map_as_footprints(tmp_path, placed, suffix):
+    path = tmp_path / f"lyon{suffix}"
+    assert call("decode", placed, "-o", path).stdout.endswith(f"wrote {path}\n")
+    city = evocity.decode(evocity.read_genome(placed)).city
+    assert features(path) == len(city.buildings)
+    back = evocity.read_map(path, pixels=64)
+    np.testing.assert_array_equal(back.built, city.built)
+    assert back.attribution == city.attribution
+
+
+def test_what_lies_nowhere_becomes_a_geopackage(tmp_path, nowhere):
+    call("decode", nowhere, "-o", tmp_path / "a.gpkg")
+    city = evocity.decode(evocity.read_genome(nowhere)).city
+    back = evocity.read_map(tmp_path / "a.gpkg", pixels=64)
+    np.testing.assert_array_equal(back.built, city.built)
+    call("pattern", "chessboard", "--pixels", 64, "-o", tmp_path / "b.gpkg")
+    assert features(tmp_path / "b.gpkg") > 4
+    call("grow", nowhere, "--width", 128, "--height", 96, "-o", tmp_path / "c.gpkg")
+    assert features(tmp_path / "c.gpkg") > features(tmp_path / "a.gpkg")
+
+
+def test_what_lies_nowhere_is_no_geojson(tmp_path, nowhere):
+    path = tmp_path / "a.geojson"
+    for words in (
+        ("decode", nowhere),
+        ("pattern", "radial"),
+        ("grow", nowhere, "--width", 128, "--height", 96),
+    ):
+        told = refused(tmp_path, *words, "-o", path, says="no place on Earth")
+        assert "write a .gpkg instead" in told
