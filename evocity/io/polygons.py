@@ -44,7 +44,7 @@ def write_geopackage(city: CityMap, path: Path) -> None:
     crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
     x, y = _middle(city)
     if is_placed(city):
-        own = crs_of(city, path.name)
+        own = _system(city, path.name)
         crs = code_of(own)
         x, y = moved(x, y, own, WGS84)
     tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
@@ -69,7 +69,7 @@ def write_geojson(city: CityMap, path: Path) -> None:
     """GeoJSON after RFC 7946, in WGS84; `MapError` if the map has no place on Earth."""
     if not is_placed(city):
         raise no_geojson(city.name)
-    crs = crs_of(city, path.name)
+    crs = _system(city, path.name)
     polygons = moved_polygons(np.array(city.outline, dtype=object), crs, WGS84)
     polygons = _rounded(polygons, city.name)
     head = {
@@ -124,7 +124,33 @@ def _attributes(city: CityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _corner(city: CityMap) -> tuple[float, float]:
-    return city.origin if is_placed(city) else (0.0, city.shape[0] * city.metres_per_pixel)
+    """The north-west corner, where `CityMap.outline` has it."""
+    return city.origin or (0.0, city.shape[0] * city.metres_per_pixel)
+
+
+def _system(city: CityMap, name: str) -> CRS:
+    """The reference system of a placed map; `MapError` unless it is one of metres that holds
+    there."""
+    crs = crs_of(city, name)
+    if not is_metric(crs):
+        raise MapError(
+            f"{city.name}: reference system {crs.name[:80]!r}, not of metres",
+            "a map whose pixels are metres of its reference system",
+            "read it with evocity.read_map, which projects to metres",
+        )
+    middle = _middle(city)
+    again = moved(*moved(*middle, crs, WGS84), WGS84, crs)  # beyond a system PROJ tells anything
+    if not np.allclose(again, middle, rtol=0, atol=city.metres_per_pixel):
+        raise _beyond(city.name)
+    return crs
+
+
+def _beyond(name: str) -> MapError:
+    return MapError(
+        f"{name} lies across the 180th meridian, or beyond its reference system",
+        "a map on one side of it, where its reference system holds",
+        "write a .gpkg, which keeps the map's own coordinates, or a raster",
+    )
 
 
 def _middle(city: CityMap) -> tuple[float, float]:
@@ -160,11 +186,7 @@ def _rounded(polygons: np.ndarray, name: str) -> np.ndarray:
         return polygons
     west, south, east, north = shapely.total_bounds(polygons)
     if not (east - west < 180 and abs(south) <= 90 and abs(north) <= 90):
-        raise MapError(
-            f"{name} lies across the 180th meridian, or beyond its reference system",
-            "a map on one side of it, where its reference system holds",
-            "write a .gpkg instead: it keeps the map's own coordinates",
-        )
+        raise _beyond(name)
     polygons = shapely.transform(polygons, lambda points: np.round(points, _DIGITS))
     broken = ~shapely.is_valid(polygons)
     polygons[broken] = shapely.make_valid(

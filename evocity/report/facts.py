@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pyarrow.compute as pc
 
 from evocity import fitness
 from evocity.citymap import CityMap
@@ -19,6 +20,8 @@ from evocity.search.archiving import aims_of_run
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
+#: More planned than this tells of a damaged recipe.
+_MOST_GENERATIONS = 10**9
 #: The gallery holds no more individuals than this: the page stays a few megabytes.
 MOST_SHOWN = 96
 
@@ -174,7 +177,8 @@ class Facts:
         stated = section.get("generations") if isinstance(section, dict) else None
         default = RunSection.model_fields["generations"].default if self.recipe else None
         known = self.overrides.get("run.generations", default if stated is None else stated)
-        return known if isinstance(known, int) else None
+        whole = isinstance(known, int) and not isinstance(known, bool)
+        return known if whole and 0 <= known <= _MOST_GENERATIONS else None
 
     @property
     def overrides(self) -> dict:
@@ -191,7 +195,7 @@ class Facts:
 
     @cached_property
     def history(self) -> list[dict]:
-        return self.run.history()
+        return [one for one in self.run.history() if one["generation"] <= self.last]
 
     @cached_property
     def sources(self) -> list[Source]:
@@ -210,7 +214,8 @@ class Facts:
         """All births, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
         columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
-        return self.run.births(columns=columns)
+        births = self.run.births(columns=columns)
+        return births.filter(pc.less_equal(births["generation"], self.last))  # it may go on
 
     @cached_property
     def values(self) -> np.ndarray:
@@ -261,7 +266,7 @@ class Facts:
             aims_of_run(self.run)
         except RunError:
             return None
-        return archive(self.run)
+        return archive(self.run, self.last)
 
     @cached_property
     def gone(self) -> list[int]:

@@ -17,6 +17,7 @@ from evocity.search.nsga2 import Hypervolume, not_dominated, ranks_and_crowding
 from evocity.store import Run
 
 _ROWS = 20_000  # births that are compared with the archive at a time
+_HEAVIEST = 1e9  # weight that a recipe may give
 
 # Points up to which the exact hypervolume of so many objectives takes a second or two.
 _MOST_POINTS = {5: 10_000, 6: 1_000, 7: 250, 8: 120}
@@ -45,8 +46,9 @@ class Archive:
         return len(self.births)
 
 
-def archive(run: Run) -> Archive:
-    """Of all births of ``run`` those that no other dominates, by the run's goals.
+def archive(run: Run, last: int | None = None) -> Archive:
+    """Of all births of ``run`` those that no other dominates, by the run's goals; up to the
+    generation ``last``, the last whole one unless it is given.
 
     What counts are births with status ``ok`` that keep all constraints; of those equal in all
     goals the earliest alone. Goals, targets, weights and bounds are those that
@@ -61,7 +63,7 @@ def archive(run: Run) -> Archive:
     """
     aims = aims_of_run(run)
     births = _measured(run)
-    last = run.generations[-1]
+    last = run.generations[-1] if last is None else last
     births = births.filter(pc.less_equal(births["generation"], last))  # it may go on meanwhile
     living = pc.is_in(births["id"], value_set=run.members(last)["id"]).to_numpy()
     first = pc.equal(births["generation"], pc.min(births["generation"])).to_numpy()
@@ -129,11 +131,14 @@ def _wanted(noted: dict) -> Wanted:
     total = noted.get("objective")
     if goal is None and (low, high) == (None, None):
         raise ValueError(f"no goal for {noted['name']}")
+    weight = float(noted.get("weight", 1.0))
+    if not 0 < weight <= _HEAVIEST:
+        raise ValueError(f"a weight of {weight} for {noted['name']}")
     return Wanted(
         measure,
         None if goal is None else Objective(measure, goal, noted.get("target")),
         None if (low, high) == (None, None) else Constraint(measure, low, high),
-        float(noted.get("weight", 1.0)),
+        weight,
         None if total is None else str(total),
     )
 
@@ -147,7 +152,16 @@ def _measured(run: Run) -> pa.Table:
     values = [f"fitness.{name}" for name in run.header.measures]
     births = run.births(columns=["generation", "id", "status", *values])
     births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
-    return births.sort_by("id").combine_chunks()
+    births = births.sort_by("id").combine_chunks()
+    columns = [births[name].to_numpy(zero_copy_only=False) for name in values]
+    known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
+    if not known or len(pc.unique(births["id"])) < len(births):
+        raise RunError(
+            f"{run.path}: the births are damaged: one stands there twice, or is without a number",
+            "births as `evocity run` writes them, a finite number for each measure of those alive",
+            "bring the file back from a copy",
+        )
+    return births
 
 
 def _judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from numba import njit
 
 from evocity.accelerate.vectors import WIDTH
 from evocity.coding import search
-from evocity.coding.search._kernels import LANES, ROOM, hopeful, promises
+from evocity.coding.search._kernels import LANES, ROOM, hopeful, most_likely, promises
 from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
 from evocity.coding.search.likeness import unit_blocks
 from evocity.coding.search.matches import UNSURE
@@ -108,6 +108,19 @@ def test_bounds_are_their_formula(seed, level):
     bounds = gains(ours @ shares[1], ceilings[1]).max(axis=1)
     for i in np.flatnonzero(abs(bounds - near) > 1e-5):
         assert run_promises(shares, ceilings, ours, norms, near, i) == (bounds[i] >= near[i])
+
+
+def test_a_search_begins_where_most_is_promised():
+    """A fault there would be seen in the search's time alone."""
+    rng = np.random.default_rng(1)
+    peaks, tops = rng.random((5, 30), dtype=np.float32), rng.random(30, dtype=np.float32) * 2
+    shares = rng.random((7, 5), dtype=np.float32)
+    rows = np.empty((3, 7), np.int64)
+    most_likely(peaks, tops, shares, rows)
+    p = shares @ peaks
+    s = np.minimum(p, tops)
+    promised = s * (2 * p - s)
+    assert np.array_equal(rows.T, np.argsort(-promised, axis=1)[:, :3])
 
 
 def test_leaving_out_doubles_changes_nothing(town, monkeypatch):

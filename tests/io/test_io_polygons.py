@@ -243,3 +243,22 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, suffix, monkeypatch):
 
 def fail(city):
     raise OSError("No space left on device")
+
+
+def test_only_metres_that_hold_are_written(tmp_path, town):
+    for crs, origin in (("EPSG:4326", (10.0, 20.0)), ("EPSG:2154", (1e12, 6.52e6))):
+        city = CityMap(town.heights, 2.0, name="strange", crs=crs, origin=origin)
+        for suffix in (".gpkg", ".geojson"):
+            path = tmp_path / f"strange{suffix}"
+            with pytest.raises(MapError) as fault:
+                write_map(city, path)
+            assert "strange" in fault.value.found
+            assert not path.exists()
+
+
+def test_an_origin_without_a_system_is_kept(tmp_path, town):
+    city = CityMap(town.heights, 2.0, name="afloat", origin=(10.0, 20.0))
+    write_map(city, tmp_path / "afloat.gpkg")
+    side = max(city.shape)
+    again = read_map(tmp_path / "afloat.gpkg", pixels=side, metres_per_pixel=2.0)
+    assert np.array_equal(again.heights > 0, city.buildings.labels > 0)

@@ -303,6 +303,20 @@ def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
     assert "does not record what it wanted" in " ".join(Page(usual[1]).words)
 
 
+def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkeypatch):
+    run = open_run(told_run(tmp_path / "run", generations=6))
+    whole, ends = run.generations, iter(range(1, 100))
+    monkeypatch.setattr(  # one generation more each time the folder is looked at
+        type(run), "generations", property(lambda _: whole[: min(1 + next(ends), len(whole))])
+    )
+    facts = Facts(run)
+    assert facts.last < whole[-1]
+    assert set(facts.archive.births["generation"].to_pylist()) <= set(range(facts.last + 1))
+    assert not set(facts.gone) & {row["id"] for row in facts.members}
+    assert max(facts.births["generation"].to_pylist()) == facts.last
+    assert facts.history[-1]["generation"] == facts.last
+
+
 def test_an_archive_that_lives_is_one_sentence(tmp_path):
     page = Page(write_report(told_run(tmp_path / "run", generations=1)).read_text("utf-8"))
     assert len(page.cards) == 6

@@ -1,10 +1,9 @@
 """Compiled loops that compare range blocks with domain blocks, in tiles and in windows: arrays in,
-arrays out. Slow twins stand in tests/naive.py.
+arrays out. The tests hold what they come to against trying everything in tests/naive.py.
 
 What every search spends its time on, the gain of one range block from many domain blocks side by
 side, is written out as vector code: compilers of loops leave four fifths of the machine unused
-here. Kernels that are made for one B hold plain numbers only, so that they are found in the disk
-cache; what they call stands in this file, for the same reason.
+here. What kernels call stands in this file, whose changes the disk cache sees.
 """
 
 from functools import cache

@@ -1,5 +1,5 @@
 """Compiled loops over blocks one by one: coordinates, norms of their parts, and which are alike.
-Arrays in, arrays out. Slow twins stand in tests/naive.py."""
+Arrays in, arrays out. The tests hold what they come to against slow twins in tests/naive.py."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
-"""Compiled loops that decide in float64: arrays in, arrays out. Slow twins stand in
-tests/naive.py."""
+"""Compiled loops that decide in float64: arrays in, arrays out. The tests hold what they come to
+against trying everything in tests/naive.py."""
 
 import numpy as np
 
