@@ -345,35 +345,15 @@ def window_kernels(block):
                         line = strip * codes.shape[0] + i
                         while j < width - GROUP:
                             raise_gains(
-                                block,
-                                LANES,
-                                planes,
-                                y,
-                                left + j,
-                                norms,
-                                codes,
-                                i,
-                                cap,
-                                gains,
-                                line,
-                                j,
-                            )
+                                block, LANES, planes, y, left + j,
+                                norms, codes, i, cap, gains, line, j,
+                            )  # fmt: skip
                             j += LANES
                         if j < width:
                             raise_gains(
-                                block,
-                                GROUP,
-                                planes,
-                                y,
-                                left + j,
-                                norms,
-                                codes,
-                                i,
-                                cap,
-                                gains,
-                                line,
-                                j,
-                            )
+                                block, GROUP, planes, y, left + j,
+                                norms, codes, i, cap, gains, line, j,
+                            )  # fmt: skip
             for i in range(start, end):
                 width, most = max(window[i, 3] - window[i, 2], 0), best[i]
                 for strip in range(lanes.shape[0]):
