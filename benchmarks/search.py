@@ -25,7 +25,7 @@ from evocity import isometries
 from evocity.accelerate import kernel
 from evocity.coding.search import best_matches, pairs_compared
 from evocity.coding.search.domains import domain_pools
-from evocity.coding.search.shapes import same_shape
+from evocity.coding.search.shapes import Shapes, uneven_blocks
 from evocity.io import cities
 from evocity.pavement import Pavement
 
@@ -36,8 +36,7 @@ def blocks_of(heights, block):
     """Range blocks that are not flat, and their corners."""
     pavement = Pavement(*heights.shape, block)
     blocks = pavement.blocks(heights)
-    flat = blocks.reshape(len(blocks), -1)
-    busy = np.flatnonzero((flat != flat[:, :1]).any(axis=1))
+    busy = np.flatnonzero(uneven_blocks(blocks))
     return blocks[busy], tuple(corner[busy] for corner in pavement.corners)
 
 
@@ -160,7 +159,7 @@ def effective_rates():
     for block in (8, 4):
         for name in cities():
             heights = evocity.read_map(name).heights
-            distinct = len(same_shape(blocks_of(heights, block)[0])[1])
+            distinct = len(Shapes.of_blocks(blocks_of(heights, block)[0]).first)
             ratio = (heights.size // block**2) / distinct
             dense = dense_pairs(heights, block) / 1e9
             cells = ""

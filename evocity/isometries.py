@@ -56,3 +56,14 @@ def _group() -> tuple[np.ndarray, np.ndarray]:
 
 #: ``COMPOSITION[a, b]`` is the isometry "b, then a"; ``INVERSE[a]`` undoes a.
 COMPOSITION, INVERSE = _group()
+
+
+def _lowest() -> np.ndarray:
+    sets = np.arange(256)[:, None] >> np.arange(8) & 1
+    lowest = np.where(sets, COMPOSITION[:, None], COUNT).min(axis=2).astype(np.uint8)
+    lowest.setflags(write=False)
+    return lowest
+
+
+#: ``LOWEST[a, s]``, of the isometries "b, then a" the lowest, for b in the set s: bit b of 0…255.
+LOWEST = _lowest()

@@ -11,6 +11,7 @@ vector code they call; after a change in this file, empty the cache (``make clea
 from contextlib import contextmanager
 from functools import wraps
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -93,6 +94,15 @@ class Vectors:
         with cgutils.for_range(self.builder, count) as loop:
             yield loop.index
 
+    def each(self, count: int, written_out: bool):
+        """The whole numbers from 0 to before ``count``, for a ``for`` that writes code: as numbers,
+        the code for each of them ``written_out``, or as the value that counts in a loop."""
+        if written_out:
+            yield from range(count)
+        else:
+            with self.loop(self.number(count)) as index:
+                yield index
+
     def variable(self, value):
         """Pointer to a place of its own that holds ``value`` at first."""
         return cgutils.alloca_once_value(self.builder, value)
@@ -102,12 +112,30 @@ class Vectors:
         return ir.Constant(_INDEX, value)
 
     def plus(self, one, other):
-        """The sum of two whole numbers, values of the code or ``other`` a number."""
-        return self.builder.add(one, self.number(other) if isinstance(other, int) else other)
+        """The sum of two whole numbers: values of the code or, one or both, numbers."""
+        return self._whole(one, other, int.__add__, self.builder.add)
 
     def times(self, one, other):
-        """The product of two whole numbers, values of the code."""
-        return self.builder.mul(one, other)
+        """The product of two whole numbers: values of the code or, one or both, numbers."""
+        return self._whole(one, other, int.__mul__, self.builder.mul)
+
+    def _whole(self, one, other, known, written):
+        if isinstance(one, int) and isinstance(other, int):
+            return known(one, other)
+        return written(*(self.number(n) if isinstance(n, int) else n for n in (one, other)))
+
+    def pick(self, table, index):
+        """``table[index]``, of whole numbers known to the compiler or of floats: a whole number as
+        a number or a value, like ``index``; a float in all lanes."""
+        table = np.asarray(table)
+        whole = table.dtype.kind == "i"
+        if isinstance(index, int):
+            return int(table[index]) if whole else self.constant(table[index])
+        kind, items = (_INDEX, table) if whole else (_FLOAT, table.astype(np.float32))
+        items = cgutils.create_constant_array(kind, items.tolist())
+        held = cgutils.global_constant(self.builder, "table", items)
+        item = self.builder.load(self.builder.gep(held, [self.number(0), index]))
+        return item if whole else self.spread(item)
 
     def after(self, pointer, count):
         """The pointer ``count`` items, a number or a value, after ``pointer``."""
@@ -121,6 +149,10 @@ class Vectors:
     def store(self, a, pointer):
         """Write ``width`` floats in a row."""
         self.builder.store(a, self.builder.bitcast(pointer, self.type.as_pointer()), align=4)
+
+    def constant(self, value):
+        """A known float in all lanes."""
+        return ir.Constant(self.type, [float(np.float32(value))] * self.width)
 
     def spread(self, one):
         """A float, or the one that a pointer points at, in all lanes."""
@@ -143,6 +175,31 @@ class Vectors:
 
     def smaller(self, a, b):
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), a, b)
+
+    def root(self, a):
+        return self._math("sqrt", a)
+
+    def over(self, a, b):
+        return self.builder.fdiv(a, b)
+
+    def where(self, truths, a, b):
+        """In each lane that of a where it is true, else of b."""
+        return self.builder.select(truths, a, b)
+
+    def exceeds(self, a, b):
+        """In which lanes a > b: a vector of truth values."""
+        return self.builder.fcmp_ordered(">", a, b)
+
+    def raise_to(self, pointer, a):
+        """The float that ``pointer`` points at becomes the largest of itself and all lanes."""
+        most, before = self.largest(a), self.builder.load(pointer, align=4)
+        higher = self.builder.fcmp_ordered(">", most, before)
+        self.builder.store(self.builder.select(higher, most, before), pointer, align=4)
+
+    def room(self, count: int):
+        """Pointer to ``count`` vectors of the code's own, side by side, of any content."""
+        kind = ir.ArrayType(_FLOAT, count * self.width)
+        return self.builder.bitcast(cgutils.alloca_once(self.builder, kind), _FLOAT.as_pointer())
 
     def largest(self, a):
         """The largest of all lanes, a float; none is NaN."""

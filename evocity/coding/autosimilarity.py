@@ -17,9 +17,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
 from evocity.coding.search.crew import Crew
-from evocity.coding.search.domains import d4_basis
-from evocity.coding.search.likeness import UnitBlocks, shares_of
-from evocity.coding.search.shapes import same_shape
+from evocity.coding.search.d4 import d4_basis
+from evocity.coding.search.likeness import Blocks, RangeCodes
+from evocity.coding.search.shapes import Shapes
 from evocity.coding.search.tiles import Tiles, cut_tiles, reach
 from evocity.errors import GenomeError
 
@@ -260,8 +260,9 @@ def _ranges(level: np.ndarray, block: int) -> tuple[np.ndarray, np.ndarray, np.n
     (busy,) = np.nonzero(span)
     shapes = np.rint((blocks[busy] - lowest[busy, None]) * (_STEPS / span[busy, None]))
     of = np.full(len(blocks), -1)
-    of[busy], first = same_shape(shapes.reshape(-1, block, block))
-    return share, np.ascontiguousarray(_coordinates(shapes[first].T, block).T), of
+    found = Shapes.of_blocks(shapes.reshape(-1, block, block))
+    of[busy] = found.of
+    return share, np.ascontiguousarray(_coordinates(shapes[found.first].T, block).T), of
 
 
 def _coordinates(blocks: np.ndarray, block: int) -> np.ndarray:
@@ -283,31 +284,27 @@ def _explained(level, block, extent, codes, crew, work: _Work, positions: int) -
         work.add(positions * _positions(level.shape, extent))
         return found
     parts = [slice(k, k + _CHUNK) for k in range(0, len(codes), _CHUNK)]
+    ranges = RangeCodes.of(codes)
     for rows in _bands(level, extent, block):
-        kinds, count = _domains(level[rows.start : rows.stop + extent - 1], block, extent)
-        compare = functools.partial(_compare, cut_tiles(kinds, np.inf), codes, found)
+        domains = _domains(level[rows.start : rows.stop + extent - 1], block, extent)
+        compare = functools.partial(_compare, cut_tiles(domains, np.inf), ranges, found)
         for part in crew.map(compare, parts):
-            work.add(count * positions * len(found[part]) / len(found))
+            work.add(domains.at.size * positions * len(found[part]) / len(found))
     return np.minimum(found, 1)
 
 
-def _domains(level: np.ndarray, block: int, extent: int) -> tuple[UnitBlocks, int]:
-    """Domain blocks at all positions of a strip that are not flat, as unit blocks of norm 1, and
-    the number of positions. The search compares with them all, wherever they lie."""
+def _domains(level: np.ndarray, block: int, extent: int) -> Blocks:
+    """Domain blocks at all positions of a strip. The search compares with them all, wherever they
+    lie."""
     # down first, then across: so nothing grows with D
     across = _shrunk(_shrunk(level, block, extent, axis=0), block, extent, axis=2)
-    blocks = across.swapaxes(0, 1).reshape(block * block, -1)
-    lines = _coordinates(blocks, block)
-    count = lines.shape[1]
-    nowhere = np.zeros(count, np.int32)
-    units = UnitBlocks(
-        codes=np.ascontiguousarray(lines.T),
-        norms=np.ones(count, np.float32),
-        shares=shares_of(lines),
-        y=nowhere,
-        x=nowhere,
+    blocks = np.ascontiguousarray(across.transpose(2, 3, 1, 0)).reshape(-1, block * block)
+    return Blocks(
+        raster=blocks,
+        offsets=np.arange(block * block, dtype=np.uint64),
+        at=np.arange(0, blocks.size, block * block),
+        least=np.float32(_FLAT * block**2),
     )
-    return units, blocks.shape[1]
 
 
 def _shrunk(values: np.ndarray, block: int, extent: int, axis: int) -> np.ndarray:
@@ -326,10 +323,10 @@ def _shrunk(values: np.ndarray, block: int, extent: int, axis: int) -> np.ndarra
     return np.moveaxis(np.diff(seams, axis=0) * (block / extent), -1, axis + 1)
 
 
-def _compare(tiles: Tiles, codes, found, part: slice) -> slice:
+def _compare(tiles: Tiles, ranges: RangeCodes, found, part: slice) -> slice:
     """Take a strip's domain blocks into account for one chunk of range blocks."""
-    best = np.zeros(len(codes[part]), np.float32)
-    reach(tiles, codes[part], np.full(best.size, _SLACK), best)
+    best = np.zeros_like(found[part])
+    reach(tiles, ranges[part], np.full(best.size, _SLACK), best)
     np.maximum(found[part], best, out=found[part])
     return part
 

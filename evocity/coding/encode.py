@@ -14,6 +14,7 @@ from evocity.coding.fit import fit_attractor
 from evocity.coding.quality import psnr
 from evocity.coding.search import Matches, best_matches, near_best, pairs_compared
 from evocity.coding.search.domains import domain_pools
+from evocity.coding.search.shapes import uneven_blocks
 from evocity.coding.topology import closest_neighbourhood
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, shown
@@ -112,7 +113,7 @@ def encode(
         covered = pavement.blocks(condensation.mask).all(axis=(1, 2))
     blocks = pavement.blocks(city.heights)
     flat = blocks.reshape(len(pavement), -1)
-    searched = np.flatnonzero((flat != flat[:, :1]).any(axis=1) & ~covered)
+    searched = np.flatnonzero(uneven_blocks(blocks) & ~covered)
     corners = tuple(corner[searched] for corner in pavement.corners)
     asked = {"reach": reach, "sigma_max": sigma_max, "threads": threads}
     passes = 1 if topological is None else 2

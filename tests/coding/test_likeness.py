@@ -7,8 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evocity import isometries
-from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
-from evocity.coding.search.likeness import range_shares, unit_blocks, used_parts, z_order
+from evocity.coding.search._kernels import LANES
+from evocity.coding.search.alike import z_order
+from evocity.coding.search.d4 import d4_matrix, used_parts
+from evocity.coding.search.domains import domain_pool, domain_pools
+from evocity.coding.search.likeness import RangeCodes, domain_blocks
+from evocity.coding.search.tiles import cut_tiles
 
 
 def codes_of(blocks):
@@ -20,33 +24,52 @@ def codes_of(blocks):
 @pytest.mark.parametrize("block", [2, 3, 4, 5, 8])
 def test_part_norms_are_the_blocks_own_under_every_isometry(block):
     blocks = np.random.default_rng(block).random((6, block, block)).astype(np.float32)
-    shares = range_shares(codes_of(blocks))
+    shares = RangeCodes.of(codes_of(blocks)).shares
     assert shares.shape == (6, len(used_parts(block)))
     energy = blocks.var(axis=(1, 2)) * block**2
     assert (shares**2).sum(axis=1) == pytest.approx(energy, rel=1e-4)
     for k in range(8):
         turned = isometries.apply(k, blocks)
-        assert range_shares(codes_of(turned)) == pytest.approx(shares, abs=2e-3)
+        assert RangeCodes.of(codes_of(turned)).shares == pytest.approx(shares, abs=2e-3)
 
 
-@pytest.mark.parametrize(("block", "multiple"), [(2, 2), (3, 2), (4, 2), (4, 3), (5, 2), (8, 2)])
-def test_unit_blocks_against_the_naive_twin(town, block, multiple):
+@pytest.mark.parametrize(
+    ("block", "multiple"), [(2, 2), (3, 2), (4, 2), (4, 3), (5, 2), (8, 2), (16, 2), (17, 2)]
+)
+def test_tiles_hold_unit_blocks_as_the_naive_twin_has_them(town, block, multiple):
     heights = np.repeat(np.repeat(town.heights[:20, :19], 2, 0), 2, 1) + np.float32(4096)
-    pools = list(domain_pools(heights, block, [multiple], memory=(1 << 12) * block**2))
+    pools = list(domain_pools(heights, block, [multiple], memory=(1 << 10) * block**2))
     assert len(pools) > 1
     for part in pools:
-        found = unit_blocks(part, doubles=True)
-        for code, norm, y, x in zip(found.codes, found.norms, found.y, found.x, strict=True):
-            domain = naive.shrunk(heights, int(y), int(x), multiple, multiple, block)
+        tiles = cut_tiles(domain_blocks(part, doubles=True), 1.0)
+        codes = tiles.planes.swapaxes(1, 2).reshape(-1, block * block)
+        norms, shares = tiles.ceilings.ravel(), tiles.shares.swapaxes(1, 2)
+        shares = shares.reshape(len(codes), shares.shape[2])
+        y, x = np.divmod(tiles.at, tiles.width)
+        assert len(codes) == -(-y.size // LANES) * LANES
+        for code, norm, top, left in zip(codes, norms, y, x, strict=False):
+            domain = naive.shrunk(heights, int(top), int(left), multiple, multiple, block)
             truth = d4_matrix(block).astype(float) @ (domain - domain[0, 0]).ravel()
             assert code * norm == pytest.approx(truth, abs=1e-6 * np.abs(truth).max())
-        assert np.einsum("nk,nk->n", found.codes, found.codes) == pytest.approx(1, abs=1e-6)
-        assert range_shares(found.codes) == pytest.approx(found.shares.T, abs=2e-3)
-        y, x = np.nonzero(part.norms)  # the same blocks, folded row by row
-        assert np.array_equal(found.y, y + part.top)
-        assert np.array_equal(found.x, x)
-        assert found.norms == pytest.approx(part.norms[y, x], rel=1e-5)
-        assert found.codes == pytest.approx(part.planes[y, :, x], abs=1e-5)
+        energy = np.einsum("nk,nk->n", codes, codes, dtype=float)
+        assert energy[: y.size] == pytest.approx(1, abs=1e-6 * max(1, block / 8))
+        assert RangeCodes.of(codes).shares == pytest.approx(shares, abs=2e-3)
+        assert tiles.tops == pytest.approx(tiles.ceilings.max(axis=1))
+        assert tiles.peaks == pytest.approx(tiles.shares.max(axis=2))
+        for left_over in (codes, norms, shares):
+            assert not left_over[y.size :].any()
+        # the same blocks, folded row by row
+        assert np.array_equal(
+            np.sort(tiles.at),
+            np.flatnonzero(
+                np.pad(
+                    part.norms[:, : part.shape[1]] > 0,
+                    ((part.top, 0), (0, tiles.width - part.shape[1])),
+                )
+            ),
+        )
+        assert norms[: y.size] == pytest.approx(part.norms[y - part.top, x], rel=1e-5)
+        assert codes[: y.size] == pytest.approx(part.planes[y - part.top, :, x], abs=1e-5)
 
 
 def test_of_domain_blocks_alike_the_first_is_kept(town):
@@ -59,9 +82,11 @@ def test_of_domain_blocks_alike_the_first_is_kept(town):
         if relief not in seen:
             seen.add(relief)
             truth.append((y, x))
-    found = unit_blocks(pool)
-    assert np.array_equal(np.stack([found.y, found.x], axis=1), truth)
-    assert len(truth) < np.count_nonzero(pool.norms) / 2
+    found = domain_blocks(pool)
+    assert (np.diff(found.at) > 0).all()
+    places = set(zip(*np.divmod(found.at, pool.shrunk.shape[1]), strict=True))
+    assert places >= set(truth)
+    assert len(places) < 1.1 * len(truth) < np.count_nonzero(pool.norms) / 2
 
 
 @pytest.mark.parametrize("count", [1, 3, 9])
@@ -70,32 +95,37 @@ def test_blocks_are_ordered_along_the_z_curve(count):
     values = rng.random((count, 4000)).astype(np.float32) * np.arange(1, count + 1)[:, None]
     values = values.astype(np.float32)
     most = values[np.argsort(-values.std(axis=1))][:5]
-    low, span = most.min(axis=1, keepdims=True), np.ptp(most, axis=1, keepdims=True)
+    seen = most[:, ::3]  # a thousand tell enough
+    low, span = seen.min(axis=1, keepdims=True), np.ptp(seen, axis=1, keepdims=True)
     keys = np.zeros(4000, int)
     for bit in (4, 2, 1):
-        for row in ((most - low) / span * 7.99).astype(int):
+        for row in ((most - low) / span * 7.99).astype(int).clip(0, 7):
             keys = 2 * keys + (row & bit > 0)
-    assert np.array_equal(z_order(values), np.argsort(keys, kind="stable"))
-    assert z_order(values[:, :0]).size == 0
+    order = np.empty(4000, np.int64)
+    z_order(values, order)
+    assert np.array_equal(order, np.argsort(keys, kind="stable"))
+    z_order(values[:, :0], order[:0])
 
 
 @pytest.mark.parametrize("high", [0, 1000, 1 << 20])
 def test_the_faintest_relief_counts_on_any_level(high):
     """A slope of 1/8 m, exact in float32 on every level: blocks are one, none is flat."""
     slope = np.arange(24, dtype=np.float32)[:, None] / 8 + np.zeros(20, np.float32)
-    blocks = unit_blocks(domain_pool(slope + np.float32(high), 4, 2))
-    assert (blocks.y, blocks.x) == (0, 0)
-    assert blocks.norms == pytest.approx(np.float32(4 * np.std([0, 1 / 4, 2 / 4, 3 / 4])))
-    every = unit_blocks(domain_pool(slope + np.float32(high), 4, 2), doubles=True)
-    assert len(every.codes) == 17 * 13
-    assert np.array_equal(every.codes, np.repeat(blocks.codes, 17 * 13, axis=0))
+    tiles = cut_tiles(domain_blocks(domain_pool(slope + np.float32(high), 4, 2)), 1.0)
+    assert tiles.at == [0]
+    assert tiles.tops == pytest.approx(np.float32(4 * np.std([0, 1 / 4, 2 / 4, 3 / 4])))
+    pool = domain_pool(slope + np.float32(high), 4, 2)
+    every = cut_tiles(domain_blocks(pool, doubles=True), 1.0)
+    assert every.at.size == 17 * 13
+    codes = every.planes.swapaxes(1, 2).reshape(-1, 16)[: 17 * 13]
+    assert np.array_equal(codes, np.repeat(tiles.planes[0, :, :1].T, 17 * 13, axis=0))
 
 
 def test_relief_that_is_rounding_counts_as_flat():
     heights = np.tile(np.float32([1e4, 1.2345e-7, 3333.3]), (32, 11))
     pool = domain_pool(heights, 4, 3)  # every mean of 3 × 3 px is that of the three
     assert np.ptp(pool.shrunk) > 0
-    assert unit_blocks(pool, doubles=True).norms.size == 0
+    assert cut_tiles(domain_blocks(pool, doubles=True), 1.0).at.size == 0
     assert not pool.norms.any()
 
 

@@ -11,9 +11,10 @@ from hypothesis.extra.numpy import arrays
 from evocity import isometries
 from evocity.coding import best_correlations, encode
 from evocity.coding.search import best_matches
-from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
+from evocity.coding.search.d4 import d4_matrix
+from evocity.coding.search.domains import domain_pool, domain_pools
 from evocity.coding.search.scoring._kernels import keep
-from evocity.coding.search.shapes import same_shape
+from evocity.coding.search.shapes import Shapes
 from evocity.errors import MapError
 from evocity.pavement import Pavement
 
@@ -241,14 +242,23 @@ def test_blocks_of_one_shape_are_grouped():
         for shape in shapes
         for sign, level in ((1, 0), (1, 3), (-1, 12))
     ]
-    of, first = same_shape(np.array(images))
-    assert np.array_equal(of[first], np.arange(len(first)))
+    found = Shapes.of_blocks(np.array(images))
+    of = found.of
+    assert np.array_equal(of[found.first], np.arange(len(found.first)))
+    for image, shape, iso, sign in zip(
+        images, found.pixels[of], found.iso, found.sign, strict=True
+    ):
+        made = sign * isometries.apply(int(iso), shape.reshape(4, 4))
+        assert np.ptp(image - made) < 1e-12
     truth = np.arange(len(images)) // 3
     for i, j in np.ndindex(len(of), len(of)):
         if of[i] == of[j]:  # rounding may keep equal shapes apart, but never joins others
             assert truth[i] == truth[j]
-    whole, _ = same_shape(np.round(np.array(images) / 3.3).astype(int))
-    assert len(np.unique(whole)) == 5
+    whole = Shapes.of_blocks(np.round(np.array(images) / 3.3).astype(int))
+    assert len(whole.pixels) == len(np.unique(whole.of)) == 5
+    mixed = rng.permutation(len(images))
+    again = Shapes.of_blocks(np.round(np.array(images)[mixed] / 3.3).astype(int))
+    assert np.array_equal(again.pixels[again.of], whole.pixels[whole.of][mixed])
 
 
 @pytest.mark.parametrize("memory", [1, 30_000, 1 << 30])

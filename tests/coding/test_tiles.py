@@ -9,8 +9,9 @@ from numba import njit
 from evocity.accelerate.vectors import WIDTH
 from evocity.coding import search
 from evocity.coding.search._kernels import LANES, ROOM, hopeful, most_likely, promises
-from evocity.coding.search.domains import d4_matrix, domain_pool, domain_pools
-from evocity.coding.search.likeness import unit_blocks
+from evocity.coding.search.d4 import d4_matrix
+from evocity.coding.search.domains import domain_pool, domain_pools
+from evocity.coding.search.likeness import RangeCodes, domain_blocks
 from evocity.coding.search.matches import UNSURE
 from evocity.coding.search.tiles import cut_tiles, reach
 from evocity.pavement import Pavement
@@ -35,14 +36,14 @@ def towns(draw, side, block):
 def test_a_tile_reaches_what_its_best_block_explains(data, block, sigma_max):
     heights, blocks = towns(data.draw, {2: 16, 3: 18, 4: 24, 5: 25, 8: 32}[block], block)
     pool = domain_pool(heights, block, 2)
-    tiles = cut_tiles(unit_blocks(pool), sigma_max)
+    tiles = cut_tiles(domain_blocks(pool), sigma_max)
     codes = codes_of(blocks)
     energy = np.einsum("nk,nk->n", codes, codes)
     best = np.zeros(len(codes), np.float32)
     slack = np.float32(UNSURE) * energy
-    listed = reach(tiles, codes, slack, best)
+    listed = reach(tiles, RangeCodes.of(codes), slack, best)
     truth = np.zeros((len(tiles.tops), len(codes)))
-    for n, (y, x) in enumerate(zip(tiles.y, tiles.x, strict=True)):
+    for n, (y, x) in enumerate(zip(*np.divmod(tiles.at, tiles.width), strict=True)):
         domain = naive.shrunk(heights, int(y), int(x), 2, 2, block)
         for i, block_i in enumerate(blocks):
             gain = max(gain for gain, _ in naive.gains(block_i, domain, sigma_max))
@@ -64,11 +65,11 @@ def test_no_end_of_equals_is_lost():
     heights = np.kron(np.indices((64, 64)).sum(axis=0) % 2, np.ones((4, 4))).astype(np.float32)
     heights += np.arange(256, dtype=np.float32)[:, None] * 3
     pool = domain_pool(heights, 4, 2)
-    tiles = cut_tiles(unit_blocks(pool, doubles=True), np.inf)
+    tiles = cut_tiles(domain_blocks(pool, doubles=True), np.inf)
     blocks = Pavement(*heights.shape, 4).blocks(heights)
     codes = codes_of(blocks)[:300]
     best, slack = np.zeros(len(codes), np.float32), np.full(len(codes), 1e9, np.float32)
-    tile, *_ = reach(tiles, codes, slack, best)
+    tile, *_ = reach(tiles, RangeCodes.of(codes), slack, best)
     assert tile.size == len(tiles.tops) * len(codes) > ROOM
 
 
@@ -134,7 +135,7 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
         )
 
     one = found()
-    monkeypatch.setattr(search, "unit_blocks", lambda pool, doubles: unit_blocks(pool, True))
+    monkeypatch.setattr(search, "domain_blocks", lambda pool, doubles: domain_blocks(pool, True))
     two = found()
     for name in ("multiple", "y", "x", "iso", "sigma", "beta"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
@@ -142,9 +143,8 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
 
 def test_flat_maps_have_no_tiles():
     pool = domain_pool(np.full((16, 16), 7, np.float32), 4, 2)
-    tiles = cut_tiles(unit_blocks(pool), 0.9)
+    tiles = cut_tiles(domain_blocks(pool), 0.9)
     best = np.zeros(3, np.float32)
-    assert [
-        column.size for column in reach(tiles, np.ones((3, 16), np.float32), best, best)
-    ] == 3 * [0]
+    ranges = RangeCodes.of(np.ones((3, 16), np.float32))
+    assert [column.size for column in reach(tiles, ranges, best, best)] == 3 * [0]
     assert not best.any()

@@ -5,14 +5,16 @@ For a zero-mean range block r̃ and a shrunk zero-mean domain block d̃ with p =
 e = ‖d̃‖², the energy explained with contrast σ is σ(2p − σe), greatest at σ = p/e. The cap on
 \\|σ\\| belongs inside this criterion: clipping afterwards costs decibels.
 
-domains  the pool of domain blocks, folded into D4 coordinates
+d4       the coordinates that blocks are folded into
+domains  the pool of domain blocks
 shapes   range blocks alike, searched but once
-likeness domain blocks alike: norms of parts, order, doubles
+likeness domain blocks alike, searched but once; norms of parts, order
 tiles    the search of a whole map, with bounds
 nearby   the search within reach
 matches  the best domain, decided in float64
 crew     threads that share the work
-blocks   compiled: what a block is, whatever it is compared with
+alike    compiled: which blocks are alike
+folding  compiled: D4 coordinates
 scoring  compiled: near-ties in float64
 """
 
@@ -23,10 +25,10 @@ import numpy as np
 
 from evocity.coding.search.crew import Crew, available_cores
 from evocity.coding.search.domains import DomainPool
-from evocity.coding.search.likeness import unit_blocks
+from evocity.coding.search.likeness import domain_blocks
 from evocity.coding.search.matches import TIE, Matches, Search
 from evocity.coding.search.nearby import NEARBY, best_correlations, best_nearby, pairs_compared
-from evocity.coding.search.shapes import same_shape
+from evocity.coding.search.shapes import Shapes
 from evocity.coding.search.tiles import CHUNK, best_everywhere, cut_tiles
 from evocity.coding.topology import Candidates
 
@@ -65,14 +67,13 @@ def best_matches(
     """
     with Crew(threads) as crew:
         ready = _prepared(pools, crew, reach, sigma_max)
-        every = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
-        of, first = _searched(blocks, reach)
-        search = Search(every[first], sigma_max)
-        corners = tuple(corner[first] for corner in corners)
+        shapes = _searched(blocks, reach)
+        search = Search(shapes.pixels, sigma_max)
+        corners = tuple(corner[shapes.first] for corner in corners)
         for pool, part, _ in _sweep(search, ready, corners, reach, crew, search.settle):
             if progress:
-                progress(pool.shape[0] * len(first[part]) / len(first))
-        return search.matches(every, of)
+                progress(pool.shape[0] * len(shapes.first[part]) / len(shapes.first))
+        return search.matches(blocks, shapes)
 
 
 def near_best(
@@ -94,8 +95,9 @@ def near_best(
     `MOST` domain positions in one pool those of lowest (y, x).
     """
     every = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
-    of, first = _searched(blocks, reach)
-    search = Search(every[first], sigma_max)
+    shapes = _searched(blocks, reach)
+    of, first = shapes.of, shapes.first
+    search = Search(shapes.pixels, sigma_max)
     # a best that none can raise, lest what is listed depend on the order of the search
     search.best[:] = matches.gain[first] + search.unsure
     search.unsure *= 2
@@ -135,12 +137,10 @@ def near_best(
         start = end
 
 
-def _searched(blocks: np.ndarray, reach: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Which blocks are searched, and which of them each block ``(n, B, B)`` is answered by."""
-    if reach is None:  # then equal blocks have equal matches
-        return same_shape(blocks)
-    every = np.arange(len(blocks))
-    return every, every
+def _searched(blocks: np.ndarray, reach: int | None) -> Shapes:
+    """What is searched for blocks ``(n, B, B)``."""
+    # wherever they lie, blocks of one shape have the same domains to choose among
+    return Shapes.of_blocks(blocks) if reach is None else Shapes.each_its_own(blocks)
 
 
 def _prepared(
@@ -154,7 +154,7 @@ def _prepared(
         if reach is not None:
             return band.folded
         # of doubles the first wins, but only their surroundings tell which fits
-        return cut_tiles(unit_blocks(band, doubles), sigma_max)
+        return cut_tiles(domain_blocks(band, doubles), sigma_max)
 
     def begun():
         pool = next(pools, None)
@@ -179,7 +179,7 @@ def _sweep(search: Search, ready, corners, reach: int | None, crew: Crew, act, t
     """``act(pool, part, which, y, x)`` on the domains that may be the best of a chunk of range
     blocks, or within the ``tolerance`` of it: yields (pool, part, what it returned) in order.
     """
-    count, most = len(search.codes), CHUNK if reach is None else NEARBY
+    count, most = len(search.ranges.codes), CHUNK if reach is None else NEARBY
     step = max(1, min(most, -(-count // crew.threads)))
     parts = [slice(k, min(k + step, count)) for k in range(0, count, step)]
     whole, few = slice(0, count), reach is None and count < FEW

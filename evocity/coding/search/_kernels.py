@@ -187,21 +187,6 @@ def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
 
 
 @kernel
-def tiled(codes, norms, shares, order, cap, tiles, ceilings, tile_shares, tops, peaks):
-    """Lay the blocks order[n] of ``codes`` (n, B²), of ``norms`` (n,), side by side, `LANES` to a
-    tile: see evocity.coding.search.tiles. ``shares`` (F, n) go with them."""
-    for place in range(order.size):
-        n, t, lane = order[place], place // LANES, place % LANES
-        for k in range(codes.shape[1]):
-            tiles[t, k, lane] = codes[n, k]
-        ceilings[t, lane] = cap * norms[n]
-        tops[t] = max(tops[t], ceilings[t, lane])
-        for f in range(shares.shape[0]):
-            tile_shares[t, f, lane] = shares[f, n]
-            peaks[t, f] = max(peaks[t, f], shares[f, n])
-
-
-@kernel
 def most_likely(peaks, tops, shares, rows):
     """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) that promise range block i,
     of ``shares`` (n, F), most, were its own energy no limit."""
@@ -292,10 +277,10 @@ def tile_kernels(block, parts):
         return count, forget(places, gains, used, near)
 
     @kernel
-    def list_tiles(tiles, ceilings, y, x, codes, tile, ranges, most, near, which, down, across):
+    def list_tiles(tiles, ceilings, at, codes, tile, ranges, most, near, which, where):
         """The domain blocks whose gain is at least near[i], in the tiles that reached as much for
-        range i (see reach_tiles): block down[n], across[n] of the pool for range which[n], as far
-        as there is room. Returns how many there are."""
+        range i (see reach_tiles): where[n], as ``at`` tells it, for range which[n], as far as there
+        is room. Returns how many there are."""
         gains = np.empty((1, LANES), np.float32)
         one, count = np.float32(1), 0
         for n in range(most.size):
@@ -307,8 +292,7 @@ def tile_kernels(block, parts):
             for lane in range(LANES):
                 if gains[0, lane] >= near[i]:
                     if count < which.size:
-                        which[count] = i
-                        down[count], across[count] = y[t * LANES + lane], x[t * LANES + lane]
+                        which[count], where[count] = i, at[t * LANES + lane]
                     count += 1
         return count
 

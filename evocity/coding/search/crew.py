@@ -12,25 +12,31 @@ class Crew:
 
     def __init__(self, threads: int | None):
         self.threads = threads or available_cores()
-        self._others = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        # threads start with their first work; beside a caller that works on, one less is enough
+        self._beside, self._all = (
+            [ThreadPoolExecutor(count) for count in (self.threads - 1, self.threads)]
+            if self.threads > 1
+            else [None, None]
+        )
 
     def __enter__(self) -> "Crew":
         return self
 
     def __exit__(self, *_) -> None:
-        if self._others:
-            self._others.shutdown(wait=False, cancel_futures=True)
+        for pool in (self._beside, self._all):
+            if pool:
+                pool.shutdown(wait=False, cancel_futures=True)
 
     def begin(self, work: Callable, *arguments) -> Callable:
-        """Have another thread, if there is one, do ``work``; what is returned, called, waits for
-        what it returns."""
-        if self._others:
-            return self._others.submit(work, *arguments).result
+        """Have another thread, if there is one, do ``work`` while the caller goes on; what is
+        returned, called, waits for what it returns."""
+        if self._beside:
+            return self._beside.submit(work, *arguments).result
         return functools.partial(work, *arguments)
 
     def map(self, work: Callable, parts: Iterable) -> Iterator:
-        """What ``work`` returns for each of ``parts``, in order."""
-        return self._others.map(work, parts) if self._others else map(work, parts)
+        """What ``work`` returns for each of ``parts``, in order; the caller waits."""
+        return self._all.map(work, parts) if self._all else map(work, parts)
 
 
 def available_cores() -> int:

@@ -1,89 +1,22 @@
-"""The pool of domain blocks of one size, folded into the coordinates the search works in.
-
-Under the 8 isometries of the square (the dihedral group D4) a block falls into parts that are
-even or odd under the two axis flips: pp, pm, mp, mm (rows first). With s1, s2 the symmetric
-and antisymmetric part of pp under transposition, s3, s4 those of mm, u = pm and w = mpᵀ, the
-inner products of a range block with all 8 images of a domain block are sums of
-s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u′.
-"""
+"""The pool of domain blocks of one size, and how its rows are folded into D4 coordinates (see
+`evocity.coding.search.d4`)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from evocity.coding._kernels import box_means
 from evocity.coding.search._kernels import LANES
-from evocity.coding.search.blocks import fold
+from evocity.coding.search.d4 import d4_ones, d4_slots
+from evocity.coding.search.folding import fold
 
 #: Relief below this share of the highest roof is rounding: of float64, and of float32.
 _NOISE, _COARSE = 1e-12, 4e-6
 #: Stands for no cap on \\|σ\\|: finite, so that times the norm 0 of a flat domain it is 0.
 UNCAPPED = np.float32(1e18)
-
-
-@cache
-def d4_basis(block: int) -> np.ndarray:
-    """Orthonormal basis ``(B², B²)`` of blocks of ``block`` px: a row a D4 coordinate, in the
-    order s1, s2, s3, s4, u, w."""
-    half = np.sqrt(0.5)
-    even, odd = [], []
-    for i in range((block + 1) // 2):
-        vector = np.zeros(block)
-        vector[i] = vector[block - 1 - i] = 1 if 2 * i == block - 1 else half
-        even.append(vector)
-    for i in range(block // 2):
-        vector = np.zeros(block)
-        vector[i], vector[block - 1 - i] = half, -half
-        odd.append(vector)
-
-    def parts(basis, sign):
-        """Symmetric (sign +1) or antisymmetric (−1) products of ``basis`` with itself."""
-        for a in range(len(basis)):
-            if sign > 0:
-                yield np.outer(basis[a], basis[a])
-            for b in range(a + 1, len(basis)):
-                mixed = np.outer(basis[a], basis[b])
-                yield (mixed + sign * mixed.T) * half
-
-    rows = [*parts(even, 1), *parts(even, -1), *parts(odd, 1), *parts(odd, -1)]
-    rows += [np.outer(a, b) for a in even for b in odd]
-    rows += [np.outer(b, a) for a in even for b in odd]
-    basis = np.array(rows).reshape(block * block, block * block)
-    basis.setflags(write=False)
-    return basis
-
-
-@cache
-def d4_matrix(block: int) -> np.ndarray:
-    """`d4_basis` with the mean removed, float32: what turns a flat block into the coordinates
-    that the search compares. Inner products are kept, but for the mean."""
-    basis = d4_basis(block)
-    matrix = (basis - basis.mean(axis=1, keepdims=True)).astype(np.float32)
-    matrix.setflags(write=False)
-    return matrix
-
-
-@cache
-def d4_slots(block: int) -> np.ndarray:
-    """Where among its D4 coordinates a block has the product of its a-th and b-th function down
-    and across, first the even functions and then the odd, before (a, b) and (b, a) are mixed:
-    ``(B, B)``."""
-    even, k = (block + 1) // 2, 0
-    slots = np.empty((block, block), np.int64)
-    for functions in (range(even), range(even, block)):
-        upper = [(a, b) for a in functions for b in functions if a <= b]
-        for pairs in (upper, [(b, a) for a, b in upper if a < b]):
-            for pair in pairs:
-                slots[pair] = k
-                k += 1
-    size = even * (block - even)
-    slots[:even, even:].flat = np.arange(k, k + size)
-    slots[even:, :even].T.flat = np.arange(k + size, k + 2 * size)
-    slots.setflags(write=False)
-    return slots
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +69,7 @@ class DomainPool:
         (rows, columns), block = self.shape, self.block
         planes = np.zeros((rows, block * block, columns + LANES), np.float32)
         norms = np.zeros((rows, columns + LANES), np.float32)
-        ones = d4_basis(block).sum(axis=1).astype(self.shrunk.dtype)
-        band = self.shrunk[self.top :]
+        ones, band = d4_ones(block).astype(self.shrunk.dtype), self.shrunk[self.top :]
         fold(band, self.multiple, d4_slots(block), ones, self.least, planes, norms)
         return planes, norms
 
@@ -174,14 +106,6 @@ def domain_pools(
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
             yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least)
-
-
-def part_sizes(block: int) -> tuple[int, ...]:
-    """Number of D4 coordinates in s1, s2, s3, s4 and u; w has as many as u."""
-    even, odd = (block + 1) // 2, block // 2
-    both = (1, -1)
-    symmetric = [half * (half + sign) // 2 for half in (even, odd) for sign in both]
-    return (*symmetric, even * odd)
 
 
 def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:

@@ -1,144 +1,87 @@
-"""Which domain blocks are alike: those that are one, the norms of a block's parts, and an order.
-
-The isometries mix D4 coordinates only within the parts s1, s2, s3, s4 and (u, w) of a block (see
-`evocity.coding.search.domains`). Each part is split once more, into its lowest frequency and the
-rest; the norms of these are the same under every isometry.
-"""
+"""Which domain blocks a search compares with, the norms of their parts, and their order."""
 
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from evocity.coding.search.blocks import fold_at, kinds, part_norms, relief_keys
-from evocity.coding.search.blocks import z_order as counted
-from evocity.coding.search.domains import DomainPool, d4_basis, d4_slots, part_sizes
+from evocity.coding.search.alike import kind_kernels
+from evocity.coding.search.d4 import lowest, part_sizes, used_parts
+from evocity.coding.search.domains import DomainPool
 from evocity.coding.search.shapes import key_weights
-
-#: Norms that the order of domain blocks goes by, and bits of each.
-_KEYS, _BITS = 5, 3
 
 
 @dataclass(frozen=True, eq=False)
-class UnitBlocks:
-    """n domain blocks of one pool, none flat, in the order of (y, x); F parts of their norm.
+class Blocks:
+    """n blocks of pixels, in the order of place.
 
-    codes : float32 ``(n, B²)``, D4 coordinates of the unit blocks d̃/‖d̃‖.
-    norms : float32 ``(n,)``, ‖d̃‖, m.
-    shares : float32 ``(F, n)``, norms of the parts of d̃/‖d̃‖, 0…1.
-    y, x : int32 ``(n,)``, where on the map each block begins, px.
+    raster : float64 ``(H, W)``, where all their pixels lie.
+    offsets : uint64 ``(B²,)``, how far in memory each pixel lies from a block's first.
+    at : int64 ``(n,)``, how far each block's first lies from the raster's.
+    least : blocks of no more energy count as flat.
+    """
+
+    raster: np.ndarray
+    offsets: np.ndarray
+    at: np.ndarray
+    least: np.float32
+
+
+def domain_blocks(pool: DomainPool, doubles: bool = False) -> Blocks:
+    """The domain blocks of ``pool`` but those surely flat. Of those that differ by a level alone
+    hardly more than the first, as no other can win; with ``doubles`` all."""
+    block, step, (rows, columns) = pool.block, pool.multiple, pool.shape
+    first_of_kinds, not_flat = kind_kernels(block)
+    at = np.empty(rows * columns + 1, np.int64)
+    where = (pool.shrunk, step, pool.top, rows, key_weights(block), pool.least)
+    if doubles:
+        count = not_flat(*where, at)
+    else:
+        count = first_of_kinds(*where, np.zeros(1 << at.size.bit_length(), np.int32), at)
+    down, across = np.divmod(np.arange(block * block), block)
+    offsets = step * (down * pool.shrunk.shape[1] + across)
+    return Blocks(pool.shrunk, offsets.astype(np.uint64), at[:count], pool.least)
+
+
+@dataclass(frozen=True, eq=False)
+class RangeCodes:
+    """n range blocks as the search of a whole map compares them; F parts of their norm.
+
+    codes : float32 ``(n, B²)``, D4 coordinates.
+    shares : float32 ``(n, F)``, norms of the parts (`used_parts`).
+    norms : float32 ``(n,)``, no less than ‖r̃‖.
     """
 
     codes: np.ndarray
-    norms: np.ndarray
     shares: np.ndarray
-    y: np.ndarray
-    x: np.ndarray
+    norms: np.ndarray
 
+    @classmethod
+    def of(cls, codes: np.ndarray) -> "RangeCodes":
+        block = int(np.sqrt(codes.shape[1]))
+        waves, members = _parts(block)
+        exact = codes.astype(np.float64)
+        low, every = (exact @ waves) ** 2, exact**2 @ members
+        low[:, -2] += low[:, -1]  # u and w count as one part
+        low = low[:, :-1]
+        rest = np.maximum(every - low, 0) + 1e-6 * every  # found by subtraction: rounded up
+        parts = np.stack([low, rest], axis=2).reshape(len(codes), 2 * low.shape[1])
+        shares = np.ascontiguousarray(np.sqrt(parts[:, used_parts(block)]), np.float32)
+        return cls(codes, shares, np.sqrt(every.sum(axis=1) * (1 + 2e-6)).astype(np.float32))
 
-def unit_blocks(pool: DomainPool, doubles: bool = False) -> UnitBlocks:
-    """The domain blocks of ``pool`` that are not flat. Of those that differ by a level alone only
-    the first, as no other can win, but for ``doubles``."""
-    block, (rows, columns) = pool.block, pool.shape
-    keys = np.empty((rows, columns))
-    below = (pool.shrunk, pool.multiple, block, pool.top)
-    relief_keys(*below, key_weights(block), pool.least, keys)
-    room = int(np.count_nonzero(keys))
-    if doubles:
-        y, x = (column.astype(np.int32) for column in np.nonzero(keys))
-        y += np.int32(pool.top)
-    else:
-        y, x = np.empty((2, room), np.int32)
-        count = kinds(keys, *below, np.zeros(2 << room.bit_length(), np.int32), y, x)
-        y, x = y[:count], x[:count]
-    codes, norms = np.empty((y.size, block * block), np.float32), np.empty(y.size, np.float32)
-    shares = np.empty((len(used_parts(block)), y.size), np.float32)
-    fold_at(
-        pool.shrunk, pool.multiple, y, x, d4_slots(block), _ones(block), pool.least,
-        np.array(part_sizes(block)), lowest(block), _slots(block), codes, norms, shares,
-    )  # fmt: skip
-    kept = norms > 0
-    if kept.all():
-        return UnitBlocks(codes, norms, shares, y, x)
-    return UnitBlocks(codes[kept], norms[kept], shares[:, kept], y[kept], x[kept])
-
-
-def range_shares(codes: np.ndarray) -> np.ndarray:
-    """Norms of the parts of range blocks from their D4 coordinates ``(n, B²)``: ``(n, F)``."""
-    return np.ascontiguousarray(shares_of(np.ascontiguousarray(codes.T)).T)
-
-
-def shares_of(lines: np.ndarray) -> np.ndarray:
-    """Norms of the parts of blocks from their D4 coordinates ``(B², n)``: ``(F, n)``."""
-    pixels, count = lines.shape
-    block = int(np.sqrt(pixels))
-    sizes, slots = np.array(part_sizes(block)), _slots(block)
-    shares = np.empty((len(used_parts(block)), count), np.float32)
-    part_norms(lines, sizes, lowest(block), slots, shares, np.empty(count))
-    return shares
+    def __getitem__(self, part: slice) -> "RangeCodes":
+        return RangeCodes(self.codes[part], self.shares[part], self.norms[part])
 
 
 @cache
-def lowest(block: int) -> np.ndarray:
-    """For each part the unit vector, in its own coordinates, of the block's lowest frequency
-    (cosine transform) in that part: float32, the parts one after another; u and w share one."""
-    wave = np.cos(np.pi * (np.arange(block) + 0.5)[None] * np.arange(block)[:, None] / block)
-    first = {"s1": (0, 2, 1), "s2": (0, 2, -1), "s3": (1, 1, 1), "s4": (1, 3, -1), "u": (0, 1, 0)}
-    basis, vectors, start = d4_basis(block), [], 0
-    for size, (i, j, sign) in zip(part_sizes(block), first.values(), strict=True):
-        vector = np.zeros(size)
-        if max(i, j) < block:
-            image = np.outer(wave[i], wave[j])
-            image = image + sign * image.T
-            vector = basis[start : start + size] @ image.ravel()
-        norm = np.linalg.norm(vector)
-        vectors.append(vector / norm if norm > 1e-9 else vector)
-        start += size
-    lowest = np.concatenate(vectors).astype(np.float32)
-    lowest.setflags(write=False)
-    return lowest
-
-
-@cache
-def used_parts(block: int) -> tuple[int, ...]:
-    """Which of the norms (lowest, rest of each part) are not 0 for every block."""
-    start, used = 0, []
-    for part, size in enumerate(part_sizes(block)):
-        low = bool(lowest(block)[start : start + size].any())
-        # the mean is no variation: a part s1 holds one dimension less than coordinates
-        room = size - (part == 0)
-        used += [2 * part] * low + [2 * part + 1] * (room > low)
-        start += size
-    return tuple(used)
-
-
-@cache
-def _ones(block: int) -> np.ndarray:
-    """D4 coordinates of the block of ones, float32."""
-    ones = d4_basis(block).sum(axis=1).astype(np.float32)
-    ones.setflags(write=False)
-    return ones
-
-
-@cache
-def _slots(block: int) -> np.ndarray:
-    """Place of each norm (lowest, rest of each part) among those used, −1 of the others."""
-    slots = np.full(2 * len(part_sizes(block)), -1)
-    slots[list(used_parts(block))] = np.arange(len(used_parts(block)))
-    slots.setflags(write=False)
-    return slots
-
-
-def z_order(values: np.ndarray) -> np.ndarray:
-    """Order of the columns of ``(F, n)`` along a Z-order curve through the rows that vary most."""
-    count = values.shape[1]
-    order = np.empty(count, np.int64)
-    if not count:
-        return order
-    spread = values[:, :: max(1, count >> 10)].std(axis=1)
-    most = values[np.argsort(-spread, kind="stable")[:_KEYS]]
-    low = most.min(axis=1)
-    span = np.maximum(most.max(axis=1) - low, np.float32(1e-6))
-    scale = np.float32((1 << _BITS) - 0.01) / span
-    counted(most, low, scale, _BITS, np.zeros((1 << len(most) * _BITS) + 1, np.int32), order)
-    return order
+def _parts(block: int) -> tuple[np.ndarray, np.ndarray]:
+    """For s1, s2, s3, s4, u and w the `lowest` vectors as columns ``(B², 6)``; and, as columns
+    ``(B², 5)``, which coordinates belong to s1, s2, s3, s4 and to (u, w)."""
+    sizes = part_sizes(block)
+    sizes += sizes[-1:]
+    part = np.repeat(np.arange(6), sizes)
+    vectors = np.concatenate([lowest(block), lowest(block)[-sizes[-1] :]])
+    own = part[:, None] == np.arange(6)
+    members = own[:, :5].astype(float)
+    members[:, 4] += own[:, 5]
+    return own * vectors[:, None].astype(float), members

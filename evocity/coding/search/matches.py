@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.search.domains import DomainPool, d4_matrix
-from evocity.coding.search.scoring import rank, resolve, settle
+from evocity.coding.search.d4 import d4_matrix
+from evocity.coding.search.domains import DomainPool
+from evocity.coding.search.likeness import RangeCodes
+from evocity.coding.search.scoring import rank, settle
+from evocity.coding.search.shapes import Shapes
 from evocity.coding.topology import Candidates
 
 #: Gains closer than this share of the range block's energy are a tie, won by the lowest
@@ -41,7 +44,7 @@ class Matches:
 class Search:
     """What is known of n range blocks ``(n, B²)`` while pool after pool goes by.
 
-    codes : float32 ``(n, B²)``, D4 coordinates of the blocks made zero-mean.
+    ranges : D4 coordinates of the blocks made zero-mean, and their norms.
     energy : float64 ``(n,)``, ‖r̃‖², m².
     best : float32 ``(n,)``, the largest gain so far.
     unsure : float32 ``(n,)``, how far that may be off.
@@ -52,7 +55,8 @@ class Search:
         self.block, self.cap = int(np.sqrt(pixels)), float(np.float32(sigma_max))
         self.centred = flat - flat.mean(axis=1, keepdims=True)
         self.energy = np.einsum("nk,nk->n", self.centred, self.centred)
-        self.codes = self.centred.astype(np.float32) @ d4_matrix(self.block).T
+        codes = self.centred.astype(np.float32) @ d4_matrix(self.block).T
+        self.ranges = RangeCodes.of(codes)
         self.unsure = (UNSURE * max(1, self.block / _SIDE) * self.energy).astype(np.float32)
         self.best = np.zeros(count, np.float32)
         self.records = np.zeros((count, _ROOM))
@@ -101,45 +105,54 @@ class Search:
             beta=means[block] - slope * levels[place],
         )
 
-    def matches(self, every: np.ndarray, of: np.ndarray) -> Matches:
-        """The result for all blocks ``(n, B²)``; block i has the shape of the of[i]-th searched."""
+    def matches(self, blocks: np.ndarray, shapes: Shapes) -> Matches:
+        """The result for all blocks ``(n, B, B)``, whose ``shapes`` were searched."""
         kept = np.arange(_ROOM) < self.count[:, None]
         most = self.records.max(axis=1, initial=0, where=kept)
         least = most - TIE * self.energy
         wins = kept & (self.records >= np.maximum(least, TIE * self.energy)[:, None])
         first = self.places.min(axis=1, initial=np.iinfo(np.int64).max, where=wins)
-        place = np.where(wins.any(axis=1), first, 0)[of]
+        found = wins.any(axis=1)
+        place = np.where(found, first, 0)
         multiple, y, x = place >> 42, place >> 21 & 0x1FFFFF, place & 0x1FFFFF
-        means = every.mean(axis=1)
-        centred = every - means[:, None]
-        iso = np.zeros(len(every), np.uint8)
-        slope, level = np.zeros(len(every)), np.zeros(len(every))
+        gains, slopes, level = (
+            np.zeros((len(place), 8)),
+            np.zeros((len(place), 8)),
+            np.zeros(len(place)),
+        )
         for step, shrunk in self.shrunk.items():
             (hit,) = np.nonzero(multiple == step)
-            found = np.zeros(hit.size, np.uint8), np.zeros(hit.size), np.zeros(hit.size)
-            resolve(
-                shrunk, step, y[hit], x[hit], self.block, centred[hit],
-                isometries.sources(self.block), self.cap, least[of[hit]], *found,
+            ranked = np.empty((hit.size, 8)), np.empty((hit.size, 8)), np.empty(hit.size)
+            rank(
+                np.arange(hit.size), y[hit], x[hit], shrunk, step, self.block, self.centred[hit],
+                isometries.sources(self.block), self.cap, *ranked,
             )  # fmt: skip
-            iso[hit], slope[hit], level[hit] = found
+            gains[hit], slopes[hit], level[hit] = ranked
+        enough = gains >= np.minimum(least, gains.max(axis=1))[:, None]
+        of = shapes.of
+        # of the isometries that match the shape as well, the lowest once it is turned to the block
+        iso = isometries.LOWEST[shapes.iso, np.packbits(enough, axis=1, bitorder="little")[of, 0]]
+        own = isometries.COMPOSITION[isometries.INVERSE[shapes.iso], iso]
+        slope = np.where(found[of], shapes.sign * slopes[of, own], 0.0)
+        flat = blocks.reshape(len(blocks), self.block**2)
         return Matches(
-            multiple=multiple,
-            y=y,
-            x=x,
+            multiple=multiple[of],
+            y=y[of],
+            x=x[of],
             iso=iso,
             sigma=slope,
-            beta=means - slope * level,
-            gain=np.where(wins.any(axis=1), most, 0)[of],
-            energy=np.einsum("nk,nk->n", centred, centred),
+            beta=flat.mean(axis=1, dtype=np.float64) - slope * level[of],
+            gain=np.where(found, most, 0)[of],
+            energy=self.energy[of],
         )
 
 
-def listed(kernel, *arguments) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a kernel of the kind of list_tiles lists: which range, y and x ``(n,)``."""
+def listed(kernel, columns: int, *arguments) -> np.ndarray:
+    """What a kernel of the kind of list_tiles lists: int64 ``(columns, n)``."""
     room = 4096
     while True:
-        found = np.empty((3, room), np.int64)
+        found = np.empty((columns, room), np.int64)
         count = kernel(*arguments, *found)
         if count <= room:
-            return tuple(found[:, :count])
+            return found[:, :count]
         room = count

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.search._kernels import GROUP, window_kernels
-from evocity.coding.search.domains import UNCAPPED, DomainPool, d4_matrix, domain_pools
+from evocity.coding.search.d4 import d4_matrix
+from evocity.coding.search.domains import UNCAPPED, DomainPool, domain_pools
 from evocity.coding.search.matches import Search, listed
 
 #: Range blocks whose surroundings are searched at a time.
@@ -31,12 +32,12 @@ def best_nearby(
     lanes = np.zeros((strips, len(window), width + -width % GROUP), np.float32)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.codes[part], window, cap, first_row, band,
+        pool.planes, pool.norms, search.ranges.codes[part], window, cap, first_row, band,
         lanes, search.best[part],
     )  # fmt: skip
     which, y, x = listed(
-        list_nearby, pool.planes, pool.norms, search.codes[part], window, cap, lanes, first_row,
-        band, search.near(part, tolerance),
+        list_nearby, 3, pool.planes, pool.norms, search.ranges.codes[part], window, cap, lanes,
+        first_row, band, search.near(part, tolerance),
     )  # fmt: skip
     return which, y + pool.top, x
 

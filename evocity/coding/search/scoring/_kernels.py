@@ -134,21 +134,3 @@ def rank(which, y, x, shrunk, step, block, blocks, sources, cap, gains, slopes, 
         levels[n] = exact_gains(
             shrunk, step, y[n], x[n], block, images, cap, domain, gains[n], slopes[n]
         )
-
-
-@kernel
-def resolve(shrunk, step, y, x, block, blocks, sources, cap, least, iso, slope, level):
-    """For each block and the domain at (y, x): the lowest isometry that explains at least
-    least[i], its σ, and the domain's mean."""
-    pixels = block * block
-    domain = np.empty(pixels)
-    gains, slopes = np.empty(8), np.empty(8)
-    images = np.empty((pixels, 8))
-    for i in range(blocks.shape[0]):
-        turned(blocks[i], sources, images)
-        level[i] = exact_gains(shrunk, step, y[i], x[i], block, images, cap, domain, gains, slopes)
-        enough = min(least[i], gains.max())
-        for k in range(8):
-            if gains[k] >= enough:
-                iso[i], slope[i] = k, slopes[k]
-                break

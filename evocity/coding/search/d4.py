@@ -1,0 +1,129 @@
+"""The coordinates the search works in.
+
+Under the 8 isometries of the square (the dihedral group D4) a block falls into parts that are
+even or odd under the two axis flips: pp, pm, mp, mm (rows first). With s1, s2 the symmetric
+and antisymmetric part of pp under transposition, s3, s4 those of mm, u = pm and w = mpᵀ, the
+inner products of a range block with all 8 images of a domain block are sums of
+s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u′.
+
+The isometries mix coordinates only within s1, s2, s3, s4 and (u, w). Each of these parts is split
+once more, into its lowest frequency and the rest; the norms of these are the same under every
+isometry.
+"""
+
+from functools import cache
+
+import numpy as np
+
+
+@cache
+def d4_basis(block: int) -> np.ndarray:
+    """Orthonormal basis ``(B², B²)`` of blocks of ``block`` px: a row a D4 coordinate, in the
+    order s1, s2, s3, s4, u, w."""
+    half = np.sqrt(0.5)
+    even, odd = [], []
+    for i in range((block + 1) // 2):
+        vector = np.zeros(block)
+        vector[i] = vector[block - 1 - i] = 1 if 2 * i == block - 1 else half
+        even.append(vector)
+    for i in range(block // 2):
+        vector = np.zeros(block)
+        vector[i], vector[block - 1 - i] = half, -half
+        odd.append(vector)
+
+    def parts(basis, sign):
+        """Symmetric (sign +1) or antisymmetric (−1) products of ``basis`` with itself."""
+        for a in range(len(basis)):
+            if sign > 0:
+                yield np.outer(basis[a], basis[a])
+            for b in range(a + 1, len(basis)):
+                mixed = np.outer(basis[a], basis[b])
+                yield (mixed + sign * mixed.T) * half
+
+    rows = [*parts(even, 1), *parts(even, -1), *parts(odd, 1), *parts(odd, -1)]
+    rows += [np.outer(a, b) for a in even for b in odd]
+    rows += [np.outer(b, a) for a in even for b in odd]
+    basis = np.array(rows).reshape(block * block, block * block)
+    basis.setflags(write=False)
+    return basis
+
+
+@cache
+def d4_matrix(block: int) -> np.ndarray:
+    """`d4_basis` with the mean removed, float32: what turns a flat block into the coordinates
+    that the search compares. Inner products are kept, but for the mean."""
+    basis = d4_basis(block)
+    matrix = (basis - basis.mean(axis=1, keepdims=True)).astype(np.float32)
+    matrix.setflags(write=False)
+    return matrix
+
+
+@cache
+def d4_slots(block: int) -> np.ndarray:
+    """Where among its D4 coordinates a block has the product of its a-th and b-th function down
+    and across, first the even functions and then the odd, before (a, b) and (b, a) are mixed:
+    ``(B, B)``."""
+    even, k = (block + 1) // 2, 0
+    slots = np.empty((block, block), np.int64)
+    for functions in (range(even), range(even, block)):
+        upper = [(a, b) for a in functions for b in functions if a <= b]
+        for pairs in (upper, [(b, a) for a, b in upper if a < b]):
+            for pair in pairs:
+                slots[pair] = k
+                k += 1
+    size = even * (block - even)
+    slots[:even, even:].flat = np.arange(k, k + size)
+    slots[even:, :even].T.flat = np.arange(k + size, k + 2 * size)
+    slots.setflags(write=False)
+    return slots
+
+
+@cache
+def d4_ones(block: int) -> np.ndarray:
+    """D4 coordinates ``(B²,)`` of the block of ones: all but those of s1 are 0."""
+    ones = d4_basis(block).sum(axis=1)
+    ones[part_sizes(block)[0] :] = 0  # but for rounding
+    ones.setflags(write=False)
+    return ones
+
+
+def part_sizes(block: int) -> tuple[int, ...]:
+    """Number of D4 coordinates in s1, s2, s3, s4 and u; w has as many as u."""
+    even, odd = (block + 1) // 2, block // 2
+    both = (1, -1)
+    symmetric = [half * (half + sign) // 2 for half in (even, odd) for sign in both]
+    return (*symmetric, even * odd)
+
+
+@cache
+def lowest(block: int) -> np.ndarray:
+    """For each part the unit vector, in its own coordinates, of the block's lowest frequency
+    (cosine transform) in that part: float32, the parts one after another; u and w share one."""
+    wave = np.cos(np.pi * (np.arange(block) + 0.5)[None] * np.arange(block)[:, None] / block)
+    first = {"s1": (0, 2, 1), "s2": (0, 2, -1), "s3": (1, 1, 1), "s4": (1, 3, -1), "u": (0, 1, 0)}
+    basis, vectors, start = d4_basis(block), [], 0
+    for size, (i, j, sign) in zip(part_sizes(block), first.values(), strict=True):
+        vector = np.zeros(size)
+        if max(i, j) < block:
+            image = np.outer(wave[i], wave[j])
+            image = image + sign * image.T
+            vector = basis[start : start + size] @ image.ravel()
+        norm = np.linalg.norm(vector)
+        vectors.append(vector / norm if norm > 1e-9 else vector)
+        start += size
+    lowest = np.concatenate(vectors).astype(np.float32)
+    lowest.setflags(write=False)
+    return lowest
+
+
+@cache
+def used_parts(block: int) -> tuple[int, ...]:
+    """Which of the norms (lowest, rest of each part) are not 0 for every block."""
+    start, used = 0, []
+    for part, size in enumerate(part_sizes(block)):
+        low = bool(lowest(block)[start : start + size].any())
+        # the mean is no variation: a part s1 holds one dimension less than coordinates
+        room = size - (part == 0)
+        used += [2 * part] * low + [2 * part + 1] * (room > low)
+        start += size
+    return tuple(used)
