@@ -32,9 +32,10 @@ def status(run: str, as_json: bool) -> None:
     --json.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to its best value), evaluations_per_second, finished, running
-    (a process is at it now), seconds_left (an estimate while it is running, else null), front
-    (numbers of all individuals of the last generation's front).
+    hypervolume, best (measure to its best value; constraints are left out),
+    evaluations_per_second, finished, running (a process is at it now), seconds_left (an estimate
+    while it is running, else null), front (numbers of all individuals of the last generation's
+    front).
     """
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
@@ -59,9 +60,9 @@ def status(run: str, as_json: bool) -> None:
         ("failures", _shown(state["failures"])),
         *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
-        *((f"best {a.name}", _best(a, best[a.name])) for a in facts.aims if a.name in best),
+        *((f"best {a.name}", _best(a, best[a.name])) for a in facts.sought if a.name in best),
+        *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),
-        *([("constraints", _broken(facts))] if whole and facts.broken else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
@@ -106,8 +107,15 @@ def _finished(run: str, state: dict, running: bool, left: float | None, members:
     return f"no; go on with: evocity resume {run}"
 
 
-def _broken(facts) -> str:
-    return f"{len(facts.broken)} of the {len(facts.members)} living break one"
+def _bounded(facts) -> list:
+    return [aim for aim in facts.aims if aim.bounds]
+
+
+def _kept(facts) -> str:
+    living = len(facts.members)
+    kept = living - len(facts.broken)
+    bounds = "; ".join(f"{aim.name} {aim.bounds}" for aim in _bounded(facts))
+    return f"kept by {'all' if kept == living else f'{kept} of'} {living} living: {bounds}"
 
 
 def _best(aim, value: float) -> str:

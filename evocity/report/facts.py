@@ -56,13 +56,16 @@ class Aim:
         parts = [words.get(self.goal, "as its file declares")]
         if self.target is not None:
             parts = [f"{self.target:.4g} {self.unit}".rstrip() + " is wanted"]
-        if self.low is not None:
-            parts.append(f"at least {self.low:.4g} {self.unit}".rstrip())
-        if self.high is not None:
-            parts.append(f"at most {self.high:.4g} {self.unit}".rstrip())
+        parts.append(self.bounds)
         if self.total is not None:
             parts.append(f"part of {self.total}")
         return ", ".join(part for part in parts if part)
+
+    @property
+    def bounds(self) -> str:
+        """The bounds in words; nothing if there are none."""
+        told = ("at least", self.low), ("at most", self.high)
+        return ", ".join(f"{w} {b:.4g} {self.unit}".rstrip() for w, b in told if b is not None)
 
     @property
     def sign(self) -> str:
@@ -137,6 +140,11 @@ class Facts:
             dicts = [one for one in entries if isinstance(one, dict)]
             stated |= {str(one.get("name")): one for one in dicts}
         return [self._aim(name, stated.get(name, {})) for name in self.run.header.measures]
+
+    @property
+    def sought(self) -> list[Aim]:
+        """Those of the aims that are more than a constraint."""
+        return [aim for aim in self.aims if aim.goal != "bounds"]
 
     def _aim(self, name: str, stated: dict) -> Aim:
         known = {measure.name: measure for measure in fitness.measures()}.get(name)
@@ -281,7 +289,7 @@ class Facts:
         return self._shown([{"id": one, "rank": 0} for one in self.gone[:MOST_SHOWN]])
 
     def best(self, count: int) -> list[Shown]:
-        """Of the last generation the best by each measure in turn, ``count`` in all."""
+        """Of the last generation the best by each measure sought in turn, ``count`` in all."""
         rows = {row["id"]: row for row in self.members}
         where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
         self.run.individuals([one for one in rows if one not in where])  # says who is missing
@@ -295,6 +303,7 @@ class Facts:
                 ),
             )
             for column, aim in enumerate(self.aims)
+            if aim in self.sought
         ]
         chosen: dict[int, dict] = {}
         for place in range(len(rows)):

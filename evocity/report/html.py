@@ -231,7 +231,7 @@ def _curves(facts: Facts) -> str:
     if len(history) < 2:
         return "<p>There is the first population alone, and so no curve.</p>"
     plots = [curve([about.get("hypervolume") for about in history], Axis("hypervolume"))]
-    for aim in facts.aims:
+    for aim in facts.sought:
         best = [about.get("best", {}).get(aim.name) for about in history]
         axis = Axis(f"best {aim.name}" + (f", {aim.unit}" if aim.unit else ""), "", aim.target)
         plots.append(curve(best, axis))
@@ -303,11 +303,11 @@ def _generations(facts: Facts) -> str:
             about.get("failures", "–"),
             number(about.get("hypervolume")),
             number(about.get("evaluations_per_second")),
-            *(number(about.get("best", {}).get(aim.name), aim.unit) for aim in facts.aims),
+            *(number(about.get("best", {}).get(aim.name), aim.unit) for aim in facts.sought),
         )
         for about in chosen
     ]
-    return _table((*headings, *(f"best {aim.name}" for aim in facts.aims)), rows)
+    return _table((*headings, *(f"best {aim.name}" for aim in facts.sought)), rows)
 
 
 def _settings(facts: Facts) -> str:

@@ -26,9 +26,9 @@ class Generation:
     """State of a search after a generation.
 
     ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
-    living keep all constraints; ``best`` maps each measure to the raw value of the best living
-    individual, ``hypervolume`` is in units of the first
-    population's ranges. ``seconds_left`` is an estimate.
+    living keep all constraints; ``best`` maps each measure that is more than a constraint to the
+    raw value of the best living individual, ``hypervolume`` is in units of the first population's
+    ranges. ``seconds_left`` is an estimate.
     """
 
     number: int
@@ -59,6 +59,7 @@ class Search:
         deadlines. Births do not depend on it.
     progress : told in a few words what is prepared before the first generation.
 
+    ``notes`` are what a user should know before it goes on, in words: none but on `resume`.
     Raises `RunError` if ``out`` exists. A script that uses workers must start the search under
     ``if __name__ == "__main__":``, as with every use of processes in Python.
     """
@@ -79,6 +80,7 @@ class Search:
         if out is not None:
             refuse_existing(out)
         self.recipe, self.out = recipe, out
+        self.notes: list[str] = []
         self._worker_count = recipe.worker_count if workers is None else workers
         self._progress = progress
         self._prepared: Prepared | None = None
@@ -118,6 +120,7 @@ class Search:
         search._population.restore(taken.living)
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
         search._first = taken.next
+        search.notes = [taken.edited] if taken.edited else []
         try:
             search._start_pool()
             search._event("resume", generation=taken.next, changes=taken.changes)

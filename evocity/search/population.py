@@ -51,8 +51,8 @@ class Population:
 
     @property
     def best(self) -> dict[str, float]:
-        """Raw value of the best individual, for each measure; of those that break the constraints
-        least."""
+        """Raw value of the best individual, for each measure that is more than a constraint; of
+        those that break the constraints least."""
         if not self.living:
             return {}
         least = min(one.violation for one in self.living)
@@ -60,6 +60,7 @@ class Population:
         return {
             name: min((values[name] for values in among), key=wanted.loss)
             for wanted in self._aims.wanted
+            if wanted.objective is not None
             for name in [wanted.measure.name]
         }
 

@@ -67,6 +67,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
             reach=code.reach_pixels,
             sigma_max=code.sigma_max,
             condensation=condensation,
+            fit=code.fit,
         )
         genomes.append(found.genome)
     header = _header(recipe, cities, condensation, attribution)
@@ -116,14 +117,19 @@ def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objecti
         return fitness.Objective(measure, entry.goal, entry.target)
     if measure.name in targets:
         return fitness.Objective(measure, "like", targets[measure.name])
-    return fitness.Objective.like(measure, read_parent(recipe, entry.like))
+    city = read_parent(recipe, _map_of(recipe, entry.like), recipe.parent_named(entry.like))
+    return fitness.Objective.like(measure, city)
 
 
 def provenance_of(prepared: Prepared) -> dict:
     """What `provenance.json` records, besides the header."""
     recipe = prepared.recipe
     wanted = prepared.aims.wanted
-    likes = [entry.like for entry in recipe.fitness for _ in entry.measures]
+    likes = [
+        None if entry.like is None else _map_of(recipe, entry.like)
+        for entry in recipe.fitness
+        for _ in entry.measures
+    ]
     locked = {}
     if recipe.locked.asked:
         files = {name: file_hash(recipe.folder, name) for name in recipe.locked.files}
@@ -132,6 +138,7 @@ def provenance_of(prepared: Prepared) -> dict:
         "seed": recipe.run.seed,
         "recipe": {
             "folder": str(recipe.folder),
+            "file": recipe.file,
             "hash": store.hash_of_text(recipe.text),
             "overrides": recipe.overrides,
         },
@@ -168,6 +175,12 @@ def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
     if wanted.total is not None:
         about |= {"objective": wanted.total, "weight": wanted.weight}
     return about
+
+
+def _map_of(recipe: Recipe, like: str) -> str:
+    """The map of the city to be like: a parent's, where that is named."""
+    parent = recipe.parent_named(like)
+    return parent.map if parent else like
 
 
 def file_hash(folder: Path, name: str) -> str | None:

@@ -56,7 +56,9 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> 
         for key, value in overrides.items()
         if value is not None
     }
-    return recipe_of(text, path.parent.resolve(), changes, name=str(path))
+    recipe = recipe_of(text, path.parent.resolve(), changes, name=str(path))
+    recipe._file = path.name
+    return recipe
 
 
 def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) -> Recipe:
@@ -87,7 +89,8 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     faults = []
     recipe = None
     try:
-        recipe = Recipe.model_validate(raw, context={"folder": folder})
+        context = {"folder": folder, "parents": _parents_named(raw)}
+        recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
         faults = [_fault(one, raw) for one in error.errors(include_url=False)]
     faults += across_sections(raw)
@@ -112,6 +115,14 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
         )
     recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
     return recipe
+
+
+def _parents_named(raw: Mapping) -> list[str]:
+    """The ``name`` of each parent that has one, as far as ``raw`` is well-formed."""
+    parents = raw.get("parents")
+    tables = [one for one in parents if isinstance(one, dict)] if isinstance(parents, list) else []
+    names = [one.get("name") for one in tables]
+    return [name for name in names if isinstance(name, str)]
 
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:

@@ -51,6 +51,20 @@ def _some_path(name: str, info: ValidationInfo) -> str:
     return name
 
 
+def _some_city(name: str, info: ValidationInfo) -> str:
+    """A map, or the ``name`` of one of the recipe's parents."""
+    if name in info.context["parents"]:
+        return name
+    try:
+        return _existing_map(_some_path(name, info), info)
+    except PydanticCustomError as error:
+        if not info.context["parents"]:
+            raise
+        found, allowed = error.context["found"], error.context["allowed"]
+        named = ", ".join(info.context["parents"])
+        raise fault(found, f"{allowed}, or a parent's name: {named}") from None
+
+
 def _existing_map(name: str, info: ValidationInfo) -> str:
     if not Path(resolved(info.context["folder"], name)).is_file() and name not in io.cities():
         raise fault(
@@ -135,7 +149,8 @@ class Parent(Section):
 
 
 class GenomeSection(Section):
-    """``[genome]``: how the sources are encoded. ``domains`` named twice count once."""
+    """``[genome]``: how the sources are encoded. ``domains`` named twice count once; ``fit``: σ and
+    β are then refined until the decoded map is closest."""
 
     block: int = Field(4, ge=2, le=64)
     domains: Annotated[
@@ -145,6 +160,7 @@ class GenomeSection(Section):
     ] = [2]
     reach: Annotated[int, Field(ge=0, le=MAX_SIDE)] | Literal["all"] = 24
     sigma_max: Annotated[float, Field(gt=0, lt=1)] = 0.9
+    fit: bool = False
 
     @property
     def reach_pixels(self) -> int | None:
@@ -218,7 +234,7 @@ class FitnessEntry(Section):
     file: FileName | None = None
     goal: Literal["max", "min"] | None = None
     target: Finite | None = None
-    like: MapName | None = None
+    like: Annotated[str, AfterValidator(_some_city)] | None = None
     min: Finite | None = None
     max: Finite | None = None
     weight: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
@@ -335,7 +351,8 @@ class Recipe(Section):
     """A whole recipe, without faults. Made by `evocity.search.read_recipe`.
 
     Besides the sections: ``text``, the TOML as given; ``overrides``, what replaced it, as
-    {"run.seed": 8}; ``folder``, what its paths are relative to.
+    {"run.seed": 8}; ``folder``, what its paths are relative to; ``file``, its name there, None
+    if it was not read from a file.
     """
 
     run: RunSection = RunSection()
@@ -363,6 +380,7 @@ class Recipe(Section):
     _text: str = PrivateAttr("")
     _overrides: dict = PrivateAttr(default_factory=dict)
     _folder: Path = PrivateAttr(Path())
+    _file: str | None = PrivateAttr(None)
 
     @property
     def text(self) -> str:
@@ -375,6 +393,10 @@ class Recipe(Section):
     @property
     def folder(self) -> Path:
         return self._folder
+
+    @property
+    def file(self) -> str | None:
+        return self._file
 
     @property
     def default_out(self) -> Path:
@@ -392,6 +414,10 @@ class Recipe(Section):
         if self.evaluation.workers is not None:
             return self.evaluation.workers
         return available_cores()
+
+    def parent_named(self, name: str) -> Parent | None:
+        """The parent whose ``name`` the recipe gives; None if there is none."""
+        return next((parent for parent in self.parents if parent.name == name), None)
 
     def operator(self, name: str, **changes):
         """The operator ``name`` with the recipe's parameters, other than ``changes``.

@@ -23,7 +23,8 @@ _NOTED_VERSIONS = ("evocity", "numpy", "numba")
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far.
 
-    ``changes``: in words, what differs from the start.
+    ``changes``: in words, what differs from the start; ``edited``: what was changed in the
+    recipe's own file, which the run does not follow, or "".
     """
 
     prepared: Prepared
@@ -34,6 +35,7 @@ class TakenUp:
     births: int
     failures: int
     changes: list[str]
+    edited: str
 
 
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
@@ -64,10 +66,12 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             "bring the file back from a copy",
         ) from None
     prepared = Prepared(recipe, sources, aims, run.header, run.condensation)
+    edited = _edited(run)
     writer = RunWriter.reopen(path)
     try:
         fresh = provenance_of(prepared)
-        kept = {**run.provenance, "recipe": fresh["recipe"]}
+        given = {"file": run.provenance["recipe"].get("file")}
+        kept = {**run.provenance, "recipe": fresh["recipe"] | given}
         if changes:
             kept |= {key: fresh[key] for key in ("maps", "fitness", "locked") if key in fresh}
         writer.update_provenance(kept)
@@ -83,7 +87,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     except BaseException:
         writer.close()
         raise
-    return TakenUp(prepared, writer, first, living, len(whole), births, failures, changes + notes)
+    return TakenUp(
+        prepared, writer, first, living, len(whole), births, failures, changes + notes, edited
+    )
 
 
 def nobody_lives(path: Path, generation: int) -> RunError:
@@ -205,6 +211,29 @@ def _notes(run: Run, recipe: Recipe) -> list[str]:
     pairs = [("run.generations", before, recipe.run.generations)]
     pairs += [(name, noted.get(name), now[name]) for name in _NOTED_VERSIONS]
     return [f"{key} was {old} and is now {new}" for key, old, new in pairs if old != new]
+
+
+def _edited(run: Run) -> str:
+    """In words, what was changed in the recipe's own file since, which the run does not follow; ""
+    if nothing was, or the file is not there."""
+    name = run.provenance["recipe"].get("file")
+    if not isinstance(name, str):
+        return ""
+    path = _folder(run) / name
+    try:
+        now, before = (
+            tomllib.loads(path.read_text(encoding="utf-8")),
+            tomllib.loads(run.recipe_text),
+        )
+    except (OSError, ValueError, RecursionError):
+        return ""
+    keys = [key for key in before | now if before.get(key) != now.get(key)]
+    if not keys:
+        return ""
+    return (
+        f"{path} was changed since the run began ({', '.join(keys)}); the run goes on by its own "
+        f"copy, {run.path / 'recipe.toml'}. For what is new start a new run with --out"
+    )
 
 
 def _sources(run: Run, recipe: Recipe) -> list[Source]:

@@ -55,10 +55,14 @@ class Run:
         self.path = Path(path)
         self._folder = Folder(self.path)
         if not os.path.lexists(self._folder.provenance):
+            inside = self.path.glob("*/provenance.json") if os.path.isdir(self.path) else ()
+            within = sorted(str(path.parent) for path in inside)
             raise RunError(
-                f"no run at {self.path}",
+                f"no run at {self.path}" + (f", but {len(within)} within it" if within else ""),
                 "a folder written by `evocity run`, with provenance.json in it",
-                "check the name, or start a run: evocity run RECIPE --out FOLDER",
+                f"name one of them, for example {within[-1]}"
+                if within
+                else "check the name, or start a run: evocity run RECIPE --out FOLDER",
             )
         with self._readable(self._folder.provenance):
             self.provenance: dict = read_json(self._folder.provenance)
@@ -135,6 +139,34 @@ class Run:
                 "choose one whose `genome` is not empty",
             )
         return genome
+
+    def ancestors(self, identifier: int, columns: Sequence[str] | None = None) -> pa.Table:
+        """The pedigree of one individual: the births it descends from, the oldest first and its
+        own last, as an Arrow table. `RunError` if it was never born.
+
+        ``columns``: those of the births; generation, id, parents, operator, status and the
+        measures if not given.
+        """
+        measures = [f"fitness.{name}" for name in self.header.measures]
+        own = ["generation", "id", "parents", "operator", "status", *measures]
+        log = self.births(columns=["id", "parents"])
+        with self._readable(self.path):
+            parents = dict(zip(*(log.column(k).to_pylist() for k in range(2)), strict=True))
+        if identifier not in parents:
+            raise RunError(
+                f"{self.path}: no individual {identifier}",
+                f"an id of a birth in generations 0…{len(self.generations) - 1}",
+                "see the births' `id` column",
+            )
+        found, further = set(), [identifier]
+        while further:
+            one = further.pop()
+            if one in parents and one not in found:
+                found.add(one)
+                further += parents[one] or ()
+        births = self.births(columns=list(dict.fromkeys(["id", *(columns or own)])))
+        kept = births.filter(pc.is_in(births.column("id"), value_set=pa.array(found, pa.int64())))
+        return kept.sort_by("id").select(columns or own)
 
     def sources(self) -> list[Source]:
         """The source cities, maps and genomes."""

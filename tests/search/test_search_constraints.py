@@ -83,7 +83,7 @@ def test_those_that_break_a_constraint_lose_to_those_that_do_not(bounded, tmp_pa
     broken = [one.violation > 0 for one in last.population]
     assert broken == sorted(broken)  # those that keep it come first
     assert sum(row["feasible"] for row in told.values()) < len(last.population) or not any(broken)
-    assert last.best["roof"] <= limit
+    assert list(last.best) == ["spread"]  # a constraint is kept or not, and nobody's best
     assert len(last.population[0].losses) == 1
 
 
@@ -134,10 +134,14 @@ def test_it_is_told_where_nobody_keeps_the_constraints(bounded, tmp_path):
     assert told.exit_code == 0, told.output
     assert "0 of 8 keep the constraints" in told.output
     status = CliRunner().invoke(main, ["status", str(tmp_path / "run")]).output
-    assert "8 of the 8 living break one" in status
+    assert "kept by 0 of 8 living: roof at most 0.001 m" in status
+    assert "best spread" in status
+    assert "best roof" not in status
     report = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "<dt>break a constraint</dt><dd>8 of 8</dd>" in report
     assert report.count("breaks a constraint") == 8
+    assert "best spread" in report
+    assert "best roof" not in report
 
 
 def test_a_file_of_measures_is_executed_once_a_worker(bounded, tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_search_run import run
 
-from evocity import store
+from evocity import encode, fitness, read_map, store
 from evocity.errors import RecipeError, RunError
 from evocity.report import contact_sheet, write_report
 from evocity.search import Search, read_recipe
@@ -52,6 +52,51 @@ def test_the_city_to_be_like_is_watched(toy, tmp_path):
     np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy"))
     with pytest.raises(RunError, match=r"the map model\.npy, which cities shall be like"):
         Search.resume(out)
+
+
+def test_a_parent_to_be_like_goes_by_its_name(toy, tmp_path):
+    recipe = toy()
+    text = recipe.read_text().replace('map = "left.npy"', 'map = "left.npy"\nname = "west"')
+    recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "west"\n')
+    out = tmp_path / "run"
+    run(recipe, out, workers=0, generations=0)
+    noted = open_run(out).provenance["fitness"][-1]
+    west = read_map(tmp_path / "left.npy", metres_per_pixel=2.0)
+    assert noted["target"] == fitness.get("gsi")(west)
+    Search.resume(out, workers=0, generations=1).close()  # nothing has changed
+    recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "wst"\n')
+    with pytest.raises(RecipeError, match=r"'wst' is no file(.|\n)*parent's name: west"):
+        read_recipe(recipe)
+
+
+def test_parents_are_fitted_if_the_recipe_says_so(toy, tmp_path):
+    run(toy(recipe="[genome]\nfit = true\n"), tmp_path / "run", workers=0, generations=0)
+    for source in open_run(tmp_path / "run").sources():
+        fitted = encode(source.city, reach=24, fit=True).genome
+        assert np.array_equal(source.genome.beta, fitted.beta)
+        assert not np.array_equal(source.genome.beta, encode(source.city, reach=24).genome.beta)
+
+
+def test_a_recipe_edited_since_is_told_and_not_followed(toy, tmp_path):
+    recipe = toy()
+    out = tmp_path / "run"
+    run(recipe, out, workers=0, generations=0)
+    recipe.write_text(recipe.read_text().replace("mutation = 2", "mutation = 9"))
+    for _ in range(2):  # the second time as the first
+        with Search.resume(out, workers=0) as search:
+            (told,) = search.notes
+            assert f"{recipe} was changed since the run began (operators)" in told
+            assert search.recipe.operators["mutation"].weight == 2
+    from click.testing import CliRunner
+
+    from evocity.cli import main
+
+    found = CliRunner().invoke(main, ["resume", str(out), "--workers", "0"])
+    assert found.exit_code == 0
+    assert f"Note: {told}" in found.stderr
+    recipe.unlink()
+    with Search.resume(out, workers=0) as search:
+        assert search.notes == []
 
 
 def test_the_runs_own_copies_of_the_maps_are_checked(toy, tmp_path):

@@ -129,6 +129,31 @@ def test_columns_are_those_the_documents_promise(writer):
     assert len(frame["sigma"][0]) == len(PAVEMENT)
 
 
+def test_a_folder_of_runs_tells_which_it_holds(writer):
+    with pytest.raises(RunError, match=r"but 1 within it(.|\n)*for example .*run$"):
+        open_run(writer.path.parent)
+    with pytest.raises(RunError, match="start a run"):
+        open_run(writer.path / "births")
+
+
+def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
+    """Births i descend from 0 and i // 2; 0 claims to descend from itself."""
+    for number in range(8):
+        writer.write_generation(*generation_of(number, size=6))
+    run = open_run(writer.path)
+    assert run.ancestors(47).column("id").to_pylist() == [0, 1, 2, 5, 11, 23, 47]
+    assert run.ancestors(0).column("id").to_pylist() == [0]
+    row = run.ancestors(47).to_pylist()[-1]
+    assert list(row)[:5] == ["generation", "id", "parents", "operator", "status"]
+    assert (row["generation"], row["parents"], row["fitness.alpha"]) == (7, [0, 23], 47 / 7)
+    chosen = run.ancestors(9, columns=["operator", "seconds"])
+    assert chosen.column_names == ["operator", "seconds"]
+    assert chosen.num_rows == 5
+    for nobody in (48, -1):
+        with pytest.raises(RunError, match=f"no individual {nobody}"):
+            run.ancestors(nobody)
+
+
 def test_a_run_is_read_while_it_is_written(writer):
     run = open_run(writer.path)
     assert run.status()["generation"] is None
