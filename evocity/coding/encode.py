@@ -104,7 +104,7 @@ def encode(
             "read one first: evocity.read_map(path or bundled name)",
         )
     domains = list(dict.fromkeys(domains)) if isinstance(domains, Iterable) else domains
-    _check(city, block, domains, reach, sigma_max, topological)
+    _check(city, block, domains, reach, sigma_max, topological, threads)
     pavement = Pavement(*city.shape, block)
     start = time.perf_counter()
     covered = np.zeros(len(pavement), bool)
@@ -221,7 +221,7 @@ def with_matches(genome: Genome, lifs: np.ndarray, matches: Matches, **changes) 
     return genome.replace(**changes)
 
 
-def _check(city, block, domains, reach, sigma_max, topological) -> None:
+def _check(city, block, domains, reach, sigma_max, topological, threads) -> None:
     def whole(value, least: int) -> bool:
         return isinstance(value, Integral) and not isinstance(value, bool) and value >= least
 
@@ -239,6 +239,8 @@ def _check(city, block, domains, reach, sigma_max, topological) -> None:
         faults.append((f"sigma_max = {sigma_max!r}", told))
     if topological is not None and not (isinstance(topological, Real) and 0 <= topological <= 1):
         faults.append((f"topological = {topological!r}", "a share from 0 to 1"))
+    if threads is not None and not whole(threads, 1):
+        faults.append((f"threads = {threads!r}", "1 or more, or None for all cores"))
     if max(city.shape) > MAX_SIDE or city.heights.size > MAX_PIXELS:
         sides = f"a map of {city.shape[0]} × {city.shape[1]} px"
         faults.append(

@@ -74,6 +74,30 @@ def test_coding_does_not_depend_on_pixel_size_or_scale(town):
         assert other.psnr == pytest.approx(plain.psnr, abs=0.02)
 
 
+@pytest.mark.parametrize("reach", [None, 24])
+@pytest.mark.parametrize("topological", [None, 0.01])
+def test_level_ground_is_coded_with_nothing_to_search(reach, topological):
+    told = []
+    ground = CityMap(np.full((16, 16), 5.0), 2.0)
+    found = encode(
+        ground, reach=reach, topological=topological, progress=lambda *how: told.append(how)
+    )
+    assert found.uniform == 16
+    assert found.collage_rmse == 0
+    assert all(done <= total for done, total in told)
+
+
+def test_the_error_of_a_slope_is_that_of_any_number_of_threads():
+    """Its domain blocks are all as good as each other, but for rounding."""
+    y, x = np.mgrid[:32, :32]
+    for seed in range(10):
+        down, across = np.random.default_rng(seed).random(2)
+        slope = CityMap(down * y + across * x, 2.0)
+        asked = {"block": 8, "domains": (3,), "reach": None, "sigma_max": 0.5}
+        errors = {encode(slope, threads=threads, **asked).collage_rmse for threads in (1, 2, 3)}
+        assert len(errors) == 1
+
+
 def test_a_wider_search_never_collages_worse(town):
     errors = [encode(town, reach=reach).collage_rmse for reach in (0, 4, 12, 24, None)]
     assert errors == sorted(errors, reverse=True)
@@ -141,6 +165,9 @@ def test_a_decoding_cut_short_says_so(encoding):
         ({"block": "4"}, "block = '4'"),
         ({"reach": "all"}, "reach = 'all'"),
         ({"sigma_max": "0.9"}, "sigma_max"),
+        ({"threads": 0}, "threads = 0"),
+        ({"threads": -1}, "threads = -1"),
+        ({"threads": "2"}, "threads = '2'"),
     ],
 )
 def test_parameters_at_fault_are_named(town, parameters, word):

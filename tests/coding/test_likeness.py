@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from evocity import isometries
 from evocity.coding.search._kernels import LANES
-from evocity.coding.search.alike import z_order
-from evocity.coding.search.d4 import d4_matrix, used_parts
+from evocity.coding.search.alike import kind_kernels, z_order
+from evocity.coding.search.d4 import d4_basis, d4_matrix, lowest, part_sizes, used_parts
 from evocity.coding.search.domains import domain_pool, domain_pools
 from evocity.coding.search.likeness import RangeCodes, domain_blocks
 from evocity.coding.search.tiles import cut_tiles
@@ -119,6 +119,66 @@ def test_the_faintest_relief_counts_on_any_level(high):
     assert every.at.size == 17 * 13
     codes = every.planes.swapaxes(1, 2).reshape(-1, 16)[: 17 * 13]
     assert np.array_equal(codes, np.repeat(tiles.planes[0, :, :1].T, 17 * 13, axis=0))
+
+
+@pytest.mark.parametrize("places", [2, 8, 1024])
+@pytest.mark.parametrize("block", [2, 4])
+def test_kinds_are_told_apart_whatever_their_keys(town, block, places):
+    """Under weights of 1 and in little room, kinds have keys in common and forget each other."""
+    heights = np.tile(town.heights[:16, :16], (2, 2))
+    pool = domain_pool(heights, block, 2)
+    (rows, columns), width = pool.shape, pool.shrunk.shape[1]
+    at, table = np.empty(rows * columns + 1, np.int64), np.zeros(places, np.int32)
+    first_of_kinds, _ = kind_kernels(block)
+    where = (pool.shrunk, 2, 0, rows, np.ones(block * block), pool.least)
+    found = set(at[: first_of_kinds(*where, table, at)].tolist())
+    kinds = {}
+    for y, x in np.argwhere(pool.norms):
+        relief = naive.shrunk(heights, y, x, 2, 2, block)
+        kinds.setdefault((relief - relief[0, 0] + 0.0).tobytes(), y * width + x)
+    assert set(kinds.values()) <= found
+    assert places < 1024 or len(found) < np.count_nonzero(pool.norms)
+
+
+@pytest.mark.parametrize("flat", [0.5, 2.0, 6.0])
+def test_domains_flatter_than_asked_are_in_no_tile(town, flat):
+    pool = domain_pool(town.heights + np.float32(100), 4, 2, flat)
+    energy = {
+        y * pool.shrunk.shape[1] + x: naive.shrunk(town.heights, y, x, 2, 2, 4).var() * 16
+        for y, x in np.ndindex(pool.shape)
+    }
+    clear = {at for at, e in energy.items() if abs(e - pool.least) > 1e-5 * pool.least}
+    truth = {at for at in clear if energy[at] > pool.least}
+    assert 0 < len(truth) < len(clear)
+    every = cut_tiles(domain_blocks(pool, doubles=True), 1.0)
+    assert set(every.at.tolist()) & clear == truth
+    assert (every.ceilings.ravel()[: every.at.size] > 0).all()
+    assert set(cut_tiles(domain_blocks(pool), 1.0).at.tolist()) & clear <= truth
+
+
+@pytest.mark.parametrize("block", [4, 8, 32])
+def test_norms_of_parts_are_not_too_small(block):
+    """Where next to nothing is left of a part across its lowest frequency, rounding decides."""
+    y, x = np.mgrid[:88, :90]
+    wave = 100 + np.cos(y / 30) + np.cos(x / 20 + y / 50)
+    pool = domain_pool(wave.astype(np.float32), block, 2)
+    tiles = cut_tiles(domain_blocks(pool, doubles=True), 1.0)
+    found = tiles.shares.swapaxes(1, 2).reshape(-1, tiles.shares.shape[1])[:: block**2 // 4]
+    basis = d4_basis(block) - d4_basis(block).mean(axis=1, keepdims=True)
+    top, left = np.divmod(tiles.at[:: block**2 // 4], tiles.width)
+    for shares, row, column in zip(found, top, left, strict=False):
+        domain = pool.shrunk[row:, column:][: 2 * block : 2, : 2 * block : 2].ravel()
+        code = basis @ (domain - domain.mean())
+        code /= np.linalg.norm(code)
+        start, true = 0, []
+        for part, size in enumerate(part_sizes(block)):
+            inside = code[start:].reshape(2, size) if part == 4 else code[None, start:][:, :size]
+            low = inside @ lowest(block)[start : start + size].astype(float)
+            rest = inside - low[:, None] * lowest(block)[start : start + size]
+            true += [(low**2).sum(), (rest**2).sum()]
+            start += size
+        true = np.sqrt(true)[list(used_parts(block))]
+        assert (shares >= true - 3e-7 * max(1, block / 4)).all()
 
 
 def test_relief_that_is_rounding_counts_as_flat():

@@ -72,7 +72,7 @@ def best_matches(
         corners = tuple(corner[shapes.first] for corner in corners)
         for pool, part, _ in _sweep(search, ready, corners, reach, crew, search.settle):
             if progress:
-                progress(pool.shape[0] * len(shapes.first[part]) / len(shapes.first))
+                progress(pool.shape[0] * _share(part, shapes))
         return search.matches(blocks, shapes)
 
 
@@ -116,7 +116,7 @@ def near_best(
         for pool, part, places in _sweep(search, ready, corners, reach, crew, listed, tolerance):
             found.append(places)
             if progress:
-                progress(pool.shape[0] * len(first[part]) / len(first))
+                progress(pool.shape[0] * _share(part, shapes))
     if not found:
         return
     shape, *places = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -141,6 +141,12 @@ def _searched(blocks: np.ndarray, reach: int | None) -> Shapes:
     """What is searched for blocks ``(n, B, B)``."""
     # wherever they lie, blocks of one shape have the same domains to choose among
     return Shapes.of_blocks(blocks) if reach is None else Shapes.each_its_own(blocks)
+
+
+def _share(part: slice, shapes: Shapes) -> float:
+    """How much of the work on a pool a ``part`` of the shapes is."""
+    count = len(shapes.first)
+    return len(range(count)[part]) / count if count else 1.0
 
 
 def _prepared(

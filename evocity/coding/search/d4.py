@@ -12,6 +12,7 @@ isometry.
 """
 
 from functools import cache
+from zlib import crc32
 
 import numpy as np
 
@@ -127,3 +128,12 @@ def used_parts(block: int) -> tuple[int, ...]:
         used += [2 * part] * low + [2 * part + 1] * (room > low)
         start += size
     return tuple(used)
+
+
+@cache
+def d4_mark(block: int) -> int:
+    """A number that changes with the tables of this file. What is compiled from them holds it, as
+    the disk cache of kernels sees changes of their own file alone."""
+    tables = (d4_basis(block), d4_slots(block), lowest(block))
+    told = b"".join(table.tobytes() for table in tables)
+    return crc32(told + repr((part_sizes(block), used_parts(block))).encode())

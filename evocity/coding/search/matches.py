@@ -142,7 +142,7 @@ class Search:
             iso=iso,
             sigma=slope,
             beta=flat.mean(axis=1, dtype=np.float64) - slope * level[of],
-            gain=np.where(found, most, 0)[of],
+            gain=np.where(found[of], gains[of, own], 0.0),
             energy=self.energy[of],
         )
 

@@ -8,7 +8,14 @@ import numpy as np
 
 from evocity.accelerate import kernel
 from evocity.accelerate.vectors import WIDTH, vector_code
-from evocity.coding.search.d4 import d4_ones, d4_slots, lowest, part_sizes, used_parts
+from evocity.coding.search.d4 import (
+    d4_mark,
+    d4_ones,
+    d4_slots,
+    lowest,
+    part_sizes,
+    used_parts,
+)
 
 #: Larger blocks are folded in loops: written out, they would take the compiler minutes.
 UNROLLED = 16
@@ -158,10 +165,11 @@ def _part_energies(v, block, coordinate):
     """Squared norms of `WIDTH` blocks as `_folded` leaves them: of all, and of each part along its
     lowest frequency and across it where `used_parts` tells so; u and w count as one part.
 
-    The rest is found by subtraction: rounding is made up for upwards.
+    The rest is found by subtraction: rounding, which grows with the block, is made up for upwards.
     """
     sizes, used, start = part_sizes(block), used_parts(block), 0
     everything, parts = v.zero, []
+    margin = 1e-6 if block <= UNROLLED else 4e-6 * (block / UNROLLED) ** 2
 
     def summed(first, size, across):
         along = v.variable(v.zero)
@@ -180,17 +188,17 @@ def _part_energies(v, block, coordinate):
         across = v.builder.load(across)
         everything = v.add(everything, across)
         rest = v.larger(v.sub(across, along), v.zero)
-        rest = v.plus_product(rest, v.constant(1e-6), across)
+        rest = v.plus_product(rest, v.constant(margin), across)
         parts += [one for k, one in ((0, along), (1, rest)) if 2 * part + k in used]
         start += size
     return everything, parts
 
 
-@vector_code("none", known=1)
-def measure(v, block, stones, least, n, norms, shares):
+@vector_code("none", known=2)
+def measure(v, block, _mark, stones, least, n, norms, shares):
     """norms[n : n + WIDTH] = ‖d̃‖ of the blocks of pixels ``stones`` (B², WIDTH), and
     shares[:, n : n + WIDTH] = norms of their parts over that; 0 where ‖d̃‖² is no more than
-    ``least``. ``block`` is known to the compiler."""
+    ``least``. ``block``, and the mark of its tables, are known to the compiler."""
     energy, parts = _part_energies(v, block, _folded(v, block, stones))
     unit = _over_energy(v, energy, least)
     v.store(v.mul(energy, v.root(unit)), norms.at(n))
@@ -198,10 +206,10 @@ def measure(v, block, stones, least, n, norms, shares):
         v.store(v.root(v.mul(part, unit)), shares.at(v.number(f), n))
 
 
-@vector_code("none", known=1)
-def lay(v, block, stones, least, cap, t, lane, planes, ceilings, shares, tops, peaks):
+@vector_code("none", known=2)
+def lay(v, block, _mark, stones, least, cap, t, lane, planes, ceilings, shares, tops, peaks):
     """Lay the blocks of pixels ``stones`` (B², WIDTH) into tile t from ``lane`` on: see
-    `lay_tiles`. ``block`` is known to the compiler."""
+    `lay_tiles`. ``block``, and the mark of its tables, are known to the compiler."""
     coordinate = _folded(v, block, stones)
     energy, parts = _part_energies(v, block, coordinate)
     squared = _over_energy(v, energy, least)
@@ -243,6 +251,7 @@ def fold_kernels(block):
     """The kernels that fold blocks of side ``block``, wherever they lie: measure_blocks,
     lay_tiles. The n-th block's first pixel is pixels[at[n]], others are ``offsets`` (B²,) further.
     """
+    mark = d4_mark(block)
 
     @kernel
     def measure_blocks(pixels, offsets, at, least, norms, shares):
@@ -252,7 +261,7 @@ def fold_kernels(block):
         stones = np.empty((block * block, WIDTH), np.float32)
         for n in range(0, at.size, WIDTH):
             _gather(pixels, offsets, at, n, stones)
-            measure(block, stones, least, n, norms, shares)
+            measure(block, mark, stones, least, n, norms, shares)
 
     @kernel
     def lay_tiles(pixels, offsets, at, least, cap, planes, ceilings, shares, tops, peaks):
@@ -266,6 +275,6 @@ def fold_kernels(block):
             else:
                 stones[:] = 0
             t, lane = n // lanes, n % lanes
-            lay(block, stones, least, cap, t, lane, planes, ceilings, shares, tops, peaks)
+            lay(block, mark, stones, least, cap, t, lane, planes, ceilings, shares, tops, peaks)
 
     return measure_blocks, lay_tiles
