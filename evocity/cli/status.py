@@ -44,13 +44,16 @@ def status(run: str, as_json: bool) -> None:
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
     front = sorted(row["id"] for row in members if row["rank"] == 0)
-    if as_json:
-        print_json(state | {"running": running, "seconds_left": left, "front": front})
-        return
     from evocity.report import Facts, failures
 
     facts = Facts(opened)
-    whole, best = state["generation"] is not None, state["best"]
+    # runs of old had constraints among the best
+    best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
+    if as_json:
+        told = {"running": running, "seconds_left": left, "front": front}
+        print_json(state | {"best": best} | told)
+        return
+    whole = state["generation"] is not None
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
     rows = [

@@ -57,7 +57,7 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> 
         if value is not None
     }
     recipe = recipe_of(text, path.parent.resolve(), changes, name=str(path))
-    recipe._file = path.name
+    recipe._file = path.name if path.is_file() else None  # a pipe cannot be read again
     return recipe
 
 
@@ -89,7 +89,7 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     faults = []
     recipe = None
     try:
-        context = {"folder": folder, "parents": _parents_named(raw)}
+        context = {"folder": folder, "parents": _named_parents(raw)}
         recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
         faults = [_fault(one, raw) for one in error.errors(include_url=False)]
@@ -117,12 +117,12 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     return recipe
 
 
-def _parents_named(raw: Mapping) -> list[str]:
-    """The ``name`` of each parent that has one, as far as ``raw`` is well-formed."""
+def _named_parents(raw: Mapping) -> list[tuple[str, Any]]:
+    """(name, map) of each parent that has a name, as far as ``raw`` is well-formed."""
     parents = raw.get("parents")
     tables = [one for one in parents if isinstance(one, dict)] if isinstance(parents, list) else []
-    names = [one.get("name") for one in tables]
-    return [name for name in names if isinstance(name, str)]
+    named = [(one.get("name"), one.get("map")) for one in tables]
+    return [(name, place) for name, place in named if isinstance(name, str)]
 
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
@@ -141,6 +141,7 @@ def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
 _TYPES = {
     "int_type": "a whole number",
     "int_from_float": "a whole number",
+    "bool_type": "true or false",
     "float_type": "a number",
     "string_type": "text in quotes",
     "list_type": "a list",

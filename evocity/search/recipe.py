@@ -52,17 +52,27 @@ def _some_path(name: str, info: ValidationInfo) -> str:
 
 
 def _some_city(name: str, info: ValidationInfo) -> str:
-    """A map, or the ``name`` of one of the recipe's parents."""
-    if name in info.context["parents"]:
-        return name
+    """A map, or the ``name`` of one of the recipe's parents that no other map has."""
+    parents: list[tuple[str, Any]] = info.context["parents"]
+    named = [place for other, place in parents if other == name]
+    if len(named) > 1:
+        raise fault(f"{shown(name)}, as {len(named)} parents are named", "a name of one alone")
     try:
-        return _existing_map(_some_path(name, info), info)
+        found = _existing_map(_some_path(name, info), info)
     except PydanticCustomError as error:
-        if not info.context["parents"]:
+        if named:
+            return name
+        if not parents:
             raise
-        found, allowed = error.context["found"], error.context["allowed"]
-        named = ", ".join(info.context["parents"])
-        raise fault(found, f"{allowed}, or a parent's name: {named}") from None
+        names = ", ".join(other for other, _ in parents)
+        told = error.context["allowed"]
+        raise fault(error.context["found"], f"{told}, or a parent's name: {names}") from None
+    if named and named[0] != name:
+        raise fault(
+            f"{shown(name)}, which is a parent's name and another map",
+            "another name for the parent, or another path of the map",
+        )
+    return found
 
 
 def _existing_map(name: str, info: ValidationInfo) -> str:

@@ -23,8 +23,8 @@ _NOTED_VERSIONS = ("evocity", "numpy", "numba")
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far.
 
-    ``changes``: in words, what differs from the start; ``edited``: what was changed in the
-    recipe's own file, which the run does not follow, or "".
+    ``changes``: in words, what differs from the start; ``edited``: how the recipe's
+    own file differs from the run's copy, or "".
     """
 
     prepared: Prepared
@@ -139,7 +139,8 @@ def _changes(run: Run) -> list[str]:
         if _source_hash(one, own) != one["hash"]
     ]
     strange = own - {one["file"] for one in provenance["fitness"]}
-    return changes + [f"the measures of {file}" for file in sorted(strange)]
+    changes += [f"the measures of {file}" for file in sorted(strange)]
+    return list(dict.fromkeys(changes))
 
 
 def _entries(run: Run) -> list[dict]:
@@ -214,26 +215,44 @@ def _notes(run: Run, recipe: Recipe) -> list[str]:
 
 
 def _edited(run: Run) -> str:
-    """In words, what was changed in the recipe's own file since, which the run does not follow; ""
-    if nothing was, or the file is not there."""
+    """In words, how the recipe's own file differs from the run's copy, by which it goes on; "" if
+    it does not, or is not there."""
     name = run.provenance["recipe"].get("file")
-    if not isinstance(name, str):
+    if not isinstance(name, str) or Path(name).name != name:
         return ""
     path = _folder(run) / name
     try:
-        now, before = (
-            tomllib.loads(path.read_text(encoding="utf-8")),
-            tomllib.loads(run.recipe_text),
-        )
-    except (OSError, ValueError, RecursionError):
+        if not path.is_file():
+            return ""
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
         return ""
-    keys = [key for key in before | now if before.get(key) != now.get(key)]
-    if not keys:
+    if text == run.recipe_text:
         return ""
-    return (
-        f"{path} was changed since the run began ({', '.join(keys)}); the run goes on by its own "
-        f"copy, {run.path / 'recipe.toml'}. For what is new start a new run with --out"
+    try:
+        theirs, own = (_flat(tomllib.loads(one)) for one in (text, run.recipe_text))
+    except (ValueError, RecursionError):
+        keys = ["it is at fault"]
+    else:
+        keys = [key for key in own | theirs if own.get(key) != theirs.get(key)]
+    if not keys:  # comments alone
+        return ""
+    more = (
+        "more generations: --generations; for the rest" if "run.generations" in keys else "for it"
     )
+    return (
+        f"{path} differs from the run's own copy, {run.path / 'recipe.toml'}, by which it goes on "
+        f"({', '.join(keys)}); {more} start a new run, with --out"
+    )
+
+
+def _flat(recipe: dict) -> dict:
+    """``recipe`` with the keys of its tables as "run.seed"; lists of tables stay whole."""
+    flat = {}
+    for section, value in recipe.items():
+        table = value if isinstance(value, dict) else {"": value}
+        flat |= {f"{section}.{key}".rstrip("."): one for key, one in table.items()}
+    return flat
 
 
 def _sources(run: Run, recipe: Recipe) -> list[Source]:

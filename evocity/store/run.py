@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 
 import pyarrow as pa
@@ -142,31 +143,40 @@ class Run:
 
     def ancestors(self, identifier: int, columns: Sequence[str] | None = None) -> pa.Table:
         """The pedigree of one individual: the births it descends from, the oldest first and its
-        own last, as an Arrow table. `RunError` if it was never born.
+        own last, as an Arrow table. `RunError` if it was never born, or births have no such
+        columns.
 
         ``columns``: those of the births; generation, id, parents, operator, status and the
         measures if not given.
         """
         measures = [f"fitness.{name}" for name in self.header.measures]
         own = ["generation", "id", "parents", "operator", "status", *measures]
+        columns = own if columns is None else list(columns)
+        known = births_schema(self.header).names
+        strange = [name for name in columns if name not in known]
+        if strange:
+            raise RunError(
+                f"{self.path}: a column {strange[0]!r}", f"some of {', '.join(known)}", "name these"
+            )
         log = self.births(columns=["id", "parents"])
         with self._readable(self.path):
             parents = dict(zip(*(log.column(k).to_pylist() for k in range(2)), strict=True))
-        if identifier not in parents:
+        whole = isinstance(identifier, Integral) and not isinstance(identifier, bool)
+        if not whole or identifier not in parents:
             raise RunError(
-                f"{self.path}: no individual {identifier}",
+                f"{self.path}: no individual {identifier!r}",
                 f"an id of a birth in generations 0…{len(self.generations) - 1}",
                 "see the births' `id` column",
             )
-        found, further = set(), [identifier]
+        found, further = set(), [int(identifier)]
         while further:
             one = further.pop()
             if one in parents and one not in found:
                 found.add(one)
                 further += parents[one] or ()
-        births = self.births(columns=list(dict.fromkeys(["id", *(columns or own)])))
+        births = self.births(columns=list(dict.fromkeys(["id", *columns])))
         kept = births.filter(pc.is_in(births.column("id"), value_set=pa.array(found, pa.int64())))
-        return kept.sort_by("id").select(columns or own)
+        return kept.sort_by("id").select(columns)
 
     def sources(self) -> list[Source]:
         """The source cities, maps and genomes."""

@@ -103,6 +103,7 @@ def test_all_faults_at_once(toy):
         ),
         ("[[fitness]]", "[search]\nalgorithm = 'map_elites'\n[[fitness]]", "search.algorithm"),
         ("[[fitness]]", "[genome]\nreach = 'some'\n[[fitness]]", "genome.reach"),
+        ("[[fitness]]", "[genome]\nfit = 'yes'\n[[fitness]]", "genome.fit"),
         ("[[fitness]]", "[genome]\ndomains = [40]\n[[fitness]]", "genome.domains"),
         ('name = "toy"', 'name = "a/b"', "run.name"),
     ],

@@ -67,6 +67,14 @@ def test_a_parent_to_be_like_goes_by_its_name(toy, tmp_path):
     recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "wst"\n')
     with pytest.raises(RecipeError, match=r"'wst' is no file(.|\n)*parent's name: west"):
         read_recipe(recipe)
+    twice = text.replace('map = "right.npy"', 'map = "right.npy"\nname = "west"')
+    recipe.write_text(twice + '[[fitness]]\nname = "gsi"\nlike = "west"\n')
+    with pytest.raises(RecipeError, match="'west', as 2 parents are named"):
+        read_recipe(recipe)
+    hidden = text.replace('"west"', '"lyon-1er"')
+    recipe.write_text(hidden + '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n')
+    with pytest.raises(RecipeError, match="a parent's name and another map"):
+        read_recipe(recipe)
 
 
 def test_parents_are_fitted_if_the_recipe_says_so(toy, tmp_path):
@@ -77,6 +85,11 @@ def test_parents_are_fitted_if_the_recipe_says_so(toy, tmp_path):
         assert not np.array_equal(source.genome.beta, encode(source.city, reach=24).genome.beta)
 
 
+def notes_of(out):
+    with Search.resume(out, workers=0) as search:
+        return search.notes
+
+
 def test_a_recipe_edited_since_is_told_and_not_followed(toy, tmp_path):
     recipe = toy()
     out = tmp_path / "run"
@@ -85,7 +98,8 @@ def test_a_recipe_edited_since_is_told_and_not_followed(toy, tmp_path):
     for _ in range(2):  # the second time as the first
         with Search.resume(out, workers=0) as search:
             (told,) = search.notes
-            assert f"{recipe} was changed since the run began (operators)" in told
+            assert f"{recipe} differs from the run's own copy" in told
+            assert "(operators.mutation); for it start a new run" in told
             assert search.recipe.operators["mutation"].weight == 2
     from click.testing import CliRunner
 
@@ -94,9 +108,14 @@ def test_a_recipe_edited_since_is_told_and_not_followed(toy, tmp_path):
     found = CliRunner().invoke(main, ["resume", str(out), "--workers", "0"])
     assert found.exit_code == 0
     assert f"Note: {told}" in found.stderr
+    recipe.write_text("# a word more\n" + open_run(out).recipe_text)
+    assert notes_of(out) == []
+    recipe.write_text("[run")
+    assert "it is at fault" in notes_of(out)[0]
     recipe.unlink()
-    with Search.resume(out, workers=0) as search:
-        assert search.notes == []
+    assert notes_of(out) == []
+    os.mkfifo(recipe)
+    assert notes_of(out) == []
 
 
 def test_the_runs_own_copies_of_the_maps_are_checked(toy, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -149,9 +150,12 @@ def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
     chosen = run.ancestors(9, columns=["operator", "seconds"])
     assert chosen.column_names == ["operator", "seconds"]
     assert chosen.num_rows == 5
-    for nobody in (48, -1):
-        with pytest.raises(RunError, match=f"no individual {nobody}"):
+    assert run.ancestors(np.int32(9), columns=[]).num_rows == 5
+    for nobody in (48, -1, "47", [47], True, 4.0):
+        with pytest.raises(RunError, match=re.escape(f"no individual {nobody!r}")):
             run.ancestors(nobody)
+    with pytest.raises(RunError, match="a column 'nope'"):
+        run.ancestors(9, columns=["id", "nope"])
 
 
 def test_a_run_is_read_while_it_is_written(writer):
