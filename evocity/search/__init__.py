@@ -1,6 +1,6 @@
 """A recipe in, generations out: ask, evaluate, tell.
 
-- `reading`, `recipe`, `agreement`: a TOML file becomes a `Recipe` without faults
+- `reading`, `recipe`, `values`, `agreement`: a TOML file becomes a `Recipe` without faults
 - `preparation`: maps are read and encoded, targets measured
 - `breeding`: who is bred from whom, each birth from its own generator
 - `evaluation`, `worker`: worker processes with a deadline for each individual

@@ -4,7 +4,8 @@ from evocity import io
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RecipeError, near_miss
-from evocity.search.recipe import Recipe, resolved
+from evocity.search.recipe import Recipe
+from evocity.search.values import resolved
 
 
 def locked_layer(recipe: Recipe, cities: list[CityMap]) -> tuple[Condensation | None, str]:

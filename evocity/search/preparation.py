@@ -12,7 +12,8 @@ from evocity.condensation import Condensation
 from evocity.errors import MapError, RecipeError
 from evocity.operators.pavement_fusion import VOID
 from evocity.search.locking import locked_layer
-from evocity.search.recipe import Recipe, resolved
+from evocity.search.recipe import Recipe
+from evocity.search.values import resolved
 from evocity.search.worker import Setup
 from evocity.store import Header, Source
 

@@ -12,7 +12,8 @@ from evocity import fitness, store
 from evocity.errors import EvocityError, FitnessError, RunError
 from evocity.search.preparation import Prepared, aims_of, file_hash, provenance_of
 from evocity.search.reading import recipe_of
-from evocity.search.recipe import Recipe, RunSection, resolved
+from evocity.search.recipe import Recipe, RunSection
+from evocity.search.values import resolved
 from evocity.store import Birth, Run, RunWriter, Source, open_run
 
 #: A change of these may change the births; it is noted, not refused.

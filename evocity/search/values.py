@@ -1,0 +1,112 @@
+"""What a value of a recipe may be, beyond its type: files, maps, cities, names, places.
+
+The paths are relative to the recipe's folder, which stands with the parents' names in the context
+of the validation.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+from evocity import io
+from evocity.errors import shown, with_near_miss
+from evocity.io.heights import TALLEST
+
+
+def fault(found: str, allowed: str) -> PydanticCustomError:
+    """A fault of a key that pydantic gathers with the others."""
+    return PydanticCustomError("evocity", "{found}; allowed: {allowed}", _pair(found, allowed))
+
+
+def _pair(found: str, allowed: str) -> dict:
+    return {"found": found, "allowed": allowed}
+
+
+def resolved(folder: Path, name: str) -> str:
+    """A bundled city's name as it is; a path relative to the recipe's ``folder`` made whole."""
+    return name if name in io.cities() else str((folder / Path(name).expanduser()).resolve())
+
+
+def _some_path(name: str, info: ValidationInfo) -> str:
+    """``name``, if this machine can look whether there is such a file."""
+    try:
+        Path(resolved(info.context["folder"], name)).is_file()
+    except (OSError, RuntimeError, ValueError):  # too long, of an unknown user, with a NUL
+        raise fault(f"{shown(name)} can be no path", "a file, relative to the recipe") from None
+    return name
+
+
+def _some_city(name: str, info: ValidationInfo) -> str:
+    """A map, or the ``name`` of one of the recipe's parents that no other map has."""
+    parents: list[tuple[str, Any]] = info.context["parents"]
+    named = [place for other, place in parents if other == name]
+    if len(named) > 1:
+        raise fault(f"{shown(name)}, as {len(named)} parents are named", "a name of one alone")
+    try:
+        found = _existing_map(_some_path(name, info), info)
+    except PydanticCustomError as error:
+        if named:
+            return name
+        if not parents:
+            raise
+        names = ", ".join(other for other, _ in parents)
+        told = error.context["allowed"]
+        raise fault(error.context["found"], f"{told}, or a parent's name: {names}") from None
+    if named and named[0] != name:
+        raise fault(
+            f"{shown(name)}, which is a parent's name and another map",
+            "another name for the parent, or another path of the map",
+        )
+    return found
+
+
+def _existing_map(name: str, info: ValidationInfo) -> str:
+    if not Path(resolved(info.context["folder"], name)).is_file() and name not in io.cities():
+        raise fault(
+            with_near_miss(f"{shown(name)} is no file and no bundled city", name, io.cities()),
+            f"a map file, relative to the recipe, or one of {', '.join(io.cities())}",
+        )
+    return name
+
+
+def _some_text(text: str) -> str:
+    if not text.strip() or any(c in '/\\:*?"<>|' or ord(c) < 32 for c in text) or text[0] == ".":
+        raise fault(f"{text!r}", "a name that can be a folder's")
+    return text
+
+
+def _lon_lat(center: list[float]) -> list[float]:
+    if len(center) != 2 or abs(center[0]) > 180 or abs(center[1]) >= 90:
+        raise fault(
+            f"{center}", "exactly 2 numbers: longitude within ±180°, then latitude within ±90°"
+        )
+    return center
+
+
+def _existing_file(name: str, info: ValidationInfo) -> str:
+    if not Path(resolved(info.context["folder"], name)).is_file():
+        raise fault(f"{shown(name)} is no file", "a file, relative to the recipe")
+    return name
+
+
+def _some_heights(value: Any, info: ValidationInfo) -> float | str:
+    """Metres, or a map's name."""
+    if isinstance(value, str):
+        return _existing_map(_some_path(value, info), info)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 <= value <= TALLEST:
+        raise fault(shown(value), f"a map file, a bundled city, or 0 to {TALLEST:g} m")
+    return float(value)
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+FileName = Annotated[str, AfterValidator(_some_path)]
+MapName = Annotated[FileName, AfterValidator(_existing_map)]
+CityName = Annotated[str, AfterValidator(_some_city)]
+LockFile = Annotated[FileName, AfterValidator(_existing_file)]
+Heights = Annotated[float | str | None, BeforeValidator(_some_heights)]
+LonLat = Annotated[list[Finite], AfterValidator(_lon_lat)]
+Title = Annotated[str, Field(max_length=100), AfterValidator(_some_text)]
