@@ -173,10 +173,11 @@ def effective_rates():
 
 def growth(heights_at, block):
     print(f"\ngrowth, B = {block}, 2 threads: seconds, and the factor a doubling of the side costs")
+    maps = {side: heights_at(side) for side in (128, 256, 512, 1024)}
     for reach in (None, 24):
         before = None
-        for side in (128, 256, 512, 1024):
-            _, spent = fastest(lambda s=side, r=reach: ours(heights_at(s), block, 2, r), 1)
+        for side, heights in maps.items():
+            _, spent = fastest(functools.partial(ours, heights, block, 2, reach), 3)
             factor = f"x {spent / before:.1f}" if before else ""
             print(f"  reach {reach or 'all':>4}  {side:5}²{spent:9.3f} s  {factor}")
             before = spent
