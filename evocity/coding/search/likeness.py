@@ -15,10 +15,10 @@ from evocity.coding.search.shapes import key_weights
 class Blocks:
     """n blocks of pixels, in the order of place.
 
-    raster : float64 ``(H, W)``, where all their pixels lie.
+    raster : float64 ``(H, W)``, heights in m, where all their pixels lie.
     offsets : uint64 ``(B²,)``, how far in memory each pixel lies from a block's first.
     at : int64 ``(n,)``, how far each block's first lies from the raster's.
-    least : blocks of no more energy count as flat.
+    least : blocks of no more energy, m², count as flat.
     """
 
     raster: np.ndarray
@@ -47,9 +47,9 @@ def domain_blocks(pool: DomainPool, doubles: bool = False) -> Blocks:
 class RangeCodes:
     """n range blocks as the search of a whole map compares them; F parts of their norm.
 
-    codes : float32 ``(n, B²)``, D4 coordinates.
-    shares : float32 ``(n, F)``, norms of the parts (`used_parts`).
-    norms : float32 ``(n,)``, no less than ‖r̃‖.
+    codes : float32 ``(n, B²)``, D4 coordinates, m.
+    shares : float32 ``(n, F)``, norms of the parts (`used_parts`), m.
+    norms : float32 ``(n,)``, no less than ‖r̃‖, m.
     """
 
     codes: np.ndarray
