@@ -23,9 +23,9 @@ from _machine import description
 import evocity
 from evocity import isometries
 from evocity.accelerate import kernel
-from evocity.coding.search import best_matches, pairs_compared
-from evocity.coding.search.domains import domain_pools
-from evocity.coding.search.shapes import Shapes, uneven_blocks
+from evocity.coding.matching import best_matches, pairs_compared
+from evocity.coding.matching.domains import domain_pools
+from evocity.coding.matching.shapes import Shapes, uneven_blocks
 from evocity.io import cities
 from evocity.pavement import Pavement
 

@@ -8,7 +8,7 @@ import shapely
 from scipy import ndimage
 
 from evocity import isometries
-from evocity.coding.search.matches import TIE
+from evocity.coding.matching.matches import TIE
 
 
 def moved(before, after, tolerance, sky):

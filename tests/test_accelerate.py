@@ -21,7 +21,7 @@ MODULES = [
 # Compiles and runs a kernel that calls two others, then tells how often the cache had it.
 RANKING = """
 import numpy as np
-from evocity.coding.search.scoring import rank
+from evocity.coding.matching.scoring import rank
 
 which, y, x = np.zeros((3, 1), np.int64)
 blocks, sources = np.arange(4.0)[None], np.tile(np.arange(4), (8, 1))

@@ -17,7 +17,7 @@ OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / roo
 # Which room may import which; CONTRIBUTING.md draws it.
 BELOW_ALL = {"errors", "plugins", "files", "accelerate"}
 CORE = {"views", "citymap", "condensation", "genome", "isometries", "pavement"}
-BREEDING = CORE | {"coding", "operators", "fitness", "store", "io"}
+BREEDING = CORE | {"coding", "operators", "fitness", "store", "io", "pictures"}
 MAY_IMPORT = {
     "errors": set(),
     "plugins": set(),
@@ -30,14 +30,18 @@ MAY_IMPORT = {
     "pavement": set(),
     "condensation": {"citymap", "pavement"},
     "genome": {"citymap", "condensation", "isometries", "pavement"},
-    "io": {"citymap", "condensation"},
+    "towns": {"citymap"},
+    "pictures": {"citymap"},
+    "io": {"citymap", "condensation", "pictures"},
     "coding": CORE,
     "operators": CORE | {"coding"},
+    "growth": CORE | {"coding", "operators"},
     "fitness": CORE | {"coding"},
+    "authoring": CORE | {"coding", "fitness"},
     "store": CORE | {"coding"},
     "search": BREEDING,
     "report": BREEDING | {"search"},
-    "cli": BREEDING | {"search", "report"},
+    "cli": BREEDING | {"authoring", "growth", "towns", "search", "report"},
     "__init__": set(),
     "__main__": {"cli"},
 }

@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import evocity
-from evocity.io.picture import FAINT, INK, PAPER, ramp, render
 from evocity.operators import make
+from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
 
 PARENTS = ("lyon-1er", "montpellier-pas-du-loup")
 FONT = Path(evocity.__file__).parent / "data" / "fonts" / "roboto-regular.ttf"

@@ -7,9 +7,9 @@ import numpy as np
 from _sheet import contact_sheet, save
 
 import evocity
-from evocity.io.patterns import chessboard_town, concentric_town
-from evocity.io.picture import render
 from evocity.operators import AsymmetricFusion
+from evocity.pictures.picture import render
+from evocity.towns.patterns import chessboard_town, concentric_town
 
 PIXELS, METRES_PER_PIXEL, HIGHEST = 256, 1.0, 24.0
 

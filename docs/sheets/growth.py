@@ -8,8 +8,8 @@ from _sheet import contact_sheet, save
 from PIL import ImageDraw
 
 import evocity
-from evocity.io.picture import INK, render
-from evocity.operators.growth import grow
+from evocity.growth import grow
+from evocity.pictures.picture import INK, render
 
 CITIES = ("lyon-1er", "new-york-west-village", "montpellier-pas-du-loup")
 SIDE = 640

@@ -8,8 +8,8 @@ from _sheet import contact_sheet, save
 
 import evocity
 from evocity.fitness.heredity import integrity_of
-from evocity.io.picture import render
 from evocity.operators import make
+from evocity.pictures.picture import render
 
 PARENTS = ("new-york-west-village", "montpellier-pas-du-loup")
 SIZES = ((1, 4), (4, 16), (12, 32))

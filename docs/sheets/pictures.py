@@ -8,9 +8,10 @@ from _sheet import contact_sheet, save
 
 import evocity
 from evocity.coding import ancestry, low_pass, usage
-from evocity.io import PATTERNS, Field, Shares, substitution_town
-from evocity.io.picture import render, render_field, render_shares
 from evocity.operators import make
+from evocity.pictures import Field, Shares
+from evocity.pictures.picture import render, render_field, render_shares
+from evocity.towns import PATTERNS, substitution_town
 
 LYON, NEW_YORK = "lyon-1er", "new-york-west-village"
 NEAR, ALL = 24, None  # how far domain blocks are searched for

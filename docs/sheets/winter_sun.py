@@ -13,7 +13,7 @@ from _sheet import contact_sheet, save
 from PIL import Image
 
 import evocity
-from evocity.io.picture import render
+from evocity.pictures.picture import render
 
 MEASURE = Path(__file__).parents[2] / "runs" / "winter_sun.py"
 SHADE = np.array([92, 132, 190])

@@ -112,7 +112,8 @@ def autosimilarity(
     of µ), seconds.
     """
     from evocity.coding import autosimilarity_maps, free_block_maps
-    from evocity.io import FIELD_WRITERS, Field, write_field
+    from evocity.io import FIELD_WRITERS, write_field
+    from evocity.pictures import Field
 
     blocks = sorted(set(block))
     measure = measure or ("mean" if len(blocks) == 1 else "likeness")

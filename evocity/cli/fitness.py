@@ -75,8 +75,8 @@ def _costs(measures) -> dict[str, float]:
     which no time is left."""
     import time
 
-    from evocity.fitness import Case
-    from evocity.fitness.watching import watched
+    from evocity.authoring import Case
+    from evocity.authoring.watching import watched
 
     case = Case(evocity.read_map("lyon-1er"))
     end = time.perf_counter() + _ALL

@@ -48,7 +48,7 @@ def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json
     JSON: measures (each name to alone and shared, milliseconds: least, median) and together
     (least, median).
     """
-    from evocity.fitness.timing import cost, cost_together
+    from evocity.authoring.timing import cost, cost_together
 
     with quiet_stdout():
         wanted = {m.name: m for word in measures for m in measures_of(word)}

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import click
 
-import evocity
 from evocity.cli.common import (
     json_option,
     near,
@@ -93,11 +92,12 @@ def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
 
 
 def _report(measure, timeout: float):
+    from evocity.authoring import check as tried
     from evocity.cli.trials import trial_cases
 
     with progress_bar(f"trying {measure.name}") as progress, quiet_stdout():
         cases = trial_cases()
-        return evocity.fitness.check(measure, cases, timeout=timeout, progress=progress)
+        return tried(measure, cases, timeout=timeout, progress=progress)
 
 
 # -- in words ----------------------------------------------------------------------------------

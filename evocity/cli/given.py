@@ -79,7 +79,7 @@ def city_of(source: str, reading: Mapping[str, object], identifier: int | None =
 def case_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
     """What to measure, a `Case`: the map as `city_of` finds it; of a genome also the genome, and
     of an individual of a run those it was bred from."""
-    from evocity.fitness import Case
+    from evocity.authoring import Case
 
     if identifier is None and not is_genome(source) and not is_run(source):
         return Case(city_of(source, reading))

@@ -106,9 +106,9 @@ def grow(
     """
     import numpy as np
 
+    from evocity.growth import grow as grown
     from evocity.io import WINDOW_WRITERS, WRITERS
     from evocity.io.polygons import is_placed, no_geojson
-    from evocity.operators.growth import grow as grown
 
     check_output(output, genome, {*WINDOW_WRITERS, *WRITERS, ".parquet"})
     suffix = output.suffix.lower()

@@ -55,8 +55,9 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
 
     docs/pictures.md tells the parameters of each. The same seed draws the same town.
     """
-    from evocity.io import PATTERNS, WRITERS
+    from evocity.io import WRITERS
     from evocity.io.polygons import no_geojson
+    from evocity.towns import PATTERNS
 
     if name not in PATTERNS:
         raise EvocityError(

@@ -86,7 +86,8 @@ def _check_wanted(usage: bool, count: str | None, ancestry: bool, depth: int | N
 
 def _show_usage(genome, city, count: str, output: Path) -> None:
     from evocity.coding import usage
-    from evocity.io import Field, write_field
+    from evocity.io import write_field
+    from evocity.pictures import Field
 
     found = usage(genome)
     values = getattr(found, count)
@@ -101,7 +102,8 @@ def _show_usage(genome, city, count: str, output: Path) -> None:
 
 def _show_ancestry(genome, source: str, identifier, depth: int | None, output: Path) -> None:
     from evocity.coding import ancestry
-    from evocity.io import Shares, write_shares
+    from evocity.io import write_shares
+    from evocity.pictures import Shares
 
     weights = ancestry(genome, depth=depth)
     title = "ancestry" if depth is None else f"ancestry to depth {depth}"

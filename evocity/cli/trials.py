@@ -19,10 +19,10 @@ def trial_cases() -> tuple:
     import numpy as np
 
     import evocity.search.warm
-    from evocity.fitness import Case
-    from evocity.io import PATTERNS
+    from evocity.authoring import Case
     from evocity.operators import make
     from evocity.search.recipe import Recipe
+    from evocity.towns import PATTERNS
 
     names = [*PARENTS, *(name for name in evocity.cities() if name not in PARENTS)]
     districts = [evocity.read_map(name, pixels=256, metres_per_pixel=2.0) for name in names]
@@ -47,7 +47,7 @@ def trial_cases() -> tuple:
 
 def bred_case(name: str, genome, parents):
     """The `Case` of a ``genome`` and the genomes it was bred from."""
-    from evocity.fitness import Case
+    from evocity.authoring import Case
 
     city = evocity.decode(genome).city
     return Case(city.replace(city.heights, name=name), genome, tuple(parents))

@@ -21,8 +21,8 @@ from evocity.coding.autosimilarity import (
 from evocity.coding.decode import CollageMap, Decoding, decode
 from evocity.coding.encode import Encoding, encode
 from evocity.coding.fit import fit_attractor
+from evocity.coding.matching import best_correlations
 from evocity.coding.quality import psnr
-from evocity.coding.search import best_correlations
 from evocity.coding.topology import Candidates, closest_neighbourhood
 from evocity.coding.usage import Usage, low_pass, usage
 

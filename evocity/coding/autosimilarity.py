@@ -16,11 +16,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
-from evocity.coding.search.crew import Crew
-from evocity.coding.search.d4 import d4_basis
-from evocity.coding.search.likeness import Blocks, RangeCodes
-from evocity.coding.search.shapes import Shapes
-from evocity.coding.search.tiles import Tiles, cut_tiles, reach
+from evocity.coding.matching.crew import Crew
+from evocity.coding.matching.d4 import d4_basis
+from evocity.coding.matching.likeness import Blocks, RangeCodes
+from evocity.coding.matching.shapes import Shapes
+from evocity.coding.matching.tiles import Tiles, cut_tiles, reach
 from evocity.errors import GenomeError
 
 #: µ is known to so much: the search sums in float32.

@@ -11,10 +11,10 @@ import numpy as np
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.fit import fit_attractor
+from evocity.coding.matching import Matches, best_matches, near_best, pairs_compared
+from evocity.coding.matching.domains import domain_pools
+from evocity.coding.matching.shapes import uneven_blocks
 from evocity.coding.quality import psnr
-from evocity.coding.search import Matches, best_matches, near_best, pairs_compared
-from evocity.coding.search.domains import domain_pools
-from evocity.coding.search.shapes import uneven_blocks
 from evocity.coding.topology import closest_neighbourhood
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, shown

@@ -19,8 +19,6 @@
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
 - `heredity`: what a child keeps of its parents: `integrity`, `heritability`
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
-- `checking`: `check`, what is wrong with a measure; `findings`: what that shows; `watching`: one
-  call of it, on a `Case`; `timing`: what measures cost
 
 A measure of one's own is a function with one decorator:
 
@@ -35,7 +33,6 @@ A measure of one's own is a function with one decorator:
 import sys
 from types import ModuleType
 
-from evocity.fitness.checking import check
 from evocity.fitness.composition import WEIGHTED, Aims, Constraint, Wanted
 from evocity.fitness.density import fsi, gsi, mean_height, osr, storeys
 from evocity.fitness.directions import (
@@ -76,7 +73,6 @@ from evocity.fitness.shape import (
 from evocity.fitness.similarity import autosimilarity
 from evocity.fitness.sizes import SizeFit, crumbs, fit_sizes, salingaros
 from evocity.fitness.texture import box_dimension, correlation_dimension, lacunarity
-from evocity.fitness.watching import Case
 
 
 class _CallableModule(ModuleType):
@@ -93,7 +89,6 @@ __all__ = [
     "GOALS",
     "WEIGHTED",
     "Aims",
-    "Case",
     "Constraint",
     "Family",
     "Measure",
@@ -108,7 +103,6 @@ __all__ = [
     "autosimilarity",
     "box_dimension",
     "building_density",
-    "check",
     "compactness",
     "component_density",
     "convexity",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.coding.search import best_correlations
+from evocity.coding.matching import best_correlations
 from evocity.fitness.registry import fitness
 
 #: Range blocks of this many pixels a side are looked for among blocks twice as large.

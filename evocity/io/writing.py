@@ -18,11 +18,11 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.files import whole_file
-from evocity.io.field import Field, Shares
-from evocity.io.picture import render, render_field, render_shares
 from evocity.io.polygons import write_geojson, write_geopackage
 from evocity.io.raster import PIXEL_TAG
 from evocity.io.sources import north_up
+from evocity.pictures.field import Field, Shares
+from evocity.pictures.picture import render, render_field, render_shares
 
 # A picture's map is drawn at least this large, pixels.
 _PICTURE_SIDE = 768

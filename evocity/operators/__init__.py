@@ -15,7 +15,7 @@ relocation         groups of lifs of one parent moved, their domains with them
 growth             a fabric of any size, of one parent
 repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
-groups, buildings  groups of lifs, and what stands on them
+groups, footings   groups of lifs, and what stands on them
 pairing            which block of another city is likest
 shares             how much of a child is whose
 parameters         what their parameters may be

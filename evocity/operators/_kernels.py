@@ -223,7 +223,7 @@ def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
     share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
     these enclose, until there is none.
 
-    ``buildings`` are `evocity.operators.buildings.Buildings`; there are ``columns`` blocks a row;
+    ``buildings`` are `evocity.operators.footings.Footings`; there are ``columns`` blocks a row;
     ``owner`` says whose each block is now, ``standing`` how many pixels of each building stand
     now. Returns the region's blocks, none if it grows beyond ``limit`` of them, and how many
     buildings of ``donor`` it holds.

@@ -8,8 +8,8 @@ from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.coding.decode import decode
 from evocity.genome import FIELDS, Genome
 from evocity.operators._kernels import best_move, grown, outline_sides
-from evocity.operators.buildings import Buildings, buildings_of
 from evocity.operators.crossing import Draft
+from evocity.operators.footings import Footings, footings_of
 from evocity.pavement import Pavement
 
 #: Groups drawn until one has a place to go to.
@@ -87,7 +87,7 @@ class Rearrangement:
         self.stone = np.arange(len(parent))
         self._parent = parent
         self._x, self._y = parent.x.copy(), parent.y.copy()
-        self._buildings: Buildings | None = None
+        self._buildings: Footings | None = None
 
     def grown(
         self, group: np.ndarray, corner: np.ndarray, limit: int
@@ -96,7 +96,7 @@ class Rearrangement:
         as another group and its corner; no blocks where these are more than ``limit``."""
         if self._buildings is None:
             city = CityMap(self.pavement.raster(self.blocks), self._parent.metres_per_pixel)
-            self._buildings = buildings_of(self.pavement, [city])
+            self._buildings = footings_of(self.pavement, [city])
         whole = self._buildings.whole
         owner, kept = np.zeros(self.stone.size, np.int64), np.zeros(whole.size, bool)
         seed, columns = self._places(group, corner), self.pavement.columns

@@ -10,8 +10,8 @@ from evocity.coding.decode import decode
 from evocity.errors import OperatorError
 from evocity.genome import Genome
 from evocity.operators._kernels import inject_regions
-from evocity.operators.buildings import buildings_of
 from evocity.operators.crossing import Draft
+from evocity.operators.footings import footings_of
 from evocity.operators.parameters import at_fault, check_parameters
 from evocity.operators.pavement_fusion import PavementFusion
 
@@ -75,7 +75,7 @@ class RegionFusion(PavementFusion):
         pavement = parents[0].pavement
         cities = [decode(parent).city for parent in parents]
         maps = [pavement.blocks(city.heights) for city in cities]
-        buildings = buildings_of(pavement, cities)
+        buildings = footings_of(pavement, cities)
         margin, donor = self.margin, int(np.argmax(shares))
         owner, current = np.full(len(pavement), donor), maps[donor].copy()
         standing = np.where(buildings.whose == donor, buildings.whole, 0)

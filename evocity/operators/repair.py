@@ -10,8 +10,8 @@ import numpy as np
 
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.encode import with_matches
-from evocity.coding.search import best_matches
-from evocity.coding.search.domains import domain_pools
+from evocity.coding.matching import best_matches
+from evocity.coding.matching.domains import domain_pools
 from evocity.errors import GenomeError
 from evocity.genome import Genome
 

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from evocity.citymap import CityMap
-from evocity.io.picture import FAINT, INK, PAPER, ramp, render, scale_end
+from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render, scale_end
 from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
 from evocity.store import Run

@@ -20,7 +20,7 @@ from pydantic import (
 
 from evocity import fitness, operators
 from evocity.citymap import MAX_SIDE
-from evocity.coding.search import available_cores
+from evocity.coding.matching import available_cores
 from evocity.errors import EvocityError, FitnessError, with_near_miss
 from evocity.fitness import WEIGHTED, Constraint, Measure, Objective, load_file, named
 from evocity.fitness.registry import family_of

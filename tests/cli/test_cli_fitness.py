@@ -12,7 +12,7 @@ import evocity
 from evocity.cli.fitness_new import views, written
 from evocity.cli.trials import PARENTS, trial_cases
 from evocity.fitness import measures, registry
-from evocity.io import PATTERNS
+from evocity.towns import PATTERNS
 
 HEADER = 'import evocity\nimport numpy as np\n\n\n@evocity.fitness(goal="max")\n'
 

@@ -9,7 +9,7 @@ from cli_tools import AT_2_M, call, refused, write_recipe, write_town
 from PIL import Image
 
 import evocity
-from evocity.operators.growth import grow
+from evocity.growth import grow
 
 SIZE = ("--width", 128, "--height", 96)
 

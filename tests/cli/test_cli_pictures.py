@@ -11,8 +11,9 @@ import evocity
 from evocity.cli.common import count_option
 from evocity.coding import ancestry, low_pass, usage
 from evocity.coding.usage import COUNTS
-from evocity.io import PATTERNS, Field, Shares
-from evocity.io.picture import render_field, render_shares
+from evocity.pictures import Field, Shares
+from evocity.pictures.picture import render_field, render_shares
+from evocity.towns import PATTERNS
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evocity import isometries
-from evocity.coding.search._kernels import LANES
-from evocity.coding.search.alike import kind_kernels, z_order
-from evocity.coding.search.d4 import d4_basis, d4_matrix, lowest, part_sizes, used_parts
-from evocity.coding.search.domains import domain_pool, domain_pools
-from evocity.coding.search.likeness import RangeCodes, domain_blocks
-from evocity.coding.search.tiles import cut_tiles
+from evocity.coding.matching._kernels import LANES
+from evocity.coding.matching.alike import kind_kernels, z_order
+from evocity.coding.matching.d4 import d4_basis, d4_matrix, lowest, part_sizes, used_parts
+from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.likeness import RangeCodes, domain_blocks
+from evocity.coding.matching.tiles import cut_tiles
 
 
 def codes_of(blocks):

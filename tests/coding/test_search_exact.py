@@ -10,11 +10,11 @@ from hypothesis.extra.numpy import arrays
 
 from evocity import isometries
 from evocity.coding import best_correlations, encode
-from evocity.coding.search import best_matches
-from evocity.coding.search.d4 import d4_matrix
-from evocity.coding.search.domains import domain_pool, domain_pools
-from evocity.coding.search.scoring._kernels import keep
-from evocity.coding.search.shapes import Shapes
+from evocity.coding.matching import best_matches
+from evocity.coding.matching.d4 import d4_matrix
+from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.scoring._kernels import keep
+from evocity.coding.matching.shapes import Shapes
 from evocity.errors import MapError
 from evocity.pavement import Pavement
 
@@ -184,12 +184,12 @@ def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
     one = encode(town, threads=1, reach=None).genome
     several = encode(town, threads=1, reach=None, domains=(2, 3)).genome
     for few in (0, 1 << 20):  # threads share the range blocks, or the domain blocks
-        monkeypatch.setattr("evocity.coding.search.FEW", few)
+        monkeypatch.setattr("evocity.coding.matching.FEW", few)
         assert encode(town, threads=3, reach=None).genome == one
         assert encode(town, threads=2, reach=None, domains=(2, 3)).genome == several
-    monkeypatch.setattr("evocity.coding.search.FEW", 0)
-    monkeypatch.setattr("evocity.coding.search.CHUNK", 7)
-    monkeypatch.setattr("evocity.coding.search.NEARBY", 7)
+    monkeypatch.setattr("evocity.coding.matching.FEW", 0)
+    monkeypatch.setattr("evocity.coding.matching.CHUNK", 7)
+    monkeypatch.setattr("evocity.coding.matching.NEARBY", 7)
     assert encode(town, threads=2, reach=None).genome == one
 
 

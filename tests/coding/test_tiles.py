@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from numba import njit
 
 from evocity.accelerate.vectors import WIDTH
-from evocity.coding import search
-from evocity.coding.search._kernels import LANES, ROOM, hopeful, most_likely, promises
-from evocity.coding.search.d4 import d4_matrix
-from evocity.coding.search.domains import domain_pool, domain_pools
-from evocity.coding.search.likeness import RangeCodes, domain_blocks
-from evocity.coding.search.matches import UNSURE
-from evocity.coding.search.tiles import cut_tiles, reach
+from evocity.coding import matching
+from evocity.coding.matching._kernels import LANES, ROOM, hopeful, most_likely, promises
+from evocity.coding.matching.d4 import d4_matrix
+from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.likeness import RangeCodes, domain_blocks
+from evocity.coding.matching.matches import UNSURE
+from evocity.coding.matching.tiles import cut_tiles, reach
 from evocity.pavement import Pavement
 
 
@@ -130,12 +130,12 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
     blocks = pavement.blocks(heights)
 
     def found():
-        return search.best_matches(
+        return matching.best_matches(
             domain_pools(heights, 4, (2, 3)), blocks, pavement.corners, reach=None, sigma_max=0.9
         )
 
     one = found()
-    monkeypatch.setattr(search, "domain_blocks", lambda pool, doubles: domain_blocks(pool, True))
+    monkeypatch.setattr(matching, "domain_blocks", lambda pool, doubles: domain_blocks(pool, True))
     two = found()
     for name in ("multiple", "y", "x", "iso", "sigma", "beta"):
         assert np.array_equal(getattr(one, name), getattr(two, name))

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from evocity import isometries
 from evocity.coding import encode
-from evocity.coding.search import best_matches, near_best
-from evocity.coding.search.domains import domain_pools
+from evocity.coding.matching import best_matches, near_best
+from evocity.coding.matching.domains import domain_pools
 from evocity.coding.topology import Candidates, closest_neighbourhood
 from evocity.errors import GenomeError
 from evocity.pavement import Pavement

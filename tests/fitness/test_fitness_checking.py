@@ -14,12 +14,13 @@ from towns import draw_town
 
 import evocity.fitness
 from evocity import isometries
+from evocity.authoring import Case, check
+from evocity.authoring.timing import cost, cost_together
+from evocity.authoring.watching import watched
 from evocity.citymap import CityMap
 from evocity.coding import encode
 from evocity.errors import FitnessError
-from evocity.fitness import Case, check, load_file, registry
-from evocity.fitness.timing import cost, cost_together
-from evocity.fitness.watching import watched
+from evocity.fitness import load_file, registry
 
 TOWNS = [draw_town(1), draw_town(2)]
 
@@ -392,8 +393,8 @@ def test_only_the_second_call_hangs(measure):
 
 
 def test_a_slow_call_is_a_warning(measure, monkeypatch):
-    monkeypatch.setattr("evocity.fitness.faults.SLOW", 0.02)
-    monkeypatch.setattr("evocity.fitness.checking._QUICK", 0.02)
+    monkeypatch.setattr("evocity.authoring.faults.SLOW", 0.02)
+    monkeypatch.setattr("evocity.authoring.checking._QUICK", 0.02)
     tried = measure("import time\ntime.sleep(0.03)\nreturn city.heights.max()")
     report = check(tried, TOWNS)
     one = found(report, "time")

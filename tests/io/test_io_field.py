@@ -8,8 +8,9 @@ from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.io import FIELD_WRITERS, WRITERS, Field, write_field
-from evocity.io.picture import render_field
+from evocity.io import FIELD_WRITERS, WRITERS, write_field
+from evocity.pictures import Field
+from evocity.pictures.picture import render_field
 
 
 @pytest.fixture

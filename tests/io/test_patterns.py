@@ -15,9 +15,11 @@ from scipy import ndimage
 import evocity
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.io import PATTERNS, Shares, substitution_town, write_map, write_shares
-from evocity.io.houses import STOREY
-from evocity.io.picture import render_shares
+from evocity.io import write_map, write_shares
+from evocity.pictures import Shares
+from evocity.pictures.picture import render_shares
+from evocity.towns import PATTERNS, substitution_town
+from evocity.towns.houses import STOREY
 
 every = pytest.mark.parametrize("name", PATTERNS)
 

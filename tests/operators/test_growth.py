@@ -15,9 +15,9 @@ from evocity.coding import decode, encode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES
-from evocity.operators.growth import WINDOW, Growth, _kernels, grow
-from evocity.operators.growth.fabric import LAYS
-from evocity.operators.growth.laying import _places
+from evocity.growth import WINDOW, Growth, _kernels, grow
+from evocity.growth.fabric import LAYS
+from evocity.growth.laying import _places
 from evocity.pavement import Pavement
 
 RNG = np.random.default_rng
@@ -126,7 +126,7 @@ def laid_one_by_one(code, monkeypatch, **options):
                 laid.append((before, stones.copy(), places[n], steps[n]))
         return grown
 
-    monkeypatch.setattr("evocity.operators.growth.laying.lay_groups", one_by_one)
+    monkeypatch.setattr("evocity.growth.laying.lay_groups", one_by_one)
     grow(code, 160, 136, RNG(3), **options)
     return laid
 

@@ -16,7 +16,7 @@ from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import NUCLEOTIDES
 from evocity.operators._kernels import fill_courts, grown, inject_regions, tallied
-from evocity.operators.buildings import buildings_of
+from evocity.operators.footings import footings_of
 from evocity.operators.pavement_fusion import VOID, PavementFusion
 from evocity.operators.region_fusion import RegionFusion
 
@@ -255,7 +255,7 @@ def table(seeds, side=32):
 
 def test_buildings_are_those_of_the_maps():
     cities, pavement = table((1, 2))
-    buildings = buildings_of(pavement, cities)
+    buildings = footings_of(pavement, cities)
     first = cities[0].labels.max()
     assert buildings.whose.tolist() == [0] * first + [1] * cities[1].labels.max()
     for one in range(buildings.whole.size):
@@ -296,7 +296,7 @@ def test_growth_against_its_naive_twin(cut):
     sizes = set()
     for trial in range(12):
         cities, pavement = table((3 * trial, 3 * trial + 1, 3 * trial + 2))
-        buildings = buildings_of(pavement, cities)
+        buildings = footings_of(pavement, cities)
         owner = rng.integers(0, 3, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
         standing = np.zeros(buildings.whole.size, np.int64)
         for one in range(standing.size):
@@ -322,7 +322,7 @@ def test_injection_against_its_naive_twin(cut):
     injections = 0
     for trial in range(6):
         cities, pavement = table((2 * trial + 50, 2 * trial + 51))
-        buildings = buildings_of(pavement, cities)
+        buildings = footings_of(pavement, cities)
         maps = [pavement.blocks(city.heights) for city in cities]
         owner, kept = np.zeros(64, np.int64), np.zeros(buildings.whole.size, bool)
         standing = np.where(buildings.whose == 0, buildings.whole, 0)

@@ -14,7 +14,7 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import RunError
-from evocity.io.picture import render
+from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failures import shortened

@@ -1,0 +1,384 @@
+"""Compiled loops that compare range blocks with domain blocks, in tiles and in windows: arrays in,
+arrays out. The tests hold what they come to against trying everything in tests/naive.py.
+
+What every search spends its time on, the gain of one range block from many domain blocks side by
+side, is written out as vector code: compilers of loops leave four fifths of the machine unused
+here. What kernels call stands in this file, whose changes the disk cache sees.
+"""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from evocity.accelerate import kernel
+from evocity.accelerate.vectors import ABREAST, WIDTH, vector_code
+
+#: Domain positions in a tile; pools are padded by as many.
+LANES = 32
+#: Tiles in a row: as one, they are tried or not when a search begins.
+ROW = 8
+#: Columns of a window compared at a time, `LANES` at most.
+GROUP = 16
+#: Range blocks that go by together where their windows overlap.
+NEIGHBOURS = 8
+#: Sums over the coordinates of larger blocks are loops, `RUN` products a turn.
+UNROLLED, RUN = 16, 8
+#: Tiles remembered at first, of all range blocks searched together.
+ROOM = 1 << 14
+
+
+def _parts(block):
+    """Where the D4 coordinates s1, s2, s3, s4, u, w of blocks of side ``block`` begin and end."""
+    even, odd = (block + 1) // 2, block // 2
+    sizes = [half * (half + sign) // 2 for half in (even, odd) for sign in (1, -1)]
+    ends = np.cumsum([0, *sizes, even * odd, even * odd]).tolist()
+    return list(pairwise(ends))
+
+
+def _gain(v, p, limit):
+    """s(2p − s) with s = min(p, limit)."""
+    s = v.smaller(p, limit)
+    return v.mul(s, v.sub(v.add(p, p), s))
+
+
+def _gains(v, block, abreast, code, planes, place, norms, cap=None):
+    """Gains, see `raise_gains`, from ``abreast`` vectors of domain positions side by side, from
+    ``place`` on: a list of vectors. ``norms`` points at the first one's norm."""
+    beside = range(abreast)
+    *squares, (u, u_end), (w, _) = _parts(block)
+    first, step = planes.at(*place), planes.steps[1]
+
+    def add_products(sums, n, terms):
+        """sums[total] += the n-th of our coordinates from ``one`` on, times theirs from ``other``
+        on, for each (total, one, other)."""
+
+        def at(start):
+            return v.number(start + n) if isinstance(n, int) else v.plus(n, start)
+
+        ours = {one: v.spread(v.after(code, at(one))) for _, one, _ in terms}
+        theirs = {
+            other: [v.load(v.after(line, g * v.width)) for g in beside]
+            for other, line in {
+                t[2]: v.after(first, v.times(step, at(t[2]))) for t in terms
+            }.items()
+        }
+        for total, one, other in terms:
+            for g in beside:
+                sums[total][g] = v.plus_product(sums[total][g], ours[one], theirs[other][g])
+
+    sums = [[None] * abreast for _ in range(8)]
+    crossed = [(4, u, u), (5, w, w), (6, u, w), (7, w, u)]
+    if block <= UNROLLED:
+        for n in range(max(end - start for start, end in squares)):
+            terms = [(k, start, start) for k, (start, end) in enumerate(squares) if start + n < end]
+            add_products(sums, n, terms)  # of all parts in turn: no sum waits for itself
+        for n in range(u_end - u):
+            add_products(sums, n, crossed)
+    else:
+        rows = [(end - start, [(k, start, start)]) for k, (start, end) in enumerate(squares)]
+        for count, terms in [*rows, (u_end - u, crossed)]:
+            _sum_in_runs(v, sums, count, terms, add_products)
+    gains = []
+    for g in beside:
+        s1, s2, s3, s4, a, b, c, d = (v.zero if one[g] is None else one[g] for one in sums)
+        x, y, z, t = v.add(s1, s2), v.add(s3, s4), v.sub(s1, s2), v.sub(s3, s4)
+        p = [
+            v.add(v.abs(mix(one, two)), v.abs(mix(three, four)))
+            for one, two, three, four in ((x, y, a, b), (z, t, c, d))
+            for mix in (v.add, v.sub)
+        ]
+        p = v.larger(v.larger(p[0], p[1]), v.larger(p[2], p[3]))
+        limit = v.load(v.after(norms, g * v.width))
+        gains.append(_gain(v, p, limit if cap is None else v.mul(v.spread(cap), limit)))
+    return gains
+
+
+def _sum_in_runs(v, sums, count, terms, add_products):
+    """The sums of ``terms`` over ``count`` coordinates, run after run of `RUN`: written out whole,
+    those of a large block would take the compiler minutes. Runs added up also round less."""
+    totals = [total for total, *_ in terms]
+    abreast = len(sums[0])
+    held = {total: [v.variable(v.zero) for _ in range(abreast)] for total in totals}
+
+    def add_run(first, length):
+        run = [[None] * abreast for _ in sums]
+        for n in range(length):
+            add_products(run, v.plus(first, n), terms)
+        for total in totals:
+            for place, part in zip(held[total], run[total], strict=True):
+                v.builder.store(v.add(v.builder.load(place), part), place)
+
+    with v.loop(v.number(count // RUN)) as row:
+        add_run(v.times(row, v.number(RUN)), RUN)
+    if count % RUN:
+        add_run(v.number(count - count % RUN), count % RUN)
+    for total in totals:
+        sums[total] = [v.builder.load(place) for place in held[total]]
+
+
+@vector_code("none", known=2)
+def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line, j):
+    """gains[line, j : j + count] = max(themselves, the energies of range block codes[i] explained
+    by the unit domain blocks planes[y, :, x : x + count], of norms[y, x : x + count], under the
+    best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see evocity.coding.matching.domains)
+    all eight inner products come from 1.5 B² multiplications.
+
+    ``block`` and ``count``, a multiple of `WIDTH`, are known to the compiler.
+    """
+    code, norm, target = codes.at(i), norms.at(y, x), gains.at(line, j)
+    for start in range(0, count, ABREAST * WIDTH):
+        abreast = min(ABREAST, (count - start) // WIDTH)
+        place = (y, v.number(0), v.plus(x, start))
+        found = _gains(v, block, abreast, code, planes, place, v.after(norm, start), cap)
+        for g, one in enumerate(found):
+            pointer = v.after(target, start + g * WIDTH)
+            v.store(v.larger(v.load(pointer), one), pointer)
+
+
+@vector_code("float32", known=1)
+def most_gain(v, block, tiles, t, ceilings, codes, i):
+    """The largest gain, see `raise_gains`, of range block codes[i] from tile t, of
+    ``ceilings`` σ_max·‖d̃‖."""
+    code, most = codes.at(i), v.zero
+    for start in range(0, LANES, ABREAST * WIDTH):
+        place = (t, v.number(0), v.number(start))
+        limits = v.after(ceilings.at(t), start)
+        for one in _gains(v, block, ABREAST, code, tiles, place, limits):
+            most = v.larger(most, one)
+    return v.largest(most)
+
+
+@vector_code("int64", known=1)
+def hopeful(v, parts, peaks, t, tops, range_shares, norms, near, which):
+    """List in ``which`` the range blocks i of whose energy some block of tile t may explain
+    near[i], as far as Σ_f range_shares[i, f]·peaks[t, f], at most norms[i], can tell; returns
+    how many. ``range_shares`` (n / WIDTH, F, WIDTH) holds range blocks side by side."""
+    factors = [v.spread(v.after(peaks.at(t), f)) for f in range(parts)]
+    top, used = v.spread(tops.at(t)), v.variable(v.number(0))
+    with v.loop(range_shares.shape[0]) as row:
+        line, total = range_shares.at(row), None
+        for f, factor in enumerate(factors):
+            total = v.plus_product(total, factor, v.load(v.after(line, f * WIDTH)))
+        first = v.times(row, v.number(WIDTH))
+        bound = _gain(v, v.smaller(total, v.load(norms.at(first))), top)
+        count = v.builder.load(used)
+        truths = v.reaches(bound, v.load(near.at(first)))
+        more = v.list_lanes(truths, first, which.at(count))
+        v.builder.store(v.plus(count, more), used)
+    return v.builder.load(used)
+
+
+@vector_code("int64", known=1)
+def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
+    """1 if some block of tile t may explain near[i] of the energy of range block i, as far as the
+    bounds Σ_f range_shares[i, f]·shares[t, f], at most norms[i], can tell; else 0."""
+    ours, norm, enough = range_shares.at(i), v.spread(norms.at(i)), v.spread(near.at(i))
+    some = None
+    for start in range(0, LANES, WIDTH):
+        total = None
+        for f in range(parts):
+            line = v.load(v.after(shares.at(t, v.number(f)), start))
+            total = v.plus_product(total, v.spread(v.after(ours, f)), line)
+        bound = _gain(v, v.smaller(total, norm), v.load(v.after(ceilings.at(t), start)))
+        truths = v.reaches(bound, enough)
+        some = truths if some is None else v.builder.or_(some, truths)
+    return v.any(some)
+
+
+@kernel
+def most_likely(peaks, tops, shares, rows):
+    """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) that promise range block i,
+    of ``shares`` (n, F), most, were its own energy no limit."""
+    likings = np.empty(tops.size, np.float32)
+    for i in range(rows.shape[1]):
+        likings[:] = 0
+        for f in range(peaks.shape[0]):
+            share = shares[i, f]
+            for t in range(tops.size):
+                likings[t] += share * peaks[f, t]
+        for t in range(tops.size):
+            p = likings[t]
+            s = min(p, tops[t])
+            likings[t] = s * (p + p - s)
+        for k in range(rows.shape[0]):
+            best = np.argmax(likings)
+            rows[k, i] = best
+            likings[best] = -1
+
+
+@kernel
+def forget(places, gains, used, near):
+    """Of the first ``used`` tiles, range blocks ``places`` (2, n) and ``gains`` (n,), move those
+    to the front whose gain is at least near[range block]; returns how many."""
+    left = 0
+    for n in range(used):
+        places[0, left], places[1, left], gains[left] = places[0, n], places[1, n], gains[n]
+        left += gains[n] >= near[places[1, n]]
+    return left
+
+
+@cache
+def tile_kernels(block, parts):
+    """The kernels of the search of a whole map: reach_tiles, list_tiles; see
+    evocity.coding.matching.tiles. ``parts`` is how many norms the bounds sum up."""
+
+    # tiles outside: so that a tile stays in the cache while all range blocks go by
+    @kernel
+    def reach_tiles(
+        tiles, ceilings, shares, peaks, tops, codes, range_shares, norms, slack, first, best,
+        start, used, places, gains,
+    ):  # fmt: skip
+        """best[i] = largest gain of range i in any tile.
+
+        (places[0, n], places[1, n], gains[n]) = tile, range and the largest gain there, where it
+        comes within slack[i] of best[i]. The first ``used`` are known from the tiles before
+        ``start``. Returns at which tile it stopped, for want of room or at the end, and how many
+        are known. ``first`` lists the rows of tiles that each range block is tried on at once:
+        the better the start, the more is left out.
+
+        It returns no arrays: making them Python's own is no place for a Ctrl-C to come in.
+        """
+        count, ranges = tops.size, best.size
+        beside = np.zeros((-(-ranges // WIDTH), parts, WIDTH), np.float32)
+        most = np.zeros(beside.shape[0] * WIDTH, np.float32)
+        near = np.full(most.size, np.float32(np.inf))
+        which = np.empty(most.size, np.int32)
+        for i in range(ranges):
+            most[i] = norms[i]
+            for f in range(parts):
+                beside[i // WIDTH, f, i % WIDTH] = range_shares[i, f]
+        order = np.argsort(first, kind="mergesort")  # of all that come first, by row
+        for n in order:
+            i, row = n % ranges, first[n]
+            for t in range(row * ROW, min(row * ROW + ROW, count)):
+                best[i] = max(best[i], most_gain(block, tiles, t, ceilings, codes, i))
+        for i in range(ranges):
+            near[i] = best[i] - slack[i]
+        for t in range(start, count):
+            # lists, not branches: which range blocks are left is anybody's guess
+            found = hopeful(parts, peaks, t, tops, beside, most, near, which)
+            left = 0
+            for n in range(found):
+                i = which[n]
+                which[left] = i
+                left += promises(parts, shares, t, ceilings, range_shares, norms, near, i)
+            if used + left > gains.size:
+                used = forget(places, gains, used, near)
+                if used + left > gains.size:
+                    return t, used
+            for n in range(left):
+                i = np.uintp(which[n])
+                gain = most_gain(block, tiles, t, ceilings, codes, i)
+                places[0, used], places[1, used], gains[used] = t, i, gain
+                used += gain >= near[i]
+                best[i] = max(best[i], gain)
+                near[i] = best[i] - slack[i]
+        return count, forget(places, gains, used, near)
+
+    @kernel
+    def list_tiles(tiles, ceilings, at, codes, tile, ranges, most, near, which, where):
+        """The domain blocks whose gain is at least near[i], in the tiles that reached as much for
+        range i (see reach_tiles): where[n], as ``at`` tells it, for range which[n], as far as there
+        is room. Returns how many there are."""
+        gains = np.empty((1, LANES), np.float32)
+        one, count = np.float32(1), 0
+        for n in range(most.size):
+            t, i = tile[n], ranges[n]
+            if most[n] < near[i]:
+                continue
+            gains[:] = 0
+            raise_gains(block, LANES, tiles, t, 0, ceilings, codes, i, one, gains, 0, 0)
+            for lane in range(LANES):
+                if gains[0, lane] >= near[i]:
+                    if count < which.size:
+                        which[count], where[count] = i, at[t * LANES + lane]
+                    count += 1
+        return count
+
+    return reach_tiles, list_tiles
+
+
+@cache
+def window_kernels(block):
+    """The kernels of the search within reach: lane_maxima, list_windows."""
+
+    @kernel
+    def lane_maxima(planes, norms, codes, window, cap, first_row, band, lanes, best):
+        """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes
+        the largest over the domains in column window.left + j, in the s-th ``band`` of rows from
+        ``first_row`` on.
+
+        ``window`` holds (top, bottom, left, right) of each range's domain positions; lanes beyond
+        the window, which fill up the last `GROUP`, are set back to 0.
+        """
+        gains = lanes.reshape(-1, lanes.shape[2])
+        for start in range(0, codes.shape[0], NEIGHBOURS):
+            end = min(start + NEIGHBOURS, codes.shape[0])
+            for strip in range(lanes.shape[0]):
+                top = first_row + strip * band
+                first, last = top + band, top
+                for i in range(start, end):
+                    first, last = min(first, window[i, 0]), max(last, window[i, 1])
+                # rows outside: so that one stays in the cache while neighbours go by
+                for y in range(max(first, top), min(last, top + band)):
+                    for i in range(start, end):
+                        if y < window[i, 0] or y >= window[i, 1]:
+                            continue
+                        left, width, j = window[i, 2], window[i, 3] - window[i, 2], 0
+                        line = strip * codes.shape[0] + i
+                        while j < width - GROUP:
+                            raise_gains(
+                                block, LANES, planes, y, left + j,
+                                norms, codes, i, cap, gains, line, j,
+                            )  # fmt: skip
+                            j += LANES
+                        if j < width:
+                            raise_gains(
+                                block, GROUP, planes, y, left + j,
+                                norms, codes, i, cap, gains, line, j,
+                            )  # fmt: skip
+            for i in range(start, end):
+                width, most = max(window[i, 3] - window[i, 2], 0), best[i]
+                for strip in range(lanes.shape[0]):
+                    line = lanes[strip, i]
+                    line[width:] = 0
+                    for j in range(width):
+                        if line[j] > most:
+                            most = line[j]
+                best[i] = most
+
+    @kernel
+    def list_windows(
+        planes, norms, codes, window, cap, best, first_row, band, near, which, down, across
+    ):
+        """The domains whose gain is at least near[i]: block down[n], across[n] of the pool for
+        range which[n], as far as there is room. Returns how many there are.
+
+        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from ``first_row`` on: only
+        where these reach near[i] are positions looked at again, in groups of `GROUP`.
+        """
+        gains = np.empty((1, GROUP), np.float32)
+        count = 0
+        for i in range(codes.shape[0]):
+            left, right = window[i, 2], window[i, 3]
+            for strip in range(best.shape[0]):
+                line, start, x = best[strip, i], first_row + strip * band, left
+                while x < right:
+                    if line[x - left] < near[i]:
+                        x += 1
+                        continue
+                    for y in range(max(start, window[i, 0]), min(start + band, window[i, 1])):
+                        gains[:] = 0
+                        raise_gains(block, GROUP, planes, y, x, norms, codes, i, cap, gains, 0, 0)
+                        for j in range(min(GROUP, right - x)):
+                            if gains[0, j] < near[i]:
+                                continue
+                            if count < which.size:
+                                which[count] = i
+                                down[count], across[count] = y, x + j
+                            count += 1
+                    x += GROUP
+        return count
+
+    return lane_maxima, list_windows

@@ -1,0 +1,114 @@
+"""The pool of domain blocks of one size, and how its rows are folded into D4 coordinates (see
+`evocity.coding.matching.d4`)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from evocity.coding._kernels import box_means
+from evocity.coding.matching._kernels import LANES
+from evocity.coding.matching.d4 import d4_ones, d4_slots
+from evocity.coding.matching.folding import fold
+
+#: Relief below this share of the highest roof is rounding: of float64, and of float32.
+_NOISE, _COARSE = 1e-12, 4e-6
+#: Stands for no cap on \\|σ\\|: finite, so that times the norm 0 of a flat domain it is 0.
+UNCAPPED = np.float32(1e18)
+
+
+@dataclass(frozen=True, eq=False)
+class DomainPool:
+    """Domain blocks of side ``multiple``·B of one map: all whose first row lies in a band.
+
+    block : B, px.
+    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the
+        whole map.
+    top, rows : the map row where the band begins, and how many.
+    least : blocks of no more energy, m², count as flat.
+    """
+
+    multiple: int
+    block: int
+    shrunk: np.ndarray
+    top: int
+    rows: int
+    least: np.float32
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of domain positions along y and x."""
+        return self.rows, self.shrunk.shape[1] - self.multiple * (self.block - 1)
+
+    def split(self, count: int, last: float = 1.0) -> list["DomainPool"]:
+        """The same domain blocks in at most ``count`` bands of rows, the last of them ``last``
+        times as high as the others."""
+        step = max(1, round(self.rows / (count - 1 + last)))
+        edges = [*range(0, self.rows, step)[:count], self.rows]
+        return [
+            replace(self, top=self.top + first, rows=end - first) for first, end in pairwise(edges)
+        ]
+
+    @property
+    def planes(self) -> np.ndarray:
+        """Float32 ``(rows, B², columns + LANES)``, D4 coordinates of the shrunk domain blocks
+        made zero-mean and of unit norm, d̃/‖d̃‖. They are 0 for flat domains and in the padding,
+        which so explain nothing."""
+        return self.folded[0]
+
+    @property
+    def norms(self) -> np.ndarray:
+        """Float32 ``(rows, columns + LANES)``, ‖d̃‖, m; 0 where planes are."""
+        return self.folded[1]
+
+    @cached_property
+    def folded(self) -> tuple[np.ndarray, np.ndarray]:
+        """Planes and norms, made when first asked for."""
+        (rows, columns), block = self.shape, self.block
+        planes = np.zeros((rows, block * block, columns + LANES), np.float32)
+        norms = np.zeros((rows, columns + LANES), np.float32)
+        ones, band = d4_ones(block).astype(self.shrunk.dtype), self.shrunk[self.top :]
+        fold(band, self.multiple, d4_slots(block), ones, self.least, planes, norms)
+        return planes, norms
+
+
+def domain_pools(
+    heights: np.ndarray,
+    block: int,
+    domains: Sequence[int],
+    flat: float = 0.0,
+    memory: int = 64 << 20,
+    exact: bool = True,
+) -> Iterator[DomainPool]:
+    """Every domain block of a ``(H, W)`` map, in the order of (D, y): band after band of rows,
+    each of about ``memory`` bytes once folded.
+
+    ``domains`` are multiples m of B; sizes that do not fit the map are left out. Domains surely
+    flatter than ``flat`` metres from lowest to highest count as flat. Without ``exact`` heights
+    are rounded to float32 before they are folded: half the time, good to about 1e-7 of the
+    heights instead of the differences of heights.
+    """
+    height, width = heights.shape
+    highest = float(heights.max(initial=0))
+    # a block whose heights span `flat` has at least flat²/2 of energy
+    noise = (_NOISE if exact else _COARSE) * highest
+    least = np.float32(max(flat**2 / 2, (block * noise) ** 2))
+    for multiple in sorted(domains):
+        rows, columns = height - multiple * block + 1, width - multiple * block + 1
+        if min(rows, columns) < 1:
+            continue
+        shrunk = np.empty((height - multiple + 1, width - multiple + 1))
+        box_means(heights.astype(np.float64), multiple, multiple, shrunk)
+        if not exact:
+            shrunk = shrunk.astype(np.float32)
+        step = max(1, memory // (4 * block**2 * (columns + LANES)))
+        for top in range(0, rows, step):
+            yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least)
+
+
+def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
+    """All domain blocks of one size in one pool; the map must be large enough for one."""
+    (pool,) = domain_pools(heights, block, [multiple], flat, memory=1 << 62)
+    return pool

@@ -1,0 +1,619 @@
+"""Compiled loops of growth. Slow twins stand in tests/naive.py.
+
+A fabric is an array of *stones*, int32, one a range block: 8·lifs + isometry of the lifs of the
+original laid there, −1 where nothing stands yet. A *place* is a rectangle of blocks, a
+*candidate* a rectangle of the original's blocks of that size under an isometry: (isometry, row,
+column of its north-west block in the original). ``lays`` is `evocity.growth.LAYS`.
+"""
+
+import numpy as np
+
+from evocity.accelerate import kernel
+
+#: No two windows of this side, pixels, are to be identical.
+WINDOW = 64
+#: What is remembered of the fabric are the windows `ANCHORED` px wide at every eighth pixel: each
+#: window of `WINDOW` holds one of them, wherever it lies.
+APART = 8
+ANCHORED = WINDOW - APART + 1
+
+# Entries of the table of windows: nothing, gone again, at several anchors.
+FREE, GONE, MANY = -1, -2, -3
+
+_ROW, _COLUMN = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xD1342543DE82EF95)
+_MIX = np.uint64(0xBF58476D1CE4E5B9)
+_HALF, _LESS = np.uint64(32), np.uint64(29)
+
+# Flow is counted in whole units, so many a metre; an edge costs one more, so that of equal cuts
+# the shortest is taken.
+_UNITS = 1024
+_NEVER = 1 << 40
+
+# Puts candidates behind all others, metres.
+_AKIN = 1e12
+
+
+@kernel
+def fabric_window(stones, heights, lays, block, top, left, out):
+    """out = the fabric's heights from pixel (top, left) on; −1 where nothing stands."""
+    columns = heights.shape[1] // block
+    high, wide = out.shape
+    for row in range(top // block, (top + high + block - 1) // block):
+        y, i0 = row * block - top, max(top - row * block, 0)
+        i1 = min(block, high - y)
+        for column in range(left // block, (left + wide + block - 1) // block):
+            x, j0 = column * block - left, max(left - column * block, 0)
+            j1 = min(block, wide - x)
+            stone = stones[row, column]
+            if stone < 0:
+                out[y + i0 : y + i1, x + j0 : x + j1] = -1
+                continue
+            lay = lays[stone & 7]
+            north = (stone >> 3) // columns * block + lay[0] * (block - 1)
+            west = (stone >> 3) % columns * block + lay[1] * (block - 1)
+            for i in range(i0, i1):
+                for j in range(j0, j1):
+                    v, u = north + lay[2] * i + lay[4] * j, west + lay[3] * i + lay[5] * j
+                    out[y + i, x + j] = heights[v, u]
+
+
+@kernel
+def candidate(draw, isos, tall, wide, rows, columns, lays):
+    """The candidate that a random whole ``draw`` means for a place of tall × wide blocks."""
+    iso = isos[(draw & 7) % isos.size]
+    if lays[iso, 2] == 0:  # it lays rows of the original as columns
+        tall, wide = wide, tall
+    row, column = divmod(
+        (draw >> 3) % ((rows - tall + 1) * (columns - wide + 1)), columns - wide + 1
+    )
+    return iso, row, column
+
+
+@kernel
+def strides(chosen, tall, wide, block, width, lays):
+    """Where a candidate's pixel (y, x) lies in the original's heights, rows of ``width`` one
+    after another: at first + y·down + x·along. With ``block`` 1, the same of its blocks."""
+    iso, row, column = chosen
+    lay = lays[iso]
+    if lay[2] == 0:
+        tall, wide = wide, tall
+    first = (row * block + lay[0] * (tall * block - 1)) * width
+    first += column * block + lay[1] * (wide * block - 1)
+    return first, lay[2] * width + lay[3], lay[4] * width + lay[5]
+
+
+@kernel
+def overlap_cost(stand, standing, brought, at, block, limit):
+    """Σ |brought − stand| over the pixels of the blocks ``standing``; given up above ``limit``.
+
+    at : `strides` of what is brought."""
+    first, down, along = at
+    total = 0.0
+    for i in range(standing.shape[0]):
+        for j in range(standing.shape[1]):
+            if standing[i, j]:
+                for y in range(i * block, (i + 1) * block):
+                    line = 0.0  # a sum of its own, so that lines need not wait for each other
+                    for x in range(j * block, (j + 1) * block):
+                        line += abs(brought[first + y * down + x * along] - stand[y, x])
+                    total += line
+        if total > limit:
+            break
+    return total
+
+
+@kernel
+def edge_steps(stand, standing, brought, at, block):
+    """Σ |brought − stand| along the north, south, west and east edge of each block ``standing``."""
+    first, down, along = at
+    tall, wide = standing.shape
+    steps = np.zeros((tall, wide, 4))
+    last = block - 1
+    for i in range(tall):
+        for j in range(wide):
+            if not standing[i, j]:
+                continue
+            y, x = i * block, j * block
+            for k in range(block):
+                north_west = first + y * down + x * along
+                edge = north_west + k * along
+                steps[i, j, 0] += abs(brought[edge] - stand[y, x + k])
+                steps[i, j, 1] += abs(brought[edge + last * down] - stand[y + last, x + k])
+                edge = north_west + k * down
+                steps[i, j, 2] += abs(brought[edge] - stand[y + k, x])
+                steps[i, j, 3] += abs(brought[edge + last * along] - stand[y + k, x + last])
+    return steps
+
+
+@kernel
+def between(steps, standing, i, j, p, q, side):
+    """Step across the edge ``side`` of block (i, j), which block (p, q) shares: the mean of what
+    is known of both."""
+    other = side ^ 1
+    if standing[i, j] and standing[p, q]:
+        return (steps[i, j, side] + steps[p, q, other]) / 2
+    return steps[i, j, side] + steps[p, q, other]  # 0 for what does not stand
+
+
+@kernel
+def least_cut(costs, rims, must, never, laid):
+    """Cut a place in blocks that are laid and blocks that stay, at the least cost.
+
+    costs[i, j, s] : of a cut along the south (s = 0) or east (s = 1) edge of block (i, j).
+    rims[i, j] : of laying block (i, j) beside what stands outside the place.
+    must, never : blocks that are laid, blocks that stay, whatever it costs.
+    laid : filled with the blocks to lay, as many as equal cost allows.
+
+    The least cut is the largest flow from what stays to what is laid (Ford & Fulkerson 1956), in
+    whole units: a search finds shortest ways to all ends at once, and each is filled up.
+    """
+    tall, wide = must.shape
+    count = tall * wide
+    room = np.zeros((count, 4), np.int64)  # to the block in the south, north, east, west
+    step = np.array([wide, -wide, 1, -1])
+    inward, outward = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    for i in range(tall):
+        for j in range(wide):
+            k = i * wide + j
+            if i + 1 < tall:
+                room[k, 0] = room[k + wide, 1] = 1 + np.int64(costs[i, j, 0] * _UNITS)
+            if j + 1 < wide:
+                room[k, 2] = room[k + 1, 3] = 1 + np.int64(costs[i, j, 1] * _UNITS)
+            inward[k] = _NEVER if never[i, j] else np.int64(rims[i, j] * _UNITS)
+            outward[k] = _NEVER if must[i, j] else 0
+    came, queue = np.empty(count, np.int64), np.empty(count, np.int64)
+    filled = True
+    while filled:
+        filled = False
+        came[:] = -2  # not reached; −1: from outside, else by which step
+        head, tail = 0, 0
+        for k in range(count):
+            if inward[k] > 0:
+                came[k], queue[tail] = -1, k
+                tail += 1
+        while head < tail:
+            k = queue[head]
+            head += 1
+            if outward[k] > 0:
+                continue
+            for d in range(4):
+                if room[k, d] > 0 and came[k + step[d]] == -2:
+                    came[k + step[d]], queue[tail] = d, k + step[d]
+                    tail += 1
+        for end in queue[:tail]:
+            if outward[end] == 0:
+                continue
+            flow, k = outward[end], end
+            while came[k] >= 0:
+                d = came[k]
+                k -= step[d]
+                flow = min(flow, room[k, d])
+            flow = min(flow, inward[k])
+            if flow == 0:  # an earlier way filled a part of this one
+                continue
+            filled = True
+            inward[k] -= flow
+            outward[end] -= flow
+            k = end
+            while came[k] >= 0:
+                d = came[k]
+                room[k, d ^ 1] += flow
+                k -= step[d]
+                room[k, d] -= flow
+    for k in range(count):
+        laid[k // wide, k % wide] = came[k] == -2
+
+
+@kernel
+def outline(stones, place, standing, never, steps, block, laid):
+    """Choose the blocks of a group to lay, by the least cut, and return the mean step along its
+    outline, metres a pixel; 0 if it has none. ``steps`` as of `edge_steps`; ``laid`` is filled."""
+    top, left, tall, wide = place
+    costs, rims = np.zeros((tall, wide, 2)), np.zeros((tall, wide))
+    touching = np.zeros((tall, wide), np.int64)
+    for i in range(tall):
+        for j in range(wide):
+            if i + 1 < tall:
+                costs[i, j, 0] = between(steps, standing, i, j, i + 1, j, 1)
+            if j + 1 < wide:
+                costs[i, j, 1] = between(steps, standing, i, j, i, j + 1, 3)
+            for d in range(4):  # the place's own rim, where something stands beyond
+                p, q = i + (d == 1) - (d == 0), j + (d == 3) - (d == 2)
+                if 0 <= p < tall and 0 <= q < wide:
+                    continue
+                p, q = top + p, left + q
+                if 0 <= p < stones.shape[0] and 0 <= q < stones.shape[1] and stones[p, q] >= 0:
+                    rims[i, j] += steps[i, j, d]
+                    touching[i, j] += 1
+    least_cut(costs, rims, ~standing, never, laid)
+    total, edges = 0.0, 0
+    for i in range(tall):
+        for j in range(wide):
+            if i + 1 < tall and laid[i, j] != laid[i + 1, j]:
+                total += costs[i, j, 0]
+                edges += 1
+            if j + 1 < wide and laid[i, j] != laid[i, j + 1]:
+                total += costs[i, j, 1]
+                edges += 1
+            if laid[i, j]:
+                total += rims[i, j]
+                edges += touching[i, j]
+    return total / (edges * block) if edges else 0.0
+
+
+# -- windows that must not come twice ---------------------------------------------------------
+
+
+@kernel
+def window_keys(values, side):
+    """Key of every side × side window of float32 ``values``, 0 where some pixel of it is −1.
+
+    Equal windows have equal keys; two others, one in 2⁶⁴.
+    """
+    high, wide = values.shape
+    rows, columns = high - side + 1, wide - side + 1
+    keys = np.zeros((max(rows, 0), max(columns, 0)), np.uint64)
+    if rows < 1 or columns < 1:
+        return keys
+    far_row, far_column = np.uint64(1), np.uint64(1)
+    for _ in range(side):
+        far_row, far_column = far_row * _ROW, far_column * _COLUMN
+    bits = values.view(np.uint32)
+    lines, bare = np.zeros((high, columns), np.uint64), np.zeros((high, columns), np.int64)
+    for y in range(high):
+        rolled, empty = np.uint64(0), 0
+        for x in range(wide):
+            rolled = rolled * _COLUMN + mixed(bits[y, x])
+            empty += values[y, x] < 0
+            if x >= side:
+                rolled -= far_column * mixed(bits[y, x - side])
+                empty -= values[y, x - side] < 0
+            if x >= side - 1:
+                lines[y, x - side + 1], bare[y, x - side + 1] = rolled, empty
+    for x in range(columns):
+        rolled, empty = np.uint64(0), 0
+        for y in range(high):
+            rolled = rolled * _ROW + lines[y, x]
+            empty += bare[y, x]
+            if y >= side:
+                rolled -= far_row * lines[y - side, x]
+                empty -= bare[y - side, x]
+            if y >= side - 1 and empty == 0:
+                keys[y - side + 1, x] = max(rolled, np.uint64(1))
+    return keys
+
+
+@kernel
+def mixed(bits):
+    """64 bits that look random, for 32."""
+    value = (np.uint64(bits) + _ROW) * _MIX
+    value = (value ^ (value >> _HALF)) * _COLUMN
+    return value ^ (value >> _LESS)
+
+
+@kernel
+def slot_of(keys, key):
+    """Where ``key`` stands in the table, or would stand."""
+    mask = keys.size - 1
+    slot = np.int64(key >> np.uint64(20)) & mask
+    while keys[slot] != 0 and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@kernel
+def remember(keys, anchors, key, anchor):
+    """Note that the window of ``key`` stands at ``anchor``; returns 1 if the table grew."""
+    slot = slot_of(keys, key)
+    new = keys[slot] == 0
+    if new or anchors[slot] == GONE:
+        keys[slot], anchors[slot] = key, anchor
+    elif anchors[slot] != anchor:
+        anchors[slot] = MANY
+    return int(new)
+
+
+@kernel
+def remember_all(keys, anchors, found, top, left, apart, across):
+    """Note the windows ``found``, `window_keys` from pixel (top, left) on, at the anchors: every
+    pixel whose row and column are multiples of ``apart``; ``across`` anchors make a row of the
+    fabric. Returns by how much the table grew."""
+    grown = 0
+    for y in range(-top % apart, found.shape[0], apart):
+        for x in range(-left % apart, found.shape[1], apart):
+            if found[y, x]:
+                anchor = (top + y) // apart * across + (left + x) // apart
+                grown += remember(keys, anchors, found[y, x], anchor)
+    return grown
+
+
+@kernel
+def forget(keys, anchors, found, now, top, left, apart, across):
+    """Strike out the windows ``found`` at anchors where another stands ``now``."""
+    for y in range(-top % apart, found.shape[0], apart):
+        for x in range(-left % apart, found.shape[1], apart):
+            if found[y, x] and found[y, x] != now[y, x]:
+                slot = slot_of(keys, found[y, x])
+                if anchors[slot] == (top + y) // apart * across + (left + x) // apart:
+                    anchors[slot] = GONE
+
+
+@kernel
+def rehashed(keys, anchors, size):
+    """The table in one of ``size`` places, a power of two, without what is gone; its filling."""
+    larger, places = np.zeros(size, np.uint64), np.full(size, FREE, anchors.dtype)
+    kept = 0
+    for old in range(keys.size):
+        if keys[old] != 0 and anchors[old] != GONE:
+            slot = slot_of(larger, keys[old])
+            larger[slot], places[slot] = keys[old], anchors[old]
+            kept += 1
+    return larger, places, kept
+
+
+@kernel
+def stands_elsewhere(keys, anchors, key, anchor):
+    """Whether the window of ``key`` is known, at another anchor than ``anchor``."""
+    slot = slot_of(keys, key)
+    return keys[slot] != 0 and anchors[slot] != GONE and anchors[slot] != anchor
+
+
+@kernel
+def is_among(some, key):
+    """Whether ``key`` is one of ``some`` sorted keys."""
+    at = np.searchsorted(some, key)
+    return at < some.size and some[at] == key
+
+
+@kernel
+def comes_twice(keys, anchors, found, exempt, side, top, left, apart, across, box):
+    """Whether any of the windows ``found`` that touch ``box`` (top, left, bottom, right, pixels)
+    stands at an anchor elsewhere, in the table or among themselves, and is not ``exempt``.
+
+    found : `window_keys` of that ``side`` from pixel (top, left) on, as they would be.
+    exempt : sorted keys.
+    """
+    count = np.count_nonzero(found[-top % apart :: apart, -left % apart :: apart])
+    if count == 0:
+        return False
+    size = 64
+    while size < 4 * count:
+        size *= 2
+    near_keys, near_anchors = np.zeros(size, np.uint64), np.full(size, FREE, np.int64)
+    remember_all(near_keys, near_anchors, found, top, left, apart, across)
+    for y in range(max(box[0] - top - side + 1, 0), min(box[2] - top, found.shape[0])):
+        for x in range(max(box[1] - left - side + 1, 0), min(box[3] - left, found.shape[1])):
+            if found[y, x] == 0:
+                continue
+            own = -9
+            if (top + y) % apart == 0 and (left + x) % apart == 0:
+                own = (top + y) // apart * across + (left + x) // apart
+            if (
+                stands_elsewhere(keys, anchors, found[y, x], own)
+                or stands_elsewhere(near_keys, near_anchors, found[y, x], own)
+            ) and not is_among(exempt, found[y, x]):
+                return True
+    return False
+
+
+@kernel
+def common_windows(values, found, common, allowed):
+    """`window_keys` of side `WINDOW` of ``values``, 0 for those that hold none of the ``common``
+    windows of side `ANCHORED`, ``found`` being all these, and for those ``allowed``."""
+    if common.size == 0:
+        return np.zeros((0, 0), np.uint64)
+    rows, columns = max(found.shape[0] - APART + 1, 0), max(found.shape[1] - APART + 1, 0)
+    holds, some = np.zeros((rows, columns), np.bool_), False
+    for y in range(found.shape[0]):
+        for x in range(found.shape[1]):
+            if found[y, x] and is_among(common, found[y, x]):
+                holds[max(0, y - APART + 1) : y + 1, max(0, x - APART + 1) : x + 1] = True
+                some = True
+    if not some:
+        return np.zeros((rows, columns), np.uint64)
+    keys = window_keys(values, WINDOW)
+    for y in range(rows):
+        for x in range(columns):
+            if keys[y, x] and not (holds[y, x] and not is_among(allowed, keys[y, x])):
+                keys[y, x] = 0
+    return keys
+
+
+# -- laying -----------------------------------------------------------------------------------
+
+
+@kernel
+def lay_groups(
+    stones, original, heights, lays, isos, block, places, draws, tolerance, kept,
+    uses, common, allowed, coarse, fine, steps, twice,
+):  # fmt: skip
+    """Lay one group at each place (top, left, tall, wide, in blocks), in this order.
+
+    stones : int32 ``(rows, columns)``, changed in place.
+    original : (top, left, bottom, right) of the original in it, blocks, which stays as it is.
+    heights : float32 ``(H, W)``, the original's.
+    isos : the isometries groups may be laid under.
+    draws : int64 ``(places, n)``, 0 or more: the candidates, see `candidate`.
+    tolerance : S, metres.
+    kept : outlines are cut for so many candidates at a time, the best by their overlap first.
+    uses : int64, how often each lifs of the original stands in the fabric; changed in place.
+    common, allowed : sorted keys of the windows that the original itself repeats, of side
+        `ANCHORED` and of side `WINDOW`.
+    coarse : keys and anchors of the windows of side `ANCHORED`, at every `APART` pixels.
+    fine : the same of windows of side `WINDOW` that hold a common one, at every pixel. Both
+        tables are changed in place, and must have room.
+    steps : filled with the mean step along each outline; NaN where nothing was bare.
+    twice : filled with whether each group makes a window come twice.
+
+    A window that is not common may not come twice; one of side `WINDOW` that holds a common one
+    neither, unless it is allowed. So none comes twice but those allowed: of two that are alike,
+    the first holds a window of side `ANCHORED` at an anchor.
+
+    Returns by how many entries the tables grew.
+    """
+    rows, columns = heights.shape[0] // block, heights.shape[1] // block
+    brought = heights.ravel()
+    width = stones.shape[1] * block
+    across = (width + APART - 1) // APART
+    grown, fine_grown = 0, 0
+    for n in range(places.shape[0]):
+        top, left, tall, wide = places[n]
+        standing = stones[top : top + tall, left : left + wide] >= 0
+        steps[n], twice[n] = np.nan, False
+        if standing.all():
+            continue
+        never = np.zeros((tall, wide), np.bool_)
+        never[
+            max(original[0] - top, 0) : max(original[2] - top, 0),
+            max(original[1] - left, 0) : max(original[3] - left, 0),
+        ] = True
+        stand = np.empty((tall * block, wide * block), np.float32)
+        fabric_window(stones, heights, lays, block, top * block, left * block, stand)
+
+        order = by_overlap(
+            stones, places[n], stand, standing, brought, draws[n], isos, block, columns, lays
+        )
+        # what stands around: windows that touch the place reach so far
+        box = (top * block, left * block, (top + tall) * block, (left + wide) * block)
+        y0, x0 = max(box[0] - WINDOW + 1, 0), max(box[1] - WINDOW + 1, 0)
+        y1 = min(box[2] + WINDOW - 1, stones.shape[0] * block)
+        x1 = min(box[3] + WINDOW - 1, stones.shape[1] * block)
+        around = np.empty((y1 - y0, x1 - x0), np.float32)
+        fabric_window(stones, heights, lays, block, y0, x0, around)
+        inner = around[box[0] - y0 : box[2] - y0, box[1] - x0 : box[3] - x0]
+        before = window_keys(around, ANCHORED)
+        fine_before = common_windows(around, before, common, allowed)
+        now, fine_now = before, fine_before
+
+        mean_use = uses.sum() / uses.size
+        cuts = np.zeros((order.size, tall, wide), np.bool_)
+        outlines, scores = np.empty(order.size), np.empty(order.size)
+        found, tried, unseamed = -1, 0, False
+        while found < 0:
+            if tried < order.size:  # the next few, the best of the admissible first
+                first, last = tried, min(tried + kept, order.size)
+                for c in range(first, last):
+                    chosen = candidate(draws[n, order[c]], isos, tall, wide, rows, columns, lays)
+                    at = strides(chosen, tall, wide, block, heights.shape[1], lays)
+                    at_edges = edge_steps(stand, standing, brought, at, block)
+                    outlines[c] = outline(
+                        stones, places[n], standing, never, at_edges, block, cuts[c]
+                    )
+                    use = laid_use(uses, cuts[c], chosen, columns, lays)
+                    scores[c] = outlines[c] + tolerance / 6 * use / mean_use
+                    if outlines[c] > tolerance:
+                        scores[c] = np.inf
+                trial = first + np.argsort(scores[first:last], kind="mergesort")
+                tried = last
+            elif not unseamed:  # none admissible may be laid: the least step that may
+                trial = np.argsort(outlines, kind="mergesort")
+                scores[:], unseamed = outlines, True
+            else:  # every one makes a window come twice
+                found, twice[n] = np.argmin(outlines), True
+                trial = np.full(1, found)
+            for c in trial:
+                if scores[c] == np.inf:
+                    break
+                chosen = candidate(draws[n, order[c]], isos, tall, wide, rows, columns, lays)
+                at = strides(chosen, tall, wide, block, heights.shape[1], lays)
+                lay_pixels(inner, stand, cuts[c], brought, at, block)
+                now = window_keys(around, ANCHORED)
+                fine_now = common_windows(around, now, common, allowed)
+                if twice[n] or not (
+                    comes_twice(*coarse, now, common, ANCHORED, y0, x0, APART, across, box)
+                    or comes_twice(*fine, fine_now, allowed, WINDOW, y0, x0, 1, width, box)
+                ):
+                    found = c
+                    break
+        chosen = candidate(draws[n, order[found]], isos, tall, wide, rows, columns, lays)
+        lay_stones(stones, uses, top, left, cuts[found], chosen, columns, lays)
+        forget(*coarse, before, now, y0, x0, APART, across)
+        forget(*fine, fine_before, fine_now, y0, x0, 1, width)
+        grown += remember_all(*coarse, now, y0, x0, APART, across)
+        fine_grown += remember_all(*fine, fine_now, y0, x0, 1, width)
+        steps[n] = outlines[found]
+    return grown, fine_grown
+
+
+@kernel
+def by_overlap(stones, place, stand, standing, brought, draws, isos, block, columns, lays):
+    """The candidates (indices) by what they differ, in sum, from all that stands. Those akin to
+    a stone of the place come after the others, those that go on where one comes from last."""
+    tall, wide = place[2:]
+    width = columns * block
+    rows = brought.size // (width * block)
+    costs, least = np.empty(draws.size), np.inf
+    for k in range(draws.size):
+        chosen = candidate(draws[k], isos, tall, wide, rows, columns, lays)
+        kin = kinship(stones, place, chosen, columns, lays)
+        at = strides(chosen, tall, wide, block, width, lays)
+        costs[k] = overlap_cost(stand, standing, brought, at, block, 2 * least)
+        if kin:
+            costs[k] += kin * _AKIN
+        else:
+            least = min(least, costs[k])
+    return np.argsort(costs, kind="mergesort")
+
+
+@kernel
+def kinship(stones, place, chosen, columns, lays):
+    """2 if a candidate goes on where a stone of the place comes from, bringing that very stone;
+    1 if it brings a stone that stands in the place otherwise, mirrored or moved; else 0."""
+    top, left, tall, wide = place
+    first, down, along = strides(chosen, tall, wide, 1, columns, lays)
+    row, column = chosen[1:]
+    if lays[chosen[0], 2] == 0:
+        deep, broad = wide, tall
+    else:
+        deep, broad = tall, wide
+    kin = 0
+    for i in range(tall):
+        for j in range(wide):
+            stone = stones[top + i, left + j]
+            if stone < 0:
+                continue
+            if stone == 8 * (first + i * down + j * along) + chosen[0]:
+                return 2
+            y, x = (stone >> 3) // columns - row, (stone >> 3) % columns - column
+            if 0 <= y < deep and 0 <= x < broad:
+                kin = 1
+    return kin
+
+
+@kernel
+def laid_use(uses, laid, chosen, columns, lays):
+    """How often the lifs that a candidate would lay stand in the fabric, on average."""
+    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, columns, lays)
+    total, count = 0, 0
+    for i in range(laid.shape[0]):
+        for j in range(laid.shape[1]):
+            if laid[i, j]:
+                total += uses[first + i * down + j * along]
+                count += 1
+    return total / count
+
+
+@kernel
+def lay_pixels(target, stand, laid, brought, at, block):
+    """target = what is ``brought`` where ``laid``, else what stands."""
+    first, down, along = at
+    for y in range(target.shape[0]):
+        for x in range(target.shape[1]):
+            if laid[y // block, x // block]:
+                target[y, x] = brought[first + y * down + x * along]
+            else:
+                target[y, x] = stand[y, x]
+
+
+@kernel
+def lay_stones(stones, uses, top, left, laid, chosen, columns, lays):
+    """Lay a candidate's lifs, and count them."""
+    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, columns, lays)
+    for i in range(laid.shape[0]):
+        for j in range(laid.shape[1]):
+            if laid[i, j]:
+                lifs = first + i * down + j * along
+                if stones[top + i, left + j] >= 0:
+                    uses[stones[top + i, left + j] >> 3] -= 1
+                uses[lifs] += 1
+                stones[top + i, left + j] = 8 * lifs + chosen[0]

@@ -1,0 +1,10 @@
+"""Maps as pictures, coloured and with a legend.
+
+- `field`: values on a city's grid that are no heights: `Field`, `Shares`
+- `picture`: a map, a field, or shares, as a picture
+"""
+
+from evocity.pictures.field import Field, Shares
+from evocity.pictures.picture import render, render_field, render_shares
+
+__all__ = ["Field", "Shares", "render", "render_field", "render_shares"]

@@ -1,0 +1,131 @@
+"""A motif put in the place of each of its own shapes, again and again, until it is a town."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.towns.houses import (
+    check,
+    check_lengths,
+    check_storeys,
+    checked_grid,
+    height_of,
+    is_number,
+    is_whole,
+)
+
+
+def substitution_town(
+    pixels: int = 256,
+    metres_per_pixel: float = 2.0,
+    *,
+    rng: np.random.Generator | None = None,
+    motif: str = "AAABB/AAABB/CC.BB/CCDDD/CCDDD",
+    turns: str = "0123",
+    iterations: int = 4,
+    street: float = 18.0,
+    narrowing: float = 0.5,
+    least: float = 8.0,
+    storeys: Sequence[int] = (2, 7),
+) -> CityMap:
+    """A motif, and a rule that puts it in the place of each of its own shapes, iterated: first
+    come the main streets, then the lesser ones, at last the gaps between houses (Woloszyn 1998,
+    in Marsault 2002 §3.2, 2005 §1.3).
+
+    Parameters
+    ----------
+    pixels, metres_per_pixel : of the square map: its side, and that of a pixel in metres.
+    rng : draws what differs from house to house: a storey more or less. None: none differs.
+    motif : rows of letters from north to south, ``/`` between them. Each letter is one shape,
+        a rectangle; ``.`` stays open. It is stretched over the shape that it replaces.
+    turns : the rule: for each shape, in the order of the letters' first appearance, by how many
+        quarter turns (0…3) more the motif is turned when it replaces that shape.
+    iterations : how often, 1…8.
+    street : width of the streets that the first iteration opens, metres.
+    narrowing : of streets from one iteration to the next, above 0, at most 1.
+    least : a shape stays whole where a part of it would be narrower than this, metres.
+    storeys : of the lowest and the highest house; each iteration has its share in the height.
+
+    Raises
+    ------
+    MapError : a parameter is out of bounds, or the motif holds a shape that is no rectangle.
+    """
+    extent = checked_grid(pixels, metres_per_pixel, rng)
+    check_lengths(metres_per_pixel, street=street, least=least)
+    check_storeys(storeys)
+    shapes_of = _checked_motif(motif, turns)
+    check("iterations", iterations, is_whole(iterations) and 1 <= iterations <= 8, "1…8")
+    check("narrowing", narrowing, is_number(narrowing) and 0 < narrowing <= 1, "above 0, at most 1")
+    shapes = [(np.array([0.0, 0.0, extent, extent]), 0, 0.0)]  # y, x, y, x of the corners; turn
+    for iteration in range(iterations):
+        gap = street * narrowing**iteration / 2
+        parted = []
+        for corners, turn, level in shapes:
+            parts = [
+                (_laid(corners, part) + gap * np.array([1, 1, -1, -1]), turn + more, level + rise)
+                for part, more, rise in shapes_of[turn % 4]
+            ]
+            narrowest = min(float((part[2:] - part[:2]).min()) for part, _, _ in parts)
+            parted += parts if narrowest >= least else [(corners, turn, level)]
+        shapes = parted
+    if len(shapes) == 1:
+        raise MapError(
+            f"a map of {extent:g} m, too small for the streets and shapes of the motif",
+            f"room for shapes of {least:g} m or more between streets of {street:g} m",
+            "give more pixels=, a narrower street= or a smaller least=",
+        )
+    heights = np.zeros((pixels, pixels), np.float32)
+    for corners, _, level in shapes:
+        top, left, bottom, right = np.ceil(corners / metres_per_pixel - 0.5).astype(int)
+        heights[top:bottom, left:right] = height_of(level / iterations, storeys, rng)
+    return CityMap(heights, metres_per_pixel, name="substitution-town")
+
+
+def _checked_motif(motif: str, turns: str) -> list[list[tuple[np.ndarray, int, float]]]:
+    """For each turn of the motif, its shapes: where they lie (y, x, y, x, 0…1), their own turn
+    beyond that, and how much they raise what is built on them."""
+    rows = motif.split("/") if isinstance(motif, str) else []
+    even = len({len(row) for row in rows}) == 1 and len(rows[0]) > 0
+    letters = [sign for sign in dict.fromkeys(motif) if sign not in "./"] if even else []
+    grid = np.array([list(row) for row in rows]) if even else np.empty((0, 0), str)
+    whole = all(_fills_its_bounds(grid == letter) for letter in letters)
+    check(
+        "motif",
+        motif,
+        2 <= len(letters) <= 64 and whole,
+        "rows of one length with / between them, of two rectangles of letters or more",
+    )
+    check(
+        "turns",
+        turns,
+        isinstance(turns, str) and len(turns) == len(letters) and set(turns) <= set("0123"),
+        f"{len(letters)} digits 0…3, one for each letter of the motif",
+    )
+    turned = [np.rot90(grid, quarter) for quarter in range(4)]
+    return [
+        [(_bounds(laid == letter), int(turns[n]), n % 3 / 2) for n, letter in enumerate(letters)]
+        for laid in turned
+    ]
+
+
+def _bounds(cells: np.ndarray) -> np.ndarray:
+    """Corners (y, x, y, x) of the ``cells`` that are true, as shares of the sides."""
+    rows, columns = np.nonzero(cells)
+    corners = np.array([rows.min(), columns.min(), rows.max() + 1, columns.max() + 1])
+    return corners / np.tile(cells.shape, 2)
+
+
+def _fills_its_bounds(cells: np.ndarray) -> bool:
+    top, left, bottom, right = np.round(_bounds(cells) * np.tile(cells.shape, 2)).astype(int)
+    return bool(cells[top:bottom, left:right].all())
+
+
+def _laid(corners: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Where a ``part`` of the motif lies once it is stretched between ``corners``."""
+    origin, size = corners[:2], corners[2:] - corners[:2]
+    return np.tile(origin, 2) + part * np.tile(size, 2)
+
+
+__all__ = ["substitution_town"]
