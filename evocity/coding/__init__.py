@@ -2,6 +2,7 @@
 
 encode          a map's genome, by exact search over domain blocks
 decode          a genome's map, the attractor of its collage map
+decoded         the same, kept: parents are decoded once a process
 fit             which σ and β bring a genome's attractor closest to a map
 search          which domain block explains a range block best
 topology        which of several lies in surroundings most like the range block's
@@ -19,6 +20,7 @@ from evocity.coding.autosimilarity import (
     free_block_maps,
 )
 from evocity.coding.decode import CollageMap, Decoding, decode
+from evocity.coding.decoded import decoded
 from evocity.coding.encode import Encoding, encode
 from evocity.coding.fit import fit_attractor
 from evocity.coding.matching import best_correlations
@@ -39,6 +41,7 @@ __all__ = [
     "best_correlations",
     "closest_neighbourhood",
     "decode",
+    "decoded",
     "encode",
     "fit_attractor",
     "free_block_maps",

@@ -8,6 +8,7 @@ import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.coding.decode import decode
+from evocity.coding.decoded import decoded
 from evocity.errors import FitnessError
 from evocity.fitness._kernels import mark_whole
 from evocity.fitness.measure import Undefined
@@ -77,7 +78,7 @@ def integrity_of(genome: Genome, parents: Sequence[Genome]) -> float:
     whole, built = np.zeros((2, len(genome), pixels), bool)
     traced = np.zeros(len(genome), bool)
     for parent in parents:
-        city = decode(parent).city
+        city = decoded(parent).city
         stones = _stones(parent, numbers)
         blocks = parent.pavement.blocks(city.built).reshape(-1, pixels)
         by_stone = np.argsort(stones, kind="stable")
