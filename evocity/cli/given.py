@@ -85,15 +85,14 @@ def case_of(source: str, reading: Mapping[str, object], identifier: int | None =
         return Case(city_of(source, reading))
     refuse_reading(f"the {'genome' if is_genome(source) else 'run'} {source}", reading)
     genome = genome_of(source, identifier)
-    parents = None if identifier is None else _parents(source, identifier, genome)
+    parents = None if identifier is None else _parents(source, identifier)
     return Case(decoded(genome, source, identifier), genome, parents)
 
 
-def _parents(folder: str, identifier: int, genome) -> tuple:
+def _parents(folder: str, identifier: int) -> tuple:
     """The genomes an individual of a run was bred from; a source city is its own parent."""
     run = evocity.open_run(folder)
-    ids = run.individuals([identifier])[0].parents
-    return tuple(birth.genome for birth in run.individuals(ids)) or (genome,)
+    return run.parents(run.individuals([identifier]))[0]
 
 
 def measures_of(word: str) -> list:

@@ -312,28 +312,17 @@ class Facts:
                     chosen[order[place]] = rows[order[place]]
         return self._shown(list(chosen.values()))
 
-    def _parents(self, births: Sequence[Birth], needs: list[str]) -> dict[int, Genome]:
-        """Genomes of the ``births``' parents by their ids; none where no measure asks for them."""
-        if "parents" not in needs:
-            return {}
-        ids = sorted({one for birth in births for one in birth.parents})
-        found = self.run.individuals(ids)
-        return {one.id: one.genome for one in found if one.genome is not None}
-
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
         births = self.run.individuals([row["id"] for row in rows])
         others = [m for m in fitness.measures() if m.name not in self.run.header.measures]
-        parents = self._parents(births, [need for m in others for need in m.needs])
+        asked = any("parents" in measure.needs for measure in others)
+        bred_from = self.run.parents(births) if asked else [()] * len(births)
+        count = len(self.run.header.cities)
         shown = []
-        for row, birth in zip(rows, births, strict=True):
+        for row, birth, parents in zip(rows, births, bred_from, strict=True):
             city = decode(birth.genome).city
-            parents = birth.genome.parent
-            shares = np.bincount(parents, minlength=len(self.run.header.cities)) / len(parents)
-            bred_from = [parents[one] for one in birth.parents if one in parents]
-            values = [
-                (m.name, _measured(m, city, birth.genome, bred_from or [birth.genome]), m.unit)
-                for m in others
-            ]
+            shares = np.bincount(birth.genome.parent, minlength=count) / len(birth.genome)
+            values = [(m.name, _measured(m, city, birth.genome, parents), m.unit) for m in others]
             shown.append(Shown(birth, row["rank"], city, values, shares))
         return shown
 
@@ -348,7 +337,7 @@ def _number(value) -> float | None:
         return None
 
 
-def _measured(measure, city: CityMap, genome: Genome, parents: list[Genome]) -> float:
+def _measured(measure, city: CityMap, genome: Genome, parents: Sequence[Genome]) -> float:
     try:
         return measure(city, genome=genome, parents=parents)
     except EvocityError:  # not the run's measure: a report does not fail for it

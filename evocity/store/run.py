@@ -141,6 +141,23 @@ class Run:
             )
         return genome
 
+    def parents(self, births: Sequence[Birth]) -> list[tuple[Genome, ...]]:
+        """Of each of ``births`` the genomes it was bred from, in the order of its ``parents``; a
+        founder, which was bred from none, is its own parent. Each has a genome.
+
+        Raises `RunError` if a parent is not among the run's births, or has no genome.
+        """
+        ids = sorted({one for birth in births for one in birth.parents})
+        genomes = {one.id: one.genome for one in self.individuals(ids)}
+        for identifier, genome in genomes.items():
+            if genome is None:
+                raise RunError(
+                    f"{self.path}: individual {identifier}, a parent of others, has no genome",
+                    "parents that were bred",
+                    "bring the folder back from a copy",
+                )
+        return [tuple(genomes[one] for one in b.parents) or (b.genome,) for b in births]
+
     def ancestors(self, identifier: int, columns: Sequence[str] | None = None) -> pa.Table:
         """The pedigree of one individual: the births it descends from, the oldest first and its
         own last, as an Arrow table. `RunError` if it was never born, or births have no such

@@ -14,6 +14,8 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import RunError
+from evocity.fitness.heredity import integrity_of
+from evocity.operators.crossing import assembled
 from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
@@ -134,8 +136,12 @@ def _birth(generation, slot, population, genomes, measures, rng, options):
         error=options.get("error", "gsi raised") if fails else None,
         seconds=0.1,
         values={} if fails else values,
-        genome=genomes[slot % len(genomes)],
+        genome=options.get("bred", _source)(generation, slot, genomes),
     )
+
+
+def _source(generation, slot, genomes):
+    return genomes[slot % len(genomes)]
 
 
 @pytest.fixture(scope="module")
@@ -217,6 +223,27 @@ def test_rare_colours_survive_the_palette(town):
     code = data_uri(picture).partition(",")[2]
     kept = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
     assert np.abs(np.asarray(kept, int) - np.asarray(picture, int)).max() <= 8
+
+
+def test_measures_that_ask_for_parents_get_those_each_was_bred_from(tmp_path):
+    owner = np.zeros((SIDE // BLOCK, SIDE // BLOCK), int)
+    owner[:, 3:] = 1  # cuts the houses, which are two range blocks wide
+
+    def bred(generation, slot, genomes):
+        """Of generation 1 children of A and A, and of generation 2 of A and those."""
+        if generation == 0 or slot:
+            return genomes[slot % 2]
+        child = assembled(genomes, owner.ravel())
+        return child if generation == 1 else assembled([genomes[0], child], owner.T.ravel())
+
+    run = open_run(make_run(tmp_path / "run", bred=bred))
+    founder, *_, second = run.individuals([0, 6, 12])
+    assert run.parents([founder, second]) == [(founder.genome,), (founder.genome, run.genome(6))]
+    facts = Facts(run)
+    told = {one.birth.id: {n: v for n, v, _ in one.others} for one in facts.shown}
+    expected = integrity_of(second.genome, [founder.genome, run.genome(6)])
+    assert 0 < expected < integrity_of(second.genome, [second.genome]) == 1
+    assert told[second.id]["integrity"] == expected
 
 
 def test_parents_settings_lineage_and_attributions_are_told(usual):
