@@ -21,6 +21,7 @@ from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
 from evocity.genome import Genome
+from evocity.search.door import admitted
 from evocity.store import Header
 
 #: An error's text in the log is no longer.
@@ -73,7 +74,7 @@ class Evaluator:
         """The child's genome in ``.genome``, in the terms of the run's header."""
         start = time.perf_counter()
         try:
-            genome = self.header.adopt(operator(parents, rng), self.condensation)
+            genome = admitted(operator(parents, rng), self.header, self.condensation)
         except KeyboardInterrupt:  # the user's own, when everything runs in one process
             raise
         except BaseException as error:

@@ -81,17 +81,24 @@ class Header:
     def pavement(self) -> Pavement:
         return Pavement(self.height, self.width, self.block)
 
-    def adopt(self, genome: Genome, condensation: Condensation | None = None) -> Genome:
-        """The same genome told in the run's terms: its table of cities, attribution, place, and
-        the layer locked in it."""
+    def adopt(
+        self,
+        genome: Genome,
+        condensation: Condensation | None = None,
+        made: Mapping | None = None,
+    ) -> Genome:
+        """The same genome told in the run's terms: its table of cities, cap of σ, attribution,
+        place, and the layer locked in it; its own ``made`` unless another is given."""
         lookup = np.array([self.cities.index(city) for city in genome.cities], dtype=np.uint8)
         return genome.replace(
             parent=lookup[genome.parent],
             cities=self.cities,
+            sigma_max=self.sigma_max,
             attribution=self.attribution,
             origin=self.origin,
             crs=self.crs,
             condensation=condensation,
+            made=genome.made if made is None else made,
         )
 
     def to_json(self) -> str:
@@ -234,7 +241,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
         "id": [b.id for b in births],
         "parents": [list(b.parents) for b in births],
         "operator": [b.operator for b in births],
-        "made": [json.dumps(b.made, default=_plain) for b in births],
+        "made": [json.dumps(b.made, default=plain) for b in births],
         "status": [b.status for b in births],
         "error": [b.error for b in births],
         "seconds": [b.seconds for b in births],
@@ -342,6 +349,6 @@ def _lists(genomes: Sequence[Genome | None], name: str, dtype, lifs: int) -> pa.
     return pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), lifs, mask=absent)
 
 
-def _plain(value):
+def plain(value):
     """JSON for what operators may leave in ``made``: numpy numbers, arrays, tuples."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
