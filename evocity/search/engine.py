@@ -142,8 +142,9 @@ class Search:
             while not self.finished:
                 self.ask()
                 yield self.tell(self._pool.run("evaluate", self._jobs()))
-            self._event("finish", generation=self._next - 1)
-            self._ended = True
+            if not self._closed:
+                self._event("finish", generation=self._next - 1)
+                self._ended = True
         except BaseException as error:
             if isinstance(error, GeneratorExit) and self._entered:
                 raise  # __exit__ knows why the loop was left
@@ -155,15 +156,17 @@ class Search:
     def ask(self) -> list[Genome]:
         """Breed the next generation: the genomes to evaluate, in order.
 
-        Births whose operator failed are not among them; they are logged by `tell`.
+        Births whose operator failed are not among them; they are logged by `tell`. Raises
+        `RunError` out of turn, after the last generation and after `close`.
         """
+        self._refuse_closed("ask()")
         if self._asked is not None:
             raise RunError(
                 f"ask() while the {len(self._bred())} genomes asked before are not told",
                 "ask() and tell() in turn",
                 "call tell(results) first",
             )
-        if self.finished or self._closed:
+        if self.finished:
             raise RunError(
                 "ask() after the end of the search",
                 f"generations up to {self.recipe.run.generations}",
@@ -189,7 +192,10 @@ class Search:
 
         A result is a mapping from every measure to its value, or the exception that prevented
         it. NaN and infinity make a birth `invalid`. The generation is written down whole.
+        Raises `RunError` for results out of turn, and after `close`: the run's folder may be
+        another process's by then.
         """
+        self._refuse_closed("tell()")
         if self._asked is None:
             raise RunError(
                 "tell() before ask()", "ask() and tell() in turn", "call ask() for genomes first"
@@ -281,6 +287,15 @@ class Search:
         told = reason.get(type(error), f"{type(error).__name__}: {error}")
         with contextlib.suppress(RunError):  # the folder itself may be what failed
             self._event("stop", generation=self._next - 1, reason=told)
+
+    def _refuse_closed(self, what: str) -> None:
+        if self._closed:
+            raise RunError(
+                f"{what} after the search was closed",
+                "a search that still holds its run",
+                "ask() and tell() before close(), or within `with`; go on with: "
+                "Search.resume(path)",
+            )
 
     def _event(self, event: str, **details) -> None:
         if self._writer is not None:

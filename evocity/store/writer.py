@@ -41,12 +41,13 @@ def refuse_existing(path: str | os.PathLike) -> None:
 class RunWriter:
     """The only writer of a run folder; holds its lock from creation to `close`.
 
-    Made by `create` or `reopen`. All methods raise `RunError` if the disk is full or the
-    folder has gone; the generations written before stay readable.
+    Made by `create` or `reopen`. All methods raise `RunError` if the disk is full, the folder
+    has gone, or it was closed; the generations written before stay readable.
     """
 
     def __init__(self, folder: Folder, header: Header, lock: Lock):
         self.folder, self.header, self._lock = folder, header, lock
+        self._closed = False
 
     @property
     def path(self) -> Path:
@@ -153,11 +154,18 @@ class RunWriter:
             append_event(self.folder.events, event, **details)
 
     def close(self) -> None:
-        """Release the run; others may write it."""
+        """Release the run; others may write it, and this writer no more."""
+        self._closed = True
         self._lock.release()
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
+        if self._closed:
+            raise RunError(
+                f"{self.path} is written by a writer that was closed",
+                "a writer that holds the run's lock: another process may hold it now",
+                "take the run up again: RunWriter.reopen(path)",
+            )
         try:
             yield
         except OSError as error:

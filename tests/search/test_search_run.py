@@ -248,6 +248,27 @@ def test_ask_and_tell_elsewhere(toy, tmp_path):
         assert len(search.ask()) == 8
 
 
+def files_of(path):
+    return {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+
+def test_a_closed_search_writes_nothing_more(toy, tmp_path):
+    values = [{"spread": float(i), "roof": float(-i)} for i in range(8)]
+    search = Search(read_recipe(toy(generations=0)), out=tmp_path / "run", workers=0)
+    assert len(search.ask()) == 8
+    search.close()
+    with Search.resume(tmp_path / "run", workers=0) as other:  # holds the lock from here on
+        before = files_of(tmp_path / "run")
+        for call in (search.ask, lambda: search.tell(values)):
+            with pytest.raises(RunError, match=r"\(\) after the search was closed"):
+                call()
+        assert files_of(tmp_path / "run") == before
+        list(other)
+        before = files_of(tmp_path / "run")
+        assert list(other) == []  # finished and closed: no second end is noted
+        assert files_of(tmp_path / "run") == before
+
+
 def test_an_existing_folder_is_refused_before_any_work(toy, tmp_path):
     (tmp_path / "run").mkdir()
     with pytest.raises(RunError, match="exists already"):

@@ -363,6 +363,19 @@ def test_a_damaged_or_foreign_folder_gives_a_run_error(writer, damage):
     assert caught.value.remedy
 
 
+def test_a_closed_writer_writes_no_more(writer):
+    writer.write_generation(*generation_of(0))
+    writer.close()
+    for write in (
+        lambda: writer.write_generation(*generation_of(1)),
+        lambda: writer.event("stop"),
+        lambda: writer.update_provenance({}),
+    ):
+        with pytest.raises(RunError, match="a writer that was closed"):
+            write()
+    assert len(open_run(writer.path).generations) == 1
+
+
 def test_no_run_at_all(tmp_path):
     for path in (tmp_path, tmp_path / "missing"):
         with pytest.raises(RunError, match="no run at"):
