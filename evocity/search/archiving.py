@@ -48,7 +48,8 @@ class Archive:
 
 def archive(run: Run, last: int | None = None) -> Archive:
     """Of all births of ``run`` those that no other dominates, by the run's goals; up to the
-    generation ``last``, the last whole one unless it is given.
+    generation ``last``, the last whole one unless it is given. While the run goes on, nothing born
+    after that generation counts.
 
     What counts are births with status ``ok`` that keep all constraints; of those equal in all
     goals the earliest alone. Goals, targets, weights and bounds are those that
@@ -62,9 +63,10 @@ def archive(run: Run, last: int | None = None) -> Archive:
     >>> evocity.archive(run).births.to_pandas()  # doctest: +SKIP
     """
     aims = aims_of_run(run)
+    # a run may go on meanwhile: the generation is settled before anything of it is read
+    last = len(run.generations) - 1 if last is None else last
     births = _measured(run)
-    last = run.generations[-1] if last is None else last
-    births = births.filter(pc.less_equal(births["generation"], last))  # it may go on meanwhile
+    births = births.filter(pc.less_equal(births["generation"], last))
     living = pc.is_in(births["id"], value_set=run.members(last)["id"]).to_numpy()
     first = pc.equal(births["generation"], pc.min(births["generation"])).to_numpy()
     chosen = np.empty(0, np.intp)

@@ -17,7 +17,7 @@ from evocity.coding import encode
 from evocity.errors import RunError
 from evocity.search import Search, archiving, read_recipe
 from evocity.search.nsga2 import not_dominated
-from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
+from evocity.store import Birth, Header, Member, Run, RunWriter, Source, environment, open_run
 
 LOSSES = st.integers(1, 5).flatmap(
     lambda m: st.integers(0, 40).flatmap(
@@ -81,6 +81,35 @@ GOALS = [
     {"goal": "target", "target": 1.0},
     {"goal": "min", "target": None, "min": -1.0, "max": 1.5},
 ]
+
+
+class GoingOn(Run):
+    """A run that writes a generation whenever somebody looks into its births."""
+
+    def births(self, *arguments, **options):
+        table = super().births(*arguments, **options)
+        number = len(self.generations)
+        ids = range(number * POPULATION, (number + 1) * POPULATION)
+        values = {"m0": 9.0}  # better than all before, and not to be seen
+        births = [Birth(number, i, (), "mutation", "ok", None, 0.1, values, GENOME) for i in ids]
+        members = [Member(slot, one.id, 0, 0.0) for slot, one in enumerate(births)]
+        writer = RunWriter.reopen(self.path)
+        writer.write_generation(number, births, members, {"births": 1, "failures": 0})
+        writer.close()
+        return table
+
+
+GENOME = encode(MAP).genome
+
+
+def test_of_a_run_that_goes_on_one_generation_is_seen(tmp_path):
+    rows = [(float(number % 4),) for number in range(2 * POPULATION)]
+    still = evocity.archive(write_run(tmp_path / "run", rows, [{"goal": "max"}]))
+    found = evocity.archive(GoingOn(tmp_path / "run"))
+    assert len(open_run(tmp_path / "run").generations) > 2
+    assert found.births.equals(still.births)
+    assert found.hypervolume_alive == still.hypervolume_alive > 0
+    assert found.births["alive"].to_pylist() == [True]
 
 
 @given(
