@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from evocity.condensation import Condensation
-from evocity.errors import EvocityError, RunError
+from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
 from evocity.store.events import read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
@@ -97,8 +97,15 @@ class Run:
     def births(
         self, generation: int | None = None, columns: Sequence[str] | None = None
     ) -> pa.Table:
-        """Births of one generation, or of all, as an Arrow table (columns as in the files)."""
-        return self._table(BIRTHS, generation, columns)
+        """Births of one generation, or of all, as an Arrow table.
+
+        ``columns``: those wanted, in their order; all those of the files if not given. Raises
+        `RunError` for a name that is no column, and for a generation that is not whole.
+        """
+        if columns is None:
+            return self._table(BIRTHS, generation, None)
+        columns = self._known(columns)
+        return self._table(BIRTHS, generation, columns).select(columns)
 
     def members(self, generation: int | None = None) -> pa.Table:
         """Who lived in one generation, or in all: generation, slot, id, rank, crowding."""
@@ -168,13 +175,7 @@ class Run:
         """
         measures = [f"fitness.{name}" for name in self.header.measures]
         own = ["generation", "id", "parents", "operator", "status", *measures]
-        columns = own if columns is None else list(columns)
-        known = births_schema(self.header).names
-        strange = [name for name in columns if name not in known]
-        if strange:
-            raise RunError(
-                f"{self.path}: a column {strange[0]!r}", f"some of {', '.join(known)}", "name these"
-            )
+        columns = own if columns is None else self._known(columns)
         log = self.births(columns=["id", "parents"])
         with self._readable(self.path):
             parents = dict(zip(*(log.column(k).to_pylist() for k in range(2)), strict=True))
@@ -240,6 +241,24 @@ class Run:
             "evaluations_per_second": about.get("evaluations_per_second"),
             "finished": bool(states) and states[-1] == "finish",
         }
+
+    def _known(self, columns: Sequence[str]) -> list[str]:
+        """``columns`` of births; `RunError` if there is no such column."""
+        known = births_schema(self.header).names
+        if isinstance(columns, str):
+            raise RunError(
+                f"{self.path}: columns = {columns!r}",
+                "a list of names of columns",
+                f"write columns=[{columns!r}]",
+            )
+        strange = [name for name in columns if name not in known]
+        if strange:
+            raise RunError(
+                f"{self.path}: births have no column {', '.join(map(repr, strange))}",
+                f"some of {', '.join(known)}",
+                _meant(str(strange[0]), known) or "name columns that there are",
+            )
+        return list(columns)
 
     # -- files ---------------------------------------------------------------------------
 
@@ -325,3 +344,8 @@ class Run:
                 "a run folder as `evocity run` writes it",
                 "bring the folder back from a copy, or start the run again",
             ) from error
+
+
+def _meant(name: str, known: Sequence[str]) -> str:
+    measure = f"fitness.{name}"
+    return f"did you mean {measure}?" if measure in known else near_miss(name, known)

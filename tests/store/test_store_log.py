@@ -154,7 +154,7 @@ def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
     for nobody in (48, -1, "47", [47], True, 4.0):
         with pytest.raises(RunError, match=re.escape(f"no individual {nobody!r}")):
             run.ancestors(nobody)
-    with pytest.raises(RunError, match="a column 'nope'"):
+    with pytest.raises(RunError, match="no column 'nope'"):
         run.ancestors(9, columns=["id", "nope"])
 
 
@@ -361,6 +361,26 @@ def test_a_damaged_or_foreign_folder_gives_a_run_error(writer, damage):
     with pytest.raises(RunError) as caught:
         read_all(writer.path)
     assert caught.value.remedy
+
+
+def test_columns_that_births_have_not_are_refused(writer):
+    writer.write_generation(*generation_of(0))
+    writer.close()
+    run = open_run(writer.path)
+    chosen = run.births(0, columns=["seconds", "id"])
+    assert chosen.column_names == ["seconds", "id"]
+    for wrong, hint in (
+        (["id", "secnods"], "did you mean seconds"),
+        (["alpha"], "did you mean fitness.alpha"),
+        (["fitness"], "did you mean fitness."),
+        ([3], "name columns that there are"),
+        ("id", r"write columns=\['id'\]"),
+    ):
+        with pytest.raises(RunError) as caught:
+            run.births(columns=wrong)
+        assert caught.match(hint)
+        assert repr(wrong[-1] if isinstance(wrong, list) else wrong) in caught.value.found
+        assert isinstance(wrong, str) or "generation, id, parents" in caught.value.expected
 
 
 def test_a_closed_writer_writes_no_more(writer):
