@@ -100,7 +100,7 @@ def same(one: Birth, other: Birth) -> bool:
 @given(
     statuses=st.lists(st.sampled_from(STATUSES), min_size=1, max_size=5),
     generation=st.integers(0, 10**6),
-    value=st.floats(allow_infinity=False, width=64),
+    value=st.floats(allow_nan=False, allow_infinity=False),
 )
 @settings(deadline=None, max_examples=25, suppress_health_check=list(HealthCheck))
 def test_births_come_back_as_they_went(tmp_path, statuses, generation, value):
