@@ -16,7 +16,7 @@ _LIBRARIES = (
     "numba",
     "deap",
     "moocore",
-    "scikit-image",
+    "nlopt",
     "pyarrow",
     "pebble",
     "pydantic",
