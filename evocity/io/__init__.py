@@ -14,7 +14,7 @@
 
 from evocity.io.bundled import attribution_of, cities
 from evocity.io.condensing import read_condensation
-from evocity.io.reading import READERS, plugin_warnings, read_map, readers, suffixes
+from evocity.io.reading import READERS, name_of, plugin_warnings, read_map, readers, suffixes
 from evocity.io.sources import Footprints, Grid, Reader, Request
 from evocity.io.writing import (
     FIELD_WRITERS,
@@ -39,6 +39,7 @@ __all__ = [
     "Request",
     "attribution_of",
     "cities",
+    "name_of",
     "plugin_warnings",
     "read_condensation",
     "read_map",

@@ -126,6 +126,15 @@ def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | G
     return data, path.name[: -len(suffix)]
 
 
+def name_of(source: str | os.PathLike) -> str:
+    """What `read_map` calls a map unless told otherwise: as the file itself does, which only
+    GeoTIFF can, else the file's name without suffix. Raises `MapError` as `read_map`."""
+    path, _ = _found(source)
+    suffix, reader = _reader_of(path)
+    own = data_of(source, Request())[0].name if reader is _TIFF else None
+    return own or path.name[: -len(suffix)]
+
+
 def options_of(source: str | os.PathLike) -> frozenset[str]:
     """Which of ``layer`` and ``height_scale`` mean something to the reader of a file."""
     return _reader_of(_found(source)[0])[1].takes

@@ -1,8 +1,7 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import chain, count
 from pathlib import Path
 
 from evocity import fitness, io, store
@@ -13,7 +12,7 @@ from evocity.errors import MapError, RecipeError
 from evocity.operators.pavement_fusion import VOID
 from evocity.search.locking import locked_layer
 from evocity.search.recipe import Recipe
-from evocity.search.values import resolved
+from evocity.search.values import free_name, resolved
 from evocity.search.worker import Setup
 from evocity.store import Header, Source
 
@@ -75,12 +74,6 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     adopted = [header.adopt(genome, condensation) for genome in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
     return Prepared(recipe, sources, aims_of(recipe), header, condensation)
-
-
-def free_name(name: str, taken: Collection[str]) -> str:
-    """``name``, or the first of ``name-2``, ``name-3``, … that no other city has."""
-    others = (f"{name}-{number}" for number in count(2))
-    return next(free for free in chain([name], others) if free not in taken and free != VOID)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:

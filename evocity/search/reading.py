@@ -89,7 +89,7 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     faults = []
     recipe = None
     try:
-        context = {"folder": folder, "parents": _named_parents(raw)}
+        context = {"folder": folder, "parents": _parents(raw)}
         recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
         faults = [_fault(one, raw) for one in error.errors(include_url=False)]
@@ -117,12 +117,16 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     return recipe
 
 
-def _named_parents(raw: Mapping) -> list[tuple[str, Any]]:
-    """(name, map) of each parent that has a name, as far as ``raw`` is well-formed."""
+def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
+    """(name or None, map) of each parent, as far as ``raw`` is well-formed."""
     parents = raw.get("parents")
     tables = [one for one in parents if isinstance(one, dict)] if isinstance(parents, list) else []
-    named = [(one.get("name"), one.get("map")) for one in tables]
-    return [(name, place) for name, place in named if isinstance(name, str)]
+    pairs = [(one.get("name"), one.get("map")) for one in tables]
+    return [
+        (name if isinstance(name, str) else None, place)
+        for name, place in pairs
+        if isinstance(place, str)
+    ]
 
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:

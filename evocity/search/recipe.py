@@ -34,7 +34,9 @@ from evocity.search.values import (
     MapName,
     Positive,
     Title,
+    called,
     fault,
+    is_map,
     resolved,
 )
 
@@ -344,8 +346,13 @@ class Recipe(Section):
         return available_cores()
 
     def parent_named(self, name: str) -> Parent | None:
-        """The parent whose ``name`` the recipe gives; None if there is none."""
-        return next((parent for parent in self.parents if parent.name == name), None)
+        """The parent whose ``name`` the recipe gives, or the one that is called so after its map
+        if ``name`` is no map itself; None if there is none."""
+        given = next((parent for parent in self.parents if parent.name == name), None)
+        if given is not None or is_map(self.folder, name):
+            return given
+        names = called(self.folder, [(parent.name, parent.map) for parent in self.parents])
+        return self.parents[names.index(name)] if name in names else None
 
     def operator(self, name: str, **changes):
         """The operator ``name`` with the recipe's parameters, other than ``changes``.

@@ -1,9 +1,11 @@
 """What a value of a recipe may be, beyond its type: files, maps, cities, names, places.
 
-The paths are relative to the recipe's folder, which stands with the parents' names in the context
-of the validation.
+The paths are relative to the recipe's folder, which stands with the parents, (name or None, map)
+each, in the context of the validation.
 """
 
+from collections.abc import Collection, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +13,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from evocity import io
-from evocity.errors import shown, with_near_miss
+from evocity.errors import MapError, shown, with_near_miss
 from evocity.io.heights import TALLEST
+from evocity.operators.pavement_fusion import VOID
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:
@@ -29,6 +32,33 @@ def resolved(folder: Path, name: str) -> str:
     return name if name in io.cities() else str((folder / Path(name).expanduser()).resolve())
 
 
+def free_name(name: str, taken: Collection[str]) -> str:
+    """``name``, or the first of ``name-2``, ``name-3``, … that no other city has."""
+    others = (f"{name}-{number}" for number in count(2))
+    return next(free for free in chain([name], others) if free not in taken and free != VOID)
+
+
+def is_map(folder: Path, name: str) -> bool:
+    """Whether ``name`` is a bundled city, or a file for a recipe in ``folder``."""
+    return name in io.cities() or Path(resolved(folder, name)).is_file()
+
+
+def called(folder: Path, parents: Sequence[tuple[str | None, str]]) -> list[str]:
+    """What a run calls its source cities: the ``parents``, (name or None, map) as the recipe in
+    ``folder`` has them."""
+    names: list[str] = []
+    for name, place in parents:
+        names.append(free_name(name or _own_name(folder, place), names))
+    return names
+
+
+def _own_name(folder: Path, place: str) -> str:
+    try:
+        return io.name_of(resolved(folder, place))
+    except (MapError, OSError, RuntimeError, ValueError):  # told where the map is read
+        return Path(place).stem
+
+
 def _some_path(name: str, info: ValidationInfo) -> str:
     """``name``, if this machine can look whether there is such a file."""
     try:
@@ -39,21 +69,24 @@ def _some_path(name: str, info: ValidationInfo) -> str:
 
 
 def _some_city(name: str, info: ValidationInfo) -> str:
-    """A map, or the ``name`` of one of the recipe's parents that no other map has."""
-    parents: list[tuple[str, Any]] = info.context["parents"]
+    """A map, or what one of the recipe's parents is called: the ``name`` that it is given, which
+    no other map may have, or else its map's own."""
+    folder, parents = info.context["folder"], info.context["parents"]
     named = [place for other, place in parents if other == name]
     if len(named) > 1:
         raise fault(f"{shown(name)}, as {len(named)} parents are named", "a name of one alone")
     try:
         found = _existing_map(_some_path(name, info), info)
     except PydanticCustomError as error:
-        if named:
+        names = called(folder, parents)
+        if named or name in names:
             return name
-        if not parents:
+        if not names:
             raise
-        names = ", ".join(other for other, _ in parents)
         told = error.context["allowed"]
-        raise fault(error.context["found"], f"{told}, or a parent's name: {names}") from None
+        found = f"{shown(name)} is no file, no bundled city and no parent's name"
+        found = with_near_miss(found, name, [*names, *io.cities()])
+        raise fault(found, f"{told}, or a parent's name: {', '.join(names)}") from None
     if named and named[0] != name:
         raise fault(
             f"{shown(name)}, which is a parent's name and another map",
@@ -63,7 +96,7 @@ def _some_city(name: str, info: ValidationInfo) -> str:
 
 
 def _existing_map(name: str, info: ValidationInfo) -> str:
-    if not Path(resolved(info.context["folder"], name)).is_file() and name not in io.cities():
+    if not is_map(info.context["folder"], name):
         raise fault(
             with_near_miss(f"{shown(name)} is no file and no bundled city", name, io.cities()),
             f"a map file, relative to the recipe, or one of {', '.join(io.cities())}",

@@ -13,12 +13,16 @@ from test_search_run import run
 
 from evocity import encode, fitness, read_map, store
 from evocity.errors import RecipeError, RunError
+from evocity.io import write_map
 from evocity.report import contact_sheet, write_report
 from evocity.search import Search, read_recipe
 from evocity.search.nsga2 import Hypervolume, ranks_and_crowding
-from evocity.search.preparation import file_hash, free_name
+from evocity.search.preparation import file_hash
+from evocity.search.values import free_name
 from evocity.search.worker import MOST_LETTERS, Outcome
 from evocity.store import open_run
+
+AT_2_M = {"metres_per_pixel": 2.0}
 
 
 def test_a_changed_measure_is_not_executed_before_it_is_confirmed(toy, tmp_path):
@@ -65,7 +69,7 @@ def test_a_parent_to_be_like_goes_by_its_name(toy, tmp_path):
     assert noted["target"] == fitness.get("gsi")(west)
     Search.resume(out, workers=0, generations=1).close()  # nothing has changed
     recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "wst"\n')
-    with pytest.raises(RecipeError, match=r"'wst' is no file(.|\n)*parent's name: west"):
+    with pytest.raises(RecipeError, match=r"'wst' is no file(.|\n)*parent's name: west, right"):
         read_recipe(recipe)
     twice = text.replace('map = "right.npy"', 'map = "right.npy"\nname = "west"')
     recipe.write_text(twice + '[[fitness]]\nname = "gsi"\nlike = "west"\n')
@@ -75,6 +79,37 @@ def test_a_parent_to_be_like_goes_by_its_name(toy, tmp_path):
     recipe.write_text(hidden + '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n')
     with pytest.raises(RecipeError, match="a parent's name and another map"):
         read_recipe(recipe)
+
+
+def test_a_parent_to_be_like_goes_by_its_maps_name(toy, tmp_path):
+    recipe = toy()
+    write_map(read_map(tmp_path / "right.npy", **AT_2_M, name="harbour"), tmp_path / "h.tif")
+    text = recipe.read_text().replace('map = "right.npy"', 'map = "h.tif"')
+    for name, file in (("left", "left.npy"), ("harbour", "h.tif")):
+        recipe.write_text(text + f'[[fitness]]\nname = "gsi"\nlike = "{name}"\n')
+        run(recipe, tmp_path / name, workers=0, generations=0)
+        log = open_run(tmp_path / name)
+        noted = log.provenance["fitness"][-1]
+        assert name in [source.name for source in log.sources()]
+        assert noted["target"] == fitness.get("gsi")(read_map(tmp_path / file, **AT_2_M))
+        assert noted["like"] == file
+        Search.resume(tmp_path / name, workers=0, generations=1).close()  # nothing has changed
+    recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "harbor"\n')
+    with pytest.raises(RecipeError, match=r"did you mean harbour(.|\n)*name: left, harbour"):
+        read_recipe(recipe)
+    recipe.write_text(text + '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n')
+    assert read_recipe(recipe).parent_named("lyon-1er") is None  # a map is a map
+
+
+def test_two_parents_of_one_map_are_called_as_in_the_run(toy, tmp_path):
+    recipe = toy()
+    text = recipe.read_text().replace('map = "right.npy"', 'map = "left.npy"\nheight_scale = 2.0')
+    recipe.write_text(text + '[[fitness]]\nname = "fsi"\nlike = "left-2"\n')
+    run(recipe, tmp_path / "run", workers=0, generations=0)
+    log = open_run(tmp_path / "run")
+    second = log.sources()[1]
+    assert second.name == "left-2"
+    assert log.provenance["fitness"][-1]["target"] == fitness.get("fsi")(second.city)
 
 
 def test_parents_are_fitted_if_the_recipe_says_so(toy, tmp_path):
