@@ -161,12 +161,6 @@ class Measure:
             return content_hash(inspect.getsource(self.function).encode())
         return content_hash(self.function.__code__.co_code)
 
-    def __reduce__(self):
-        # To another process goes the name, and the file to load there, never the function.
-        from evocity.fitness import registry  # it knows both, and imports this file
-
-        return registry.found_again, (self.name, registry.file_of(self.name))
-
 
 class Several:
     """A function of several numbers, called once a map for all of them.

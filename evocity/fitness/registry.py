@@ -1,6 +1,7 @@
 """Which measures there are, and how a function, a name or a file becomes one."""
 
 import contextlib
+import copyreg
 import inspect
 import linecache
 import math
@@ -153,6 +154,14 @@ def file_of(name: str) -> str | None:
 def found_again(name: str, file: str | None) -> Measure:
     """The measure called ``name``, in another process: from its ``file`` if it has one."""
     return get(name) if file is None else {m.name: m for m in load_file(file)}[name]
+
+
+def _as_named(measure: Measure):
+    """To another process goes the name, and the file to load there, never the function."""
+    return found_again, (measure.name, file_of(measure.name))
+
+
+copyreg.pickle(Measure, _as_named)
 
 
 @cache
