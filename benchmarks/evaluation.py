@@ -18,7 +18,7 @@ import evocity
 from evocity import isometries
 from evocity.citymap import BUILT_ABOVE
 from evocity.fitness import order, sizes
-from evocity.search.worker import Evaluator, Setup
+from evocity.search.evaluator import Evaluator, Setup
 
 BLOCK, REACH = 4, 12
 

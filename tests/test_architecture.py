@@ -77,6 +77,46 @@ def imported(tree: ast.Module) -> Iterator[str]:
             yield from (f"{'.' * node.level}{node.module or ''}.{a.name}" for a in node.names)
 
 
+def dynamic(tree: ast.Module) -> Iterator[str]:
+    """Names of modules that ``import_module("…")`` loads."""
+    for node in ast.walk(tree):
+        called = dotted(node.func) if isinstance(node, ast.Call) else ""
+        if called.split(".")[-1] in ("import_module", "__import__"):
+            yield from (one.value for one in node.args[:1] if isinstance(one, ast.Constant))
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def needed(tree: ast.Module, modules: set[str]) -> set[str]:
+    """Those of ``modules`` that a module imports, at any place in its text."""
+    found = set()
+    for name in [*imported(tree), *dynamic(tree)]:
+        short = name.rpartition(".")[0]
+        found |= {next((known for known in (name, short) if known in modules), "")}
+    return found - {""}
+
+
+def circle(imports: dict[str, set[str]]) -> list[str]:
+    """Modules, each of which imports the next and the last the first; none if there is none."""
+    done: set[str] = set()
+
+    def follow(module: str, path: list[str]) -> list[str]:
+        if module in path:
+            return path[path.index(module) :]
+        if module in done:
+            return []
+        for other in sorted(imports.get(module, ())):
+            if found := follow(other, [*path, module]):
+                return found
+        done.add(module)
+        return []
+
+    return next(filter(None, (follow(module, []) for module in sorted(imports))), [])
+
+
 def libraries(tree: ast.Module) -> set[str]:
     return {name.split(".")[0] for name in imported(tree)}
 
@@ -161,6 +201,32 @@ def test_no_two_rooms_import_each_other():
 @every_module
 def test_imports_point_one_way(path):
     assert upward(tree_of(path), room_of(path)) == []
+
+
+def test_no_modules_import_each_other():
+    modules = {module_of(path) for path in MODULES}
+    assert circle({module_of(path): needed(tree_of(path), modules) for path in MODULES}) == []
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"),
+    [
+        ({"a": "import b", "b": "def late():\n    from a import x"}, ["a", "b"]),
+        ({"a": "from a import b", "a.b": "import a.b.c", "a.b.c": "from a import b"}, 2),
+        ({"a": "import b", "b": "import importlib\nimportlib.import_module('a')"}, ["a", "b"]),
+        ({"a": "import b, c", "b": "import c, os", "c": "import a_b"}, []),
+    ],
+)
+def test_circles_are_found(texts, found):
+    met = circle({name: needed(ast.parse(text), set(texts)) for name, text in texts.items()})
+    assert met == found or len(met) == found
+
+
+@every_module
+def test_modules_are_of_one_size(path):
+    """Kernels that must share a file apart."""
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    assert lines <= 450 or path.name == "_kernels.py"
 
 
 @every_module

@@ -18,10 +18,10 @@ def trial_cases() -> tuple:
     """
     import numpy as np
 
-    import evocity.search.warm
     from evocity.authoring import Case
     from evocity.operators import make
     from evocity.search.recipe import Recipe
+    from evocity.search.warm import USUAL_BLOCK, warm_up
     from evocity.towns import PATTERNS
 
     names = [*PARENTS, *(name for name in evocity.cities() if name not in PARENTS)]
@@ -42,6 +42,7 @@ def trial_cases() -> tuple:
         parents = genomes[: operator.parents[0]]
         child = operator(parents, np.random.default_rng(seed))
         cases.append(bred_case(f"child by {name}", child, parents))
+    warm_up(USUAL_BLOCK)
     return tuple(cases)
 
 

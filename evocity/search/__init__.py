@@ -4,7 +4,8 @@
 - `preparation`: maps are read and encoded, targets measured
 - `breeding`: who is bred from whom, each birth from its own generator
 - `door`: what an operator returned is checked before it is a birth of the run
-- `evaluation`, `worker`: worker processes with a deadline for each individual
+- `evaluator`: one individual bred and evaluated, whatever an operator or a measure does
+- `evaluation`, `worker`, `warm`: worker processes with a deadline for each individual
 - `nsga2`, `population`: who dominates, who lives, how good the living are together
 - `engine`: `Search`, the loop, which writes every birth down
 - `resuming`: taking a run up again

@@ -14,10 +14,10 @@ from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.breeding import Individual, Plan, first_population, next_population
 from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluator import Outcome
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare, provenance_of
 from evocity.search.recipe import Recipe
-from evocity.search.worker import Outcome
 from evocity.store import Birth, RunWriter, refuse_existing
 
 

@@ -14,7 +14,7 @@ from pebble import ProcessExpired, ProcessPool
 
 from evocity.errors import RunError
 from evocity.search import worker
-from evocity.search.worker import Evaluator, Outcome, Setup
+from evocity.search.evaluator import Evaluator, Outcome, Setup
 
 #: Workers are single-threaded: their number, not BLAS, decides how many cores work.
 _ONE_THREAD = (
@@ -169,7 +169,7 @@ def _context() -> context.BaseContext:
     if not sys.platform.startswith("linux"):
         return _SpawnContext()
     chosen = _ForkServerContext()
-    chosen.set_forkserver_preload(["evocity.search.warm"])
+    chosen.set_forkserver_preload(["evocity.search.warmed"])
     with _deaf_to_ctrl_c():
         forkserver.ensure_running()
     first = chosen.Process(target=_nothing, daemon=True)

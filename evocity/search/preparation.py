@@ -10,10 +10,10 @@ from evocity.coding import encode
 from evocity.condensation import Condensation
 from evocity.errors import MapError, RecipeError
 from evocity.operators.pavement_fusion import VOID
+from evocity.search.evaluator import Setup
 from evocity.search.locking import locked_layer
 from evocity.search.recipe import Recipe
 from evocity.search.values import free_name, resolved
-from evocity.search.worker import Setup
 from evocity.store import Header, Source
 
 #: Besides the .shp itself, what of a Shapefile decides the map that is read.

@@ -1,9 +1,7 @@
-"""Imported for its effect: loads every compiled kernel, on a toy city.
+"""Loads every compiled kernel, on a toy city.
 
-The fork server imports it once, so that a worker which replaces a dead one is ready at once;
-elsewhere each worker does before its first job. Without it the first individual of every
-worker would spend seconds of its deadline on loading. Kernels of another block than the usual
-one are loaded by each worker, see `warm_up`.
+Each worker does before its first job: the first individual of every worker would else spend
+seconds of its deadline on loading. The fork server does once for all workers, see `warmed`.
 """
 
 import contextlib
@@ -15,10 +13,11 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import encode
 from evocity.operators import OPERATORS
-from evocity.search.worker import Evaluator, Setup
+from evocity.search.evaluator import Evaluator, Setup
 from evocity.store import Header
 
-_USUAL_BLOCK = 4
+#: The block of most recipes, px.
+USUAL_BLOCK = 4
 
 
 @cache
@@ -59,6 +58,3 @@ def _breed_toys(block: int) -> None:
 
 def _ours(measure: fitness.Measure) -> bool:
     return measure.function.__module__.startswith("evocity.")
-
-
-warm_up(_USUAL_BLOCK)

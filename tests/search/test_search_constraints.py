@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from evocity.errors import RecipeError
-from evocity.search import Search, preparation, read_recipe, worker
+from evocity.search import Search, preparation, read_recipe
+from evocity.search.evaluator import Evaluator
 from evocity.store import open_run
 
 HEREDITY = """
@@ -151,7 +152,7 @@ def test_a_file_of_measures_is_executed_once_a_worker(bounded, tmp_path):
     search = read_recipe(recipe)
     prepared = preparation.prepare(search)
     before = (recipe.parent / "calls").read_text()
-    evaluator = worker.Evaluator(prepared.setup)
+    evaluator = Evaluator(prepared.setup)
     outcome = evaluator.evaluate(prepared.sources[0].genome)
     assert outcome.status == "ok"
     calls = (recipe.parent / "calls").read_text().removeprefix(before)

@@ -10,8 +10,8 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, MapError, RecipeError, RunError
 from evocity.io import write_map
 from evocity.search import Search, read_recipe
+from evocity.search.evaluator import Evaluator
 from evocity.search.preparation import prepare
-from evocity.search.worker import Evaluator
 from evocity.store import open_run
 
 MASK = np.zeros((64, 64), bool)

@@ -7,7 +7,7 @@ import pytest
 
 from evocity import fitness
 from evocity.coding import encode
-from evocity.search.worker import MOST_LETTERS, Evaluator, Setup
+from evocity.search.evaluator import MOST_LETTERS, Evaluator, Setup
 
 MEASURE = """
 import evocity
