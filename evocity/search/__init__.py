@@ -3,6 +3,7 @@
 - `reading`, `recipe`, `values`, `agreement`: a TOML file becomes a `Recipe` without faults
 - `preparation`: maps are read and encoded, targets measured
 - `breeding`: who is bred from whom, each birth from its own generator
+- `births`: plans become births, in one job each or by those who evaluate elsewhere
 - `door`: what an operator returned is checked before it is a birth of the run
 - `evaluator`: one individual bred and evaluated, whatever an operator or a measure does
 - `evaluation`, `worker`, `warm`: worker processes with a deadline for each individual

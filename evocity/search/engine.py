@@ -6,12 +6,12 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from numbers import Real
+from dataclasses import dataclass, field, replace
 
 from evocity.errors import RecipeError, RunError
 from evocity.genome import Genome
 from evocity.search import resuming
+from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Individual, Plan, first_population, next_population
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
@@ -87,7 +87,7 @@ class Search:
         self._writer: RunWriter | None = None
         self._pool: Here | Workers | None = None
         self._population: Population | None = None
-        self._asked: list[tuple[Plan, Outcome]] | None = None
+        self._asked: list[Born] | None = None
         self._next = 0
         self._births = self._failures = 0
         self._closed = self._entered = self._ended = False
@@ -140,8 +140,8 @@ class Search:
         """Breed, evaluate and select until the recipe's last generation; then close."""
         try:
             while not self.finished:
-                self.ask()
-                yield self.tell(self._pool.run("evaluate", self._jobs()))
+                plans = self._planned("a generation")
+                yield self._written(born(self._pool, plans))
             if not self._closed:
                 self._event("finish", generation=self._next - 1)
                 self._ended = True
@@ -159,33 +159,9 @@ class Search:
         Births whose operator failed are not among them; they are logged by `tell`. Raises
         `RunError` out of turn, after the last generation and after `close`.
         """
-        self._refuse_closed("ask()")
-        if self._asked is not None:
-            raise RunError(
-                f"ask() while the {len(self._bred())} genomes asked before are not told",
-                "ask() and tell() in turn",
-                "call tell(results) first",
-            )
-        if self.finished:
-            raise RunError(
-                "ask() after the end of the search",
-                f"generations up to {self.recipe.run.generations}",
-                "go on with more: Search.resume(path, generations=…)",
-            )
-        if self._prepared is None:
-            self._start()
-        self._generation_began = time.perf_counter()
-        if self._next == 0:
-            plans = first_population(self.recipe, [s.genome for s in self._prepared.sources])
-        else:
-            plans = next_population(self.recipe, self._next, self._population.living)
-        jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
-        bred = iter(self._pool.run("breed", jobs))
-        self._asked = [
-            (plan, next(bred) if plan.operator else Outcome("ok", genome=plan.genomes[0]))
-            for plan in plans
-        ]
-        return [outcome.genome for _, outcome in self._bred()]
+        plans = self._planned("ask()")
+        self._asked = bred(self._pool, plans)
+        return [one.bred.genome for one in self._to_evaluate()]
 
     def tell(self, results: Sequence[Outcome | Mapping[str, float] | Exception]) -> Generation:
         """Take the results of the genomes last asked for, in their order, and select.
@@ -200,36 +176,21 @@ class Search:
             raise RunError(
                 "tell() before ask()", "ask() and tell() in turn", "call ask() for genomes first"
             )
-        bred = self._bred()
-        if len(results) != len(bred):
+        asked = self._to_evaluate()
+        if len(results) != len(asked):
             raise RunError(
-                f"{len(results)} results for {len(bred)} genomes",
+                f"{len(results)} results for {len(asked)} genomes",
                 "one result a genome, in the order ask() returned them",
                 "give an exception for a genome that could not be evaluated",
             )
-        told = [_outcome(one, self._prepared.header.measures) for one in results]
-        outcomes = dict(zip((plan.id for plan, _ in bred), told, strict=True))
-        births = [
-            self._birth(plan, outcome, outcomes.get(plan.id)) for plan, outcome in self._asked
-        ]
-        self._population.select(births)
-        self._births += len(births)
-        failed = [born for born in births if not born.ok]
-        self._failures += len(failed)
-        generation = self._generation(births)
-        if self._writer is not None:
-            summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
-            for key in ("number", "population", "seconds_left", "feasible"):  # births tell the last
-                del summary[key]
-            if not math.isfinite(generation.hypervolume):  # JSON has no infinity
-                summary["hypervolume"] = None
-            self._writer.write_generation(
-                generation.number, births, self._population.members, summary
-            )
-        self._asked = None
-        self._next += 1
-        self._refuse_failures(failed, len(births))
-        return generation
+        told = [outcome_of(one, self._prepared.header.measures) for one in results]
+        outcomes = dict(zip((one.plan.id for one in asked), told, strict=True))
+        return self._written(
+            [replace(one, evaluated=outcomes.get(one.plan.id)) for one in self._asked]
+        )
+
+    def _to_evaluate(self) -> list[Born]:
+        return [one for one in self._asked if one.bred.genome is not None]
 
     # -- beginning and end ---------------------------------------------------------------
 
@@ -303,33 +264,49 @@ class Search:
 
     # -- one generation ------------------------------------------------------------------
 
-    def _jobs(self) -> list[tuple]:
-        """Arguments of `Evaluator.evaluate`; parents travel only where a measure asks for them."""
-        wanted = any("parents" in measure.needs for measure in self.recipe.measures)
-        return [
-            (outcome.genome, plan.genomes if wanted and plan.operator else ())
-            for plan, outcome in self._bred()
-        ]
+    def _planned(self, what: str) -> list[Plan]:
+        """The next generation's births; what a run needs is prepared before the first."""
+        self._refuse_closed(what)
+        if self._asked is not None:
+            raise RunError(
+                f"{what} while the {len(self._to_evaluate())} genomes asked before are not told",
+                "ask() and tell() in turn",
+                "call tell(results) first",
+            )
+        if self.finished:
+            raise RunError(
+                f"{what} after the end of the search",
+                f"generations up to {self.recipe.run.generations}",
+                "go on with more: Search.resume(path, generations=…)",
+            )
+        if self._prepared is None:
+            self._start()
+        self._generation_began = time.perf_counter()
+        if self._next == 0:
+            return first_population(self.recipe, [s.genome for s in self._prepared.sources])
+        return next_population(self.recipe, self._next, self._population.living)
 
-    def _bred(self) -> list[tuple[Plan, Outcome]]:
-        return [(plan, outcome) for plan, outcome in self._asked if outcome.genome is not None]
-
-    def _birth(self, plan: Plan, bred: Outcome, evaluated: Outcome | None) -> Birth:
-        ended = bred if evaluated is None else evaluated
-        made = dict(bred.genome.made) if bred.genome is not None else {}
-        return Birth(
-            generation=self._next,
-            id=plan.id,
-            parents=plan.parents,
-            operator=plan.name,
-            status=ended.status,
-            error=ended.error if evaluated is not None else f"{plan.name}: {bred.error}",
-            seconds=bred.seconds + (evaluated.seconds if evaluated else 0.0),
-            values=ended.values,
-            feasible=ended.status == "ok" and not self._prepared.aims.violation(ended.values),
-            genome=bred.genome,
-            made=made or {"operator": plan.name},
-        )
+    def _written(self, individuals: Sequence[Born]) -> Generation:
+        """Select among these ``individuals`` and the living; write the generation down whole."""
+        births = [one.birth(self._next, self._prepared.aims) for one in individuals]
+        self._population.select(births)
+        self._births += len(births)
+        failed = [birth for birth in births if not birth.ok]
+        self._failures += len(failed)
+        generation = self._generation(births)
+        if self._writer is not None:
+            summary = dataclasses.asdict(replace(generation, population=[]))
+            for key in ("number", "population", "seconds_left", "feasible"):  # births tell the last
+                del summary[key]
+            if not math.isfinite(generation.hypervolume):  # JSON has no infinity
+                summary["hypervolume"] = None
+            self._writer.write_generation(
+                generation.number, births, self._population.members, summary
+            )
+        self._asked = None
+        self._next += 1
+        self._refuse_failures(failed, len(births))
+        return generation
 
     def _generation(self, births: list[Birth]) -> Generation:
         now = time.perf_counter()
@@ -366,22 +343,3 @@ class Search:
             "correct the measure or the operator and start a new run; the births written down "
             "tell each failure",
         )
-
-
-def _outcome(result, measures: Sequence[str]) -> Outcome:
-    if isinstance(result, Outcome):
-        return result
-    if isinstance(result, Exception):
-        return Outcome("error", f"{type(result).__name__}: {result}")
-    if not isinstance(result, Mapping) or set(result) != set(measures):
-        found = f"values of {', '.join(result)}" if isinstance(result, Mapping) else repr(result)
-        raise RunError(
-            f"a result with {found}",
-            f"a mapping from each of {', '.join(measures)} to its value, or an exception",
-            "tell one such result a genome",
-        )
-    wrong = [name for name in measures if not isinstance(result[name], Real)]
-    values = {name: float(result[name]) for name in measures if name not in wrong}
-    wrong += [name for name, value in values.items() if not math.isfinite(value)]
-    error = ", ".join(f"{name} is {result[name]!r}" for name in wrong)
-    return Outcome("invalid" if wrong else "ok", error or None, values=values)

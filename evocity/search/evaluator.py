@@ -4,12 +4,12 @@ import math
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from evocity import fitness
-from evocity.coding import decode
+from evocity.coding import decoded
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
 from evocity.genome import Genome
@@ -34,7 +34,8 @@ class Setup:
 class Outcome:
     """How breeding or evaluating one individual ended; ``status`` as in `evocity.store`.
 
-    ``error`` becomes one line of at most `MOST_LETTERS`, whatever a measure raised.
+    ``error`` becomes one line of at most `MOST_LETTERS`, whatever a measure raised. ``genome``: of
+    one that was bred; None where breeding failed, or nothing was to be bred.
     """
 
     status: str
@@ -62,6 +63,20 @@ class Evaluator:
             for name, file in setup.measures
         }
 
+    def born(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
+        """Bred and evaluated at once: what `evaluate` says of the child, its genome in
+        ``.genome``; what `breed` says, without a genome, where that failed.
+
+        Without an operator the individual is the one of ``parents``, bred from none.
+        """
+        if operator is None:
+            return replace(self.evaluate(parents[0]), genome=parents[0])
+        bred = self.breed(operator, parents, rng)
+        if bred.genome is None:
+            return bred
+        found = self.evaluate(bred.genome, parents)
+        return replace(found, seconds=bred.seconds + found.seconds, genome=bred.genome)
+
     def breed(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
         """The child's genome in ``.genome``, in the terms of the run's header."""
         start = time.perf_counter()
@@ -88,7 +103,7 @@ class Evaluator:
             return Outcome(status, error, time.perf_counter() - start, values)
 
         try:
-            decoding = decode(genome)
+            decoding = decoded(genome)
         except EvocityError as error:
             return ended("invalid", told(error))
         if not decoding.converged:

@@ -1,0 +1,100 @@
+"""From plans to births: bred and evaluated in one job each, or bred alone for those who evaluate
+elsewhere."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
+
+from evocity.errors import RunError
+from evocity.fitness import Aims
+from evocity.search.breeding import Plan
+from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluator import Outcome
+from evocity.store import Birth
+
+
+@dataclass(frozen=True)
+class Born:
+    """How one individual came about: ``bred`` tells of its breeding, with a genome unless that
+    failed, ``evaluated`` of its evaluation; None until then, and where there is nothing to
+    evaluate."""
+
+    plan: Plan
+    bred: Outcome
+    evaluated: Outcome | None = None
+
+    def birth(self, generation: int, aims: Aims) -> Birth:
+        """The row of the log."""
+        ended = self.bred if self.evaluated is None else self.evaluated
+        genome = self.bred.genome
+        return Birth(
+            generation=generation,
+            id=self.plan.id,
+            parents=self.plan.parents,
+            operator=self.plan.name,
+            status=ended.status,
+            error=f"{self.plan.name}: {ended.error}" if self.evaluated is None else ended.error,
+            seconds=self.bred.seconds + (self.evaluated.seconds if self.evaluated else 0.0),
+            values=ended.values,
+            feasible=ended.status == "ok" and not aims.violation(ended.values),
+            genome=genome,
+            made=(dict(genome.made) if genome is not None else {}) or {"operator": self.plan.name},
+        )
+
+
+def bred(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
+    """All individuals of ``plans`` bred, none evaluated."""
+    jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
+    outcomes = iter(pool.run("breed", jobs))
+    return [Born(plan, next(outcomes) if plan.operator else _founder(plan)) for plan in plans]
+
+
+def born(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
+    """All individuals of ``plans`` bred and evaluated: one job each, which one deadline covers.
+
+    A worker that hung or died took the child with it. It is bred again, by the same draws: so the
+    log has its genome, and tells whether the operator or a measure was to blame.
+    """
+    jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans]
+    outcomes = pool.run("born", jobs)
+    lost = [
+        at
+        for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True))
+        if plan.operator and one.status in ("timeout", "died")
+    ]
+    again = dict(zip(lost, pool.run("breed", [jobs[at] for at in lost]), strict=True))
+    found = []
+    for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True)):
+        first = again.get(at, one)
+        if plan.operator is None:
+            found.append(Born(plan, _founder(plan), one))
+        elif first.genome is None:
+            found.append(Born(plan, replace(first, seconds=one.seconds)))
+        else:
+            found.append(Born(plan, Outcome("ok", genome=first.genome), one))
+    return found
+
+
+def _founder(plan: Plan) -> Outcome:
+    return Outcome("ok", genome=plan.genomes[0])
+
+
+def outcome_of(result, measures: Sequence[str]) -> Outcome:
+    """What somebody told of a genome they evaluated. Raises `RunError` for what is no result."""
+    if isinstance(result, Outcome):
+        return result
+    if isinstance(result, Exception):
+        return Outcome("error", f"{type(result).__name__}: {result}")
+    if not isinstance(result, Mapping) or set(result) != set(measures):
+        found = f"values of {', '.join(result)}" if isinstance(result, Mapping) else repr(result)
+        raise RunError(
+            f"a result with {found}",
+            f"a mapping from each of {', '.join(measures)} to its value, or an exception",
+            "tell one such result a genome",
+        )
+    wrong = [name for name in measures if not isinstance(result[name], Real)]
+    values = {name: float(result[name]) for name in measures if name not in wrong}
+    wrong += [name for name, value in values.items() if not math.isfinite(value)]
+    error = ", ".join(f"{name} is {result[name]!r}" for name in wrong)
+    return Outcome("invalid" if wrong else "ok", error or None, values=values)
