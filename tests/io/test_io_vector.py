@@ -506,3 +506,20 @@ def test_cityjson(tmp_path, semantics):
     renamed.write_text(json.dumps(cityjson(objects, CUBE)))
     assert read_map(renamed).height_rules == {"solid": 1}
     assert read_map(renamed).heights.max() == 9
+
+
+@pytest.mark.parametrize("metadata", [{}, {"title": "a model"}])
+def test_cityjson_without_a_reference_system_lies_nowhere(tmp_path, metadata):
+    solid = {"type": "Solid", "lod": "1", "boundaries": [[*FACES, [[3, 0, 4, 7]]]]}
+    document = cityjson({"a": {"type": "Building", "geometry": [solid]}}, CUBE, metadata=metadata)
+    path = tmp_path / "a.city.json"
+    path.write_text(json.dumps(document))
+    city = read_map(path, pixels=40)  # 40 m square, 9 m high, about its middle
+    assert (city.crs, city.origin, city.height_rules) == (None, None, {"solid": 1})
+    assert (city.heights[10:30, 10:30] == 9).all()
+    assert city.built.sum() == 400
+    with pytest.raises(MapError, match="no place on Earth, yet center="):
+        read_map(path, center=(LON, LAT))
+    del document["metadata"]
+    path.write_text(json.dumps(document))
+    assert np.array_equal(read_map(path, pixels=40).heights, city.heights)
