@@ -59,7 +59,8 @@ class Search:
         deadlines. Births do not depend on it.
     progress : told in a few words what is prepared before the first generation.
 
-    ``notes`` are what a user should know before it goes on, in words: none but on `resume`.
+    ``notes`` are what a user should know, in words: on `resume`, before it goes on; of a new run,
+    from generation 0 on, what of the maps' files was taken.
     Raises `RunError` if ``out`` exists. A script that uses workers must start the search under
     ``if __name__ == "__main__":``, as with every use of processes in Python.
     """
@@ -246,6 +247,7 @@ class Search:
 
     def _start(self) -> None:
         self._prepared = prepare(self.recipe, self._progress)
+        self.notes += self._prepared.notes
         if self.out is not None:
             self._writer = RunWriter.create(
                 self.out,

@@ -23,13 +23,14 @@ _SHAPEFILE = (".dbf", ".shx", ".prj")
 
 @dataclass(frozen=True)
 class Prepared:
-    """Everything fixed for a run."""
+    """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken."""
 
     recipe: Recipe
     sources: list[Source]
     aims: fitness.Aims
     header: Header
     condensation: Condensation | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def setup(self) -> Setup:
@@ -50,11 +51,13 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     """
     tell = progress or (lambda text: None)
     cities: list[CityMap] = []
+    notes: list[str] = []
     for parent in recipe.parents:
         tell(f"reading {parent.map}")
         city = read_parent(recipe, parent.map, parent)
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
+        notes.append(f"{name}: {city.taken}")
     same_grid(cities)
     condensation, attribution = locked_layer(recipe, cities)
     code = recipe.genome
@@ -74,7 +77,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     header = _header(recipe, cities, condensation, attribution)
     adopted = [header.adopt(genome, condensation) for genome in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
-    return Prepared(recipe, sources, aims_of(recipe), header, condensation)
+    aims = aims_of(recipe, note=notes.append)
+    return Prepared(recipe, sources, aims, header, condensation, tuple(dict.fromkeys(notes)))
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
@@ -94,13 +98,16 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     )
 
 
-def aims_of(recipe: Recipe, targets: dict | None = None) -> fitness.Aims:
-    """What the recipe wants; ``targets`` (measure -> number) spare measuring the cities."""
+def aims_of(
+    recipe: Recipe, targets: dict | None = None, note: Callable[[str], None] | None = None
+) -> fitness.Aims:
+    """What the recipe wants; ``targets`` (measure -> number) spare measuring the cities. ``note``
+    is told what was taken of their files."""
     return fitness.Aims(
         tuple(
             fitness.Wanted(
                 measure,
-                _objective(recipe, entry, measure, targets or {}),
+                _objective(recipe, entry, measure, targets or {}, note or (lambda text: None)),
                 entry.constraint(measure),
                 1.0 if entry.weight is None else entry.weight,
                 entry.total,
@@ -111,7 +118,9 @@ def aims_of(recipe: Recipe, targets: dict | None = None) -> fitness.Aims:
     )
 
 
-def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objective | None:
+def _objective(
+    recipe: Recipe, entry, measure, targets: dict, note: Callable[[str], None]
+) -> fitness.Objective | None:
     if not entry.is_objective:
         return None
     if entry.like is None:
@@ -119,6 +128,7 @@ def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objecti
     if measure.name in targets:
         return fitness.Objective(measure, "like", targets[measure.name])
     city = read_parent(recipe, _map_of(recipe, entry.like), recipe.parent_named(entry.like))
+    note(f"{city.name}: {city.taken}")
     return fitness.Objective.like(measure, city)
 
 
