@@ -24,6 +24,7 @@ from evocity.fitness.measure import (
     line_in,
     shown,
 )
+from evocity.fitness.siblings import importing_from
 from evocity.plugins import load_plugins, origin_of
 
 #: Entry points of this group name modules, or single measures, of other packages.
@@ -177,8 +178,9 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     """Execute a Python file of the user's own and return the measures it declares, in order.
 
     From then on `get` finds them too; a file loaded later takes over names from an earlier
-    one. What the file prints goes to standard error. Raises `FitnessError`, naming file and
-    line, if it is missing, is not Python, raises, declares no measure or a wrong one, or takes
+    one. The file may import others that lie beside it; they are found while it loads, and are
+    part of its source. What it prints goes to standard error. Raises `FitnessError`, naming file
+    and line, if it is missing, is not Python, raises, declares no measure or a wrong one, or takes
     the name of a measure that exists; nothing is registered then.
     """
     path = Path(path)
@@ -196,12 +198,19 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     before = sys.modules.get(module.__name__)
     sys.modules[module.__name__] = module  # where dataclasses and pickle look for its classes
     try:
-        with _collected() as found, contextlib.redirect_stdout(sys.stderr):
+        with (
+            importing_from(path.parent) as imported,
+            _collected() as found,
+            contextlib.redirect_stdout(sys.stderr),
+        ):
             code = compile(content, str(path), "exec", dont_inherit=True)
             exec(code, module.__dict__)
+        # a measure that the file imports is its helper
+        found = [one for one in found if Path(one.file) not in imported]
         if not found:
             raise FitnessError("no measure in it", f"at least one {_HOW_TO_DECLARE}", "add it")
-        found = [replace(one, origin=str(path)) for one in found]
+        beside = tuple(str(one) for one in sorted(imported))
+        found = [replace(one, origin=str(path), beside=beside) for one in found]
         _add(_from_files, found, taken=_table)
     except (Exception, SystemExit) as error:
         if before is None:
@@ -209,8 +218,9 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
         else:
             sys.modules[module.__name__] = before
         raise _file_fault(path, error) from error
+    whole = content + b"".join(imported[one] for one in sorted(imported))
     for measure in found:
-        measure.__dict__["source_hash"] = content_hash(content)  # the file may change later
+        measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
     return found
 
 
@@ -228,10 +238,13 @@ def _file_fault(path: Path, error: BaseException) -> FitnessError:
             "a Python file",
             f"correct the syntax; python -m py_compile {path.name} checks it",
         )
+    remedy = f"correct that line; python {path.name} shows the same error in full"
+    if isinstance(error, ModuleNotFoundError):
+        remedy = f"install {error.name}, or lay {error.name}.py beside {path.name}"
     return FitnessError(
         f"{place} raised {told(error)}",
         "a file that can be imported",
-        f"correct that line; python {path.name} shows the same error in full",
+        remedy,
     )
 
 

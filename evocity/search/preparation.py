@@ -169,8 +169,8 @@ def provenance_of(prepared: Prepared) -> dict:
 
 
 def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
-    """What `provenance.json` tells of a measure; keys of constraints and sums only if it has
-    them."""
+    """What `provenance.json` tells of a measure; keys of constraints, sums and files it imports
+    only if it has them."""
     objective, constraint = wanted.objective, wanted.constraint
     about = {
         "name": wanted.measure.name,
@@ -181,6 +181,8 @@ def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
         "like": like,
         "like_file": None if like is None else file_hash(recipe.folder, like),
     }
+    if wanted.measure.beside:
+        about["beside"] = list(wanted.measure.beside)
     if constraint is not None:
         about |= {"min": constraint.low, "max": constraint.high}
     if wanted.total is not None:
