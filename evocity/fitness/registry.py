@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.fitness.measure import (
@@ -24,6 +25,7 @@ from evocity.fitness.measure import (
     line_in,
     shown,
 )
+from evocity.fitness.shipping import Shipment, alike, plain, shipment
 from evocity.fitness.siblings import importing_from
 from evocity.plugins import load_plugins, origin_of
 
@@ -146,6 +148,72 @@ def measures() -> list[Measure]:
     return [known[name] for name in sorted(known)]
 
 
+def shipped(measures: Sequence[Measure]) -> tuple[Shipment, ...]:
+    """What worker processes must be given of those ``measures`` that they do not find by name or
+    file: those declared in this session, in a notebook's cell, a script, a module of the user's.
+
+    Raises `FitnessError` if one cannot be sent.
+    """
+    together: dict[FunctionType, list[Measure]] = {}
+    for one in measures:
+        if one.origin == "this session":
+            together.setdefault(plain(one.function), []).append(one)
+    packed = tuple(shipment(found) for found in together.values())
+    for function, one in zip(together, packed, strict=True):
+        _check_shipped(function, one)
+    return packed
+
+
+def _check_shipped(function: FunctionType, packed: Shipment) -> None:
+    """Raise `FitnessError` if what was packed does not become the ``function`` again."""
+    try:
+        again = plain(unpacked(packed)[0].function)
+    except Exception as error:
+        why = told(error)
+    else:
+        if again is function or alike(again.__code__, function.__code__):
+            return
+        why = "it has changed since it was read"
+    raise FitnessError(
+        f"the source of {function.__name__} ({function.__code__.co_filename}) does not make the "
+        f"measure again, as worker processes must: {why}",
+        "a measure whose source is as it was when it was declared",
+        f"put it into a file, {function.__name__}.py, and name that in the recipe as file; or "
+        "search with workers=0, in this process",
+    )
+
+
+def unpacked(packed: Shipment) -> list[Measure]:
+    """The measures that were packed, in this process; `get` does not know them by name."""
+    if packed.place is not None:
+        module, name = packed.place
+        found = getattr(import_module(module), name)
+        return list(found.measures) if isinstance(found, Family) else [found]
+    module = ModuleType(f"evocity_session_{packed.pieces[-1].name}")
+    for name, (home, what) in packed.imports.items():
+        imported = import_module(home)
+        module.__dict__[name] = getattr(imported, what) if what else imported
+    for name, value in packed.values.items():
+        if isinstance(value, Shipment):
+            found = unpacked(value)
+            several = found[0].number is not None
+            value = Family(found[0].name.partition(".")[0], tuple(found)) if several else found[0]
+        module.__dict__[name] = value
+    for piece in packed.pieces:
+        text = "\n" * (piece.line - 1) + piece.text  # errors tell the lines of the user's source
+        _execute(text, piece.file, module, piece.flags)
+    function = module.__dict__[packed.pieces[-1].name]
+    numbers = [one["number"] for one in packed.told if one["number"] is not None]
+    called = Several(function, numbers) if numbers else function
+    return [Measure(function=called, **one) for one in packed.told]
+
+
+def _execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:
+    """Run the user's own ``source`` in ``module``."""
+    code = compile(source, file, "exec", flags, dont_inherit=True)
+    exec(code, module.__dict__)
+
+
 def file_of(name: str) -> str | None:
     """The file `load_file` found the measure in; None for those registered otherwise."""
     return _from_files[name].file if name in _from_files else None
@@ -203,8 +271,7 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
             _collected() as found,
             contextlib.redirect_stdout(sys.stderr),
         ):
-            code = compile(content, str(path), "exec", dont_inherit=True)
-            exec(code, module.__dict__)
+            _execute(content, str(path), module)
         # a measure that the file imports is its helper
         found = [one for one in found if Path(one.file) not in imported]
         if not found:

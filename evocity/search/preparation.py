@@ -10,6 +10,7 @@ from evocity.citymap import CityMap, same_grid
 from evocity.coding import encode
 from evocity.condensation import Condensation
 from evocity.errors import MapError, RecipeError
+from evocity.fitness.registry import file_of
 from evocity.operators.pavement_fusion import VOID
 from evocity.search.locking import locked_layer
 from evocity.search.recipe import Recipe
@@ -36,7 +37,7 @@ class Prepared:
     def setup(self) -> Setup:
         """What a worker must know."""
         measures = tuple(
-            (measure.name, entry.source(self.recipe.folder))
+            (measure.name, entry.source(self.recipe.folder) or file_of(measure.name))
             for entry in self.recipe.fitness
             for measure in entry.measures
         )
