@@ -40,6 +40,7 @@ class CityMap:
     origin : (x, y) of the north-west corner in ``crs``, or None.
     crs : coordinate reference system in metres, as an authority code or WKT, or None.
     height_rules : how many buildings got their height by which rule, as the reader counted.
+    taken : in words, what of its file was read; "" for a map that was not read from one.
 
     Raises
     ------
@@ -61,6 +62,7 @@ class CityMap:
         origin: tuple[float, float] | None = None,
         crs: str | None = None,
         height_rules: Mapping[str, int] | None = None,
+        taken: str = "",
     ):
         array = _checked_heights(heights, name)
         if not (isinstance(metres_per_pixel, Real) and 0 < metres_per_pixel < np.inf):
@@ -77,6 +79,7 @@ class CityMap:
             origin=None if origin is None else (float(origin[0]), float(origin[1])),
             crs=crs,
             height_rules=dict(height_rules or {}),
+            taken=str(taken),
         )
 
     def __setattr__(self, name: str, value) -> None:
@@ -111,6 +114,7 @@ class CityMap:
             "origin": self.origin,
             "crs": self.crs,
             "height_rules": self.height_rules,
+            "taken": self.taken,
         }
         return CityMap(heights, **(described | changes))
 

@@ -551,6 +551,16 @@ def count_around(mask, reach):
     return within, room
 
 
+def products(blocks, vectors):
+    return np.array([[sum(b * v) for v in vectors.T] for b in blocks]).reshape(
+        len(blocks), vectors.shape[1]
+    )
+
+
+def pool_rows(fields, window):
+    return np.stack([window.astype(float) @ field for field in fields.astype(float)])
+
+
 def gliding_moments(mask, size):
     boxes = np.lib.stride_tricks.sliding_window_view(mask, (size, size))
     masses = boxes.sum(axis=(2, 3))

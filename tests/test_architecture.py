@@ -56,6 +56,8 @@ KEPT_APART = {
 
 # What of numpy.random is not, and does not draw from, the global state.
 STATELESS = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "Philox", "default_rng"}
+# What numpy hands to BLAS, whose threads wait for each other on a busy machine.
+BLAS = {"dot", "matmul", "inner", "vdot", "tensordot", "linalg", "cov", "corrcoef", "polyfit"}
 EXECUTING = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 
 
@@ -178,6 +180,19 @@ def executing(tree: ast.Module) -> list[str]:
     return faults
 
 
+def blas(tree: ast.Module) -> list[str]:
+    """Calls of BLAS: products of matrices, and what of numpy makes some."""
+    faults = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult):
+            faults.append("@")
+        elif isinstance(node, ast.Attribute) and set(dotted(node).split(".")[1:]) & BLAS:
+            faults.append(dotted(node))
+        elif isinstance(node, ast.keyword) and node.arg == "optimize":
+            faults.append("einsum by matrix products")
+    return faults + [name for name in imported(tree) if set(name.split(".")[1:]) & BLAS]
+
+
 def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
@@ -260,6 +275,20 @@ def test_data_is_never_executed(path):
         assert found == []
 
 
+@pytest.mark.parametrize(
+    "path",
+    [
+        path
+        for place in ("fitness", "views", "operators", "coding/matching")
+        for path in sorted((PACKAGE / place).rglob("*.py"))
+    ],
+    ids=named,
+)
+def test_a_birth_calls_no_blas(path):
+    # with workers=0 it would take threads, and its last bits depend on how many
+    assert blas(tree_of(path)) == []
+
+
 def test_the_package_names_its_nouns_in_few_lines():
     assert len((PACKAGE / "__init__.py").read_text(encoding="utf-8").splitlines()) < 40
 
@@ -279,6 +308,12 @@ def test_the_package_names_its_nouns_in_few_lines():
         (global_randomness, "import numpy as np\nnp.random.normal(size=3)"),
         (global_randomness, "from numpy.random import rand"),
         (global_randomness, "import numpy as np\nrng = np.random.default_rng()"),
+        (blas, "a @ b"),
+        (blas, "a @= b"),
+        (blas, "import numpy as np\nnp.linalg.norm(a)"),
+        (blas, "a.dot(b)"),
+        (blas, "from numpy import dot"),
+        (blas, "import numpy as np\nnp.einsum('i,i', a, b, optimize=True)"),
         (executing, "import pickle"),
         (executing, "from joblib import load"),
         (executing, "eval('1')"),
@@ -296,6 +331,7 @@ def test_these_checks_find_what_they_look_for(check, text):
         (lambda tree: upward(tree, "search"), "from evocity import fitness, io"),
         (lambda tree: upward(tree, "cli"), "import evocity"),
         (global_randomness, "import numpy as np\nrng = np.random.default_rng(7)"),
+        (blas, "import numpy as np\n@cache\ndef a(b):\n    return np.einsum('i,i', b, b)"),
         (executing, "import re\nre.compile('a')"),
     ],
 )

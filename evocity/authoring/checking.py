@@ -13,7 +13,9 @@ from evocity.authoring.faults import (
     of_all,
     of_call,
     of_change,
+    of_codes,
     of_difference,
+    of_maps,
     of_nan,
     of_value,
 )
@@ -66,7 +68,7 @@ def check(
             'for example [evocity.read_map("lyon-1er")]',
         )
     cases = [*given, *_awkward(given[0].city, coded=bool(measure.needs))]
-    trying = _Trying(measure, timeout)
+    trying = _Trying(measure, timeout, given)
     with contextlib.suppress(TimeoutError):
         for number, case in enumerate(cases, 1):
             trying.on(case, views=number <= _COMPARED or number > len(given))
@@ -94,9 +96,10 @@ def _awkward(typical: CityMap, coded: bool) -> Iterator[Case]:
 class _Trying:
     """A measure, and what was found of it so far."""
 
-    def __init__(self, measure: Measure, timeout: float):
+    def __init__(self, measure: Measure, timeout: float, given: Sequence[Case]):
         self._measure, self._timeout = measure, timeout
         self._report = Report(measure)
+        self._given = given  # their trials come first, those on awkward maps after
         self._times: list[tuple[int, float]] = []  # pixels, seconds
         self._found: dict[tuple[str, int], tuple[Finding, set[str]]] = {}  # with its maps
 
@@ -166,6 +169,9 @@ class _Trying:
         """The report; what was found on several maps is said once."""
         report = self._report
         self._note("", *of_all(self._measure, report.trials))
+        tried = list(zip(self._given, report.trials, strict=False))
+        self._note("", *of_maps(self._measure, [trial for _, trial in tried]))
+        self._note("", *of_codes(self._measure, tried))
         for finding, maps in self._found.values():
             if others := len(maps) - 1:
                 more = f"; likewise on {others} more map{'s' * (others > 1)}"

@@ -6,12 +6,19 @@ import re
 from collections.abc import Iterator, Sequence
 
 from evocity.authoring.findings import Finding, Trial
-from evocity.authoring.watching import Call
+from evocity.authoring.watching import Call, Case
 from evocity.errors import EvocityError, FitnessError, told
 from evocity.fitness.measure import Measure
 
 #: A call that takes longer, seconds, is told of.
 SLOW = 1.0
+#: Undefined on a larger share of cities, it is told of.
+UNDEFINED = 0.25
+#: Of at least so many cities most must differ by this share of the measure's range, if it has
+#: bounds; else of the largest value.
+FEWEST, NEAR = 5, 0.01
+#: A code whose value differs from its map's by this share of the maps' spread is told of.
+APART = 0.5
 
 
 def of_call(measure: Measure, call: Call, name: str, *, first: bool) -> Iterator[Finding]:
@@ -177,6 +184,73 @@ def of_all(measure: Measure, trials: Sequence[Trial]) -> Iterator[Finding]:
         )
 
 
+def of_maps(measure: Measure, trials: Sequence[Trial]) -> Iterator[Finding]:
+    """What the ``trials`` of cities, none of them awkward, show together: that it is undefined on
+    many, or hardly tells them apart."""
+    values = [trial.value for trial in trials if trial.value is not None]
+    known = [value for value in values if not math.isnan(value)]
+    lacking = [t for t in trials if t.value is not None and math.isnan(t.value)]
+    if known and len(lacking) > UNDEFINED * len(values):
+        yield _finding(
+            measure,
+            "warning",
+            "often undefined",
+            None,
+            f"{measure.name} is undefined on {len(lacking)} of {len(values)} cities, as on "
+            f"{lacking[0].map}: {lacking[0].reason or 'NaN'}",
+            "a number of nearly every city: a birth that has none does not live",
+            "give it a meaning there too, or expect a search to lose as many of its births",
+        )
+    low, high = measure.range
+    scale = high - low if math.isfinite(high - low) else max(map(abs, known), default=0.0)
+    if len(known) >= FEWEST and len(set(known)) > 1:
+        tenth, ninth = (sorted(known)[round(q * (len(known) - 1))] for q in (0.1, 0.9))
+        if ninth - tenth <= NEAR * scale:
+            yield _finding(
+                measure,
+                "warning",
+                "near-constant",
+                None,
+                f"{measure.name} lies from {tenth:.4g} to {ninth:.4g} on most of {len(known)} "
+                f"cities, less than {NEAR:.0%} of "
+                + ("its range" if math.isfinite(high - low) else "its size"),
+                "a number that tells cities apart",
+                "look at its formula, or narrow range=: there is little to breed by",
+            )
+
+
+def of_codes(measure: Measure, tried: Sequence[tuple[Case, Trial]]) -> Iterator[Finding]:
+    """That the value of a map's code lies far from the map's, for how far cities lie apart."""
+    maps = {
+        case.city.name: trial.value
+        for case, trial in tried
+        if case.genome is None and trial.value is not None and not math.isnan(trial.value)
+    }
+    spread = max(maps.values(), default=0.0) - min(maps.values(), default=0.0)
+    for case, trial in tried:
+        if case.code_of not in maps or trial.value is None:
+            continue
+        before = maps[case.code_of]
+        if math.isnan(trial.value):
+            found = f"{before:.4g}, and of its code undefined: {trial.reason or 'NaN'}"
+        elif len(maps) > 1 and abs(trial.value - before) > APART * spread:
+            found = (
+                f"{before:.4g}, and of its code {trial.value:.4g}; all {len(maps)} maps lie within "
+                f"{spread:.4g}"
+            )
+        else:
+            continue
+        yield _finding(
+            measure,
+            "warning",
+            "code and map",
+            None,
+            f"{measure.name} of {case.code_of} is {found}",
+            "a code that measures about as its map: a search breeds codes",
+            "set targets and bounds by values of codes: evocity encode, then evocity score",
+        )
+
+
 def _finding(measure: Measure, kind: str, about: str, line: int | None, *parts: str) -> Finding:
     return Finding(kind, about, measure.file, line or measure.line, *parts)
 
@@ -192,4 +266,14 @@ def _line_with(measure: Measure, pattern: str) -> int | None:
     return None
 
 
-__all__ = ["SLOW", "of_all", "of_call", "of_change", "of_difference", "of_nan", "of_value"]
+__all__ = [
+    "SLOW",
+    "of_all",
+    "of_call",
+    "of_change",
+    "of_codes",
+    "of_difference",
+    "of_maps",
+    "of_nan",
+    "of_value",
+]

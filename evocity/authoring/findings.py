@@ -26,7 +26,7 @@ class Finding:
 
     kind : "error", it cannot be used as it is; "warning", it can, but is seldom meant so.
     about : in a word, what: result, exception, time, change, random, range, undefined; print,
-        arithmetic, constant, reason, documentation.
+        arithmetic, constant, near-constant, often undefined, code and map, reason, documentation.
     file, line : where in the user's code.
     found, expected, remedy : as in an `EvocityError`.
     """

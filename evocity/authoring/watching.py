@@ -22,11 +22,13 @@ from evocity.genome import Genome
 @dataclass(frozen=True)
 class Case:
     """A map to measure; ``genome``, the code it was decoded from, and ``parents``, what that was
-    bred from, for measures that ask for them."""
+    bred from, for measures that ask for them. ``code_of``: the name of the map, among those tried
+    with it, that its genome codes."""
 
     city: CityMap
     genome: Genome | None = None
     parents: Sequence[Genome] | None = None
+    code_of: str | None = None
 
     def serves(self, measure: Measure) -> bool:
         """Whether it has what the ``measure`` asks for."""

@@ -288,9 +288,11 @@ def note(text: str) -> None:
 
 
 def note_reading(city, reading: Mapping[str, object]) -> None:
-    """Say which heights of a map just read were invented, and if its window is mostly empty."""
+    """Say what of its file a map just read is, which heights were invented, and if its window is
+    mostly empty."""
     from evocity.io import Request
 
+    note(f"{city.name}: {city.taken}")
     height = reading.get("default_height")
     otherwise = "" if height else "; --default-height says otherwise"
     note_heights(city, height or Request.default_height, otherwise)

@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import note
 from evocity.cli.searching import blaming_options, carry_out
 
 
@@ -44,15 +43,12 @@ def resume(folder: Path, generations, workers, accept_changes) -> None:
 
     def start(tell):
         with blaming_options(generations=generations):
-            search = evocity.Search.resume(
+            return evocity.Search.resume(
                 folder,
                 generations=generations,
                 workers=workers,
                 accept_changes=accept_changes,
                 progress=tell,
             )
-        for text in search.notes:
-            note(text)
-        return search
 
     carry_out(start, folder)

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import RunFailed, note_heights, note_window, told
+from evocity.cli.common import RunFailed, note, note_heights, note_window, told
 from evocity.errors import RecipeError, RunError
 
 #: In a log file, seconds between two lines.
@@ -43,8 +43,9 @@ def _go_through(start: Start, folder: Path) -> None:
     try:
         with show, start(show.prepared) as search:
             started = True
-            signs = goal_signs(search.recipe)
+            signs, noted = goal_signs(search.recipe), _note(search, 0)
             for generation in search:
+                noted = _note(search, noted)
                 if generation.number == 0:
                     _note_parents(folder, search.recipe)
                 show(progress_line(generation, search.recipe.run.generations, signs))
@@ -77,6 +78,13 @@ def _look(folder: Path) -> str:
         if evocity.open_run(folder).generations:
             return f"; see what it has with: evocity report {folder}"
     return ""
+
+
+def _note(search, already: int) -> int:
+    """Say what the search notes but the first ``already``; how many notes it has now."""
+    for text in search.notes[already:]:
+        note(text)
+    return len(search.notes)
 
 
 def _note_parents(folder: Path, recipe) -> None:

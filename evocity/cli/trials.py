@@ -1,5 +1,6 @@
 """What measures are tried on: the bundled districts, towns drawn by a rule, bred children."""
 
+from dataclasses import replace
 from functools import cache
 
 import evocity
@@ -33,7 +34,7 @@ def trial_cases() -> tuple:
     cases = [Case(city) for city in (*districts, *towns)]
     genomes = [evocity.encode(district).genome for district in districts[: len(PARENTS)]]
     cases += [
-        bred_case(f"{name}, decoded", genome, [genome])
+        replace(bred_case(f"{name}, decoded", genome, [genome]), code_of=name)
         for name, genome in zip(PARENTS, genomes, strict=True)
     ]
     mixture = Recipe.model_fields["operators"].get_default(call_default_factory=True)

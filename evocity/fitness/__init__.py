@@ -2,6 +2,8 @@
 
 - `measure`: `Measure`, what one is and how its faults are told; `Undefined`
 - `registry`: what makes one of a plain function, the table of names, users' files
+- `shipping`: how a measure of the session, of a notebook's cell, reaches worker processes
+- `siblings`: what such a file imports from its own folder
 - `goals`: `Objective`, a measure with a goal (max, min, a target, like a city) as a loss
 - `composition`: `Aims`, all that is wanted: objectives, weighted sums of them, constraints
 - `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`

@@ -1,4 +1,4 @@
-"""Compiled loops over whole maps: horizons, and counts in boxes."""
+"""Compiled loops over whole maps: horizons, counts in boxes, sums under windows."""
 
 import numpy as np
 
@@ -94,6 +94,23 @@ def gliding_moments(sums, size):
             first += mass
             second += np.float64(mass) * np.float64(mass)
     return first, second
+
+
+@kernel
+def pool_rows(fields, window, pooled):
+    """pooled[f, i] += Σ window[i, y] · fields[f, y]: rows under windows, zeros of these left out.
+
+    ``fields`` is (n, H, W), ``window`` (samples, H), ``pooled`` (n, samples, W). BLAS would do the
+    same, but in threads of its own, which wait for each other on a busy machine.
+    """
+    count, rows, columns = fields.shape
+    for f in range(count):
+        for i in range(window.shape[0]):
+            for y in range(rows):
+                weight = window[i, y]
+                if weight != 0:
+                    for x in range(columns):
+                        pooled[f, i, x] += weight * fields[f, y, x]
 
 
 @kernel

@@ -99,7 +99,7 @@ def orientation_order(city: CityMap) -> float:
         bins = np.rint(directions[known] * (BINS / 90) + hair).astype(np.intp) % BINS
         lengths += np.bincount(bins, city.buildings.perimeter[known], BINS)
     share = lengths[lengths > 0] / lengths.sum()
-    entropy = float(share @ np.log(1 / share))
+    entropy = float((share * np.log(1 / share)).sum())
     return max(0.0, 1 - (entropy / math.log(BINS)) ** 2)
 
 

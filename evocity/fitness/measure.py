@@ -62,6 +62,7 @@ class Measure:
     number : which of the function's several numbers this is; None if it returns but one.
     origin : where it comes from: "evocity", a plugin's package and version, a file, or
         "this session".
+    beside : files that its file imports from its own folder, part of its source.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Measure:
     needs: tuple[str, ...] = ()
     number: str | None = None
     origin: str = "this session"
+    beside: tuple[str, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "__doc__", self.doc)
@@ -113,7 +115,7 @@ class Measure:
             raise FitnessError(
                 f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
                 "a measure that copes with every map, the empty one too",
-                _remedy(error),
+                _remedy(error, self.file),
             ) from error
         if self.number is not None:
             value = self._picked(value)
@@ -153,8 +155,9 @@ class Measure:
 
     @cached_property
     def source_hash(self) -> str:
-        """Hexadecimal hash of the source that declares the measure, helpers beside it included:
-        of its whole file, as it was when loaded; of the function alone if there is no file."""
+        """Hexadecimal hash of the source that declares the measure, helpers included: of its whole
+        file and those it imports from its folder, as they were when loaded; of the function alone
+        if there is no file."""
         with contextlib.suppress(OSError):
             return content_hash(Path(self.file).read_bytes())
         with contextlib.suppress(OSError, TypeError):
@@ -229,7 +232,7 @@ def content_hash(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def _remedy(error: BaseException) -> str:
+def _remedy(error: BaseException, file: str) -> str:
     if isinstance(error, AttributeError | ValueError) and (
         "read-only" in str(error) or "does not change" in str(error)
     ):
@@ -243,6 +246,11 @@ def _remedy(error: BaseException) -> str:
             'pathlib.Path(__file__).parent / "name", not from where the program was started'
         )
     if isinstance(error, ModuleNotFoundError):
+        if error.name and Path(file).with_name(f"{error.name}.py").is_file():
+            return (
+                f"import {error.name} at the top of the file: what lies beside it is found while "
+                "it loads"
+            )
         return f"install {error.name} beside evocity, or do without it"
     if isinstance(error, AttributeError) and isinstance(error.obj, CityMap):
         offered = [name for name in dir(CityMap) if not name.startswith("_")]

@@ -39,7 +39,7 @@ def street_width(city: CityMap) -> float:
     if not streets.length > 0:
         return Undefined("no ground between walls, so no street")
     lengths = streets.lengths.astype(np.float64)
-    return min(WIDEST, float(lengths @ streets.widths / lengths.sum()))
+    return min(WIDEST, float((lengths * streets.widths).sum() / lengths.sum()))
 
 
 @fitness(range=(0, 1))

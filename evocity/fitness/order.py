@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from evocity.citymap import CityMap
+from evocity.fitness._kernels import pool_rows
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
@@ -43,7 +44,8 @@ def alignment(city: CityMap) -> float:
         return Undefined("no height steps, so no façades")
     height, width = city.shape
     sigma = NEIGHBOURHOOD / city.metres_per_pixel
-    cosine, sine, weight = _window(height, sigma) @ fields @ _window(width, sigma).T
+    down = _pooled(fields, _window(height, sigma))
+    cosine, sine, weight = _pooled(down.swapaxes(1, 2), _window(width, sigma))
     return float(min(1.0, np.hypot(cosine, sine).sum() / weight.sum()))
 
 
@@ -81,6 +83,14 @@ def _fourfold(city: CityMap) -> np.ndarray | None:
     # w e^{4iθ} = (w e^{2iθ})² / w
     turned = 2 * real / np.maximum(w, np.finfo(np.float32).tiny)
     return np.stack([real * turned - w, imaginary * turned, w])
+
+
+def _pooled(fields: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Float32 ``(n, samples, W)``: the rows of ``fields`` ``(n, H, W)`` under each ``window``."""
+    count, _, columns = fields.shape
+    pooled = np.zeros((count, len(window), columns), np.float32)
+    pool_rows(np.ascontiguousarray(fields), window, pooled)
+    return pooled
 
 
 @lru_cache(maxsize=32)

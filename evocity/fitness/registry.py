@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.fitness.measure import (
@@ -25,6 +26,8 @@ from evocity.fitness.measure import (
     line_in,
     shown,
 )
+from evocity.fitness.shipping import Shipment, alike, plain, shipment
+from evocity.fitness.siblings import importing_from
 from evocity.plugins import load_plugins, origin_of
 
 #: Entry points of this group name modules, or single measures, of other packages.
@@ -146,6 +149,72 @@ def measures() -> list[Measure]:
     return [known[name] for name in sorted(known)]
 
 
+def shipped(measures: Sequence[Measure]) -> tuple[Shipment, ...]:
+    """What worker processes must be given of those ``measures`` that they do not find by name or
+    file: those declared in this session, in a notebook's cell, a script, a module of the user's.
+
+    Raises `FitnessError` if one cannot be sent.
+    """
+    together: dict[FunctionType, list[Measure]] = {}
+    for one in measures:
+        if one.origin == "this session":
+            together.setdefault(plain(one.function), []).append(one)
+    packed = tuple(shipment(found) for found in together.values())
+    for function, one in zip(together, packed, strict=True):
+        _check_shipped(function, one)
+    return packed
+
+
+def _check_shipped(function: FunctionType, packed: Shipment) -> None:
+    """Raise `FitnessError` if what was packed does not become the ``function`` again."""
+    try:
+        again = plain(unpacked(packed)[0].function)
+    except Exception as error:
+        why = told(error)
+    else:
+        if again is function or alike(again.__code__, function.__code__):
+            return
+        why = "it has changed since it was read"
+    raise FitnessError(
+        f"the source of {function.__name__} ({function.__code__.co_filename}) does not make the "
+        f"measure again, as worker processes must: {why}",
+        "a measure whose source is as it was when it was declared",
+        f"put it into a file, {function.__name__}.py, and name that in the recipe as file; or "
+        "search with workers=0, in this process",
+    )
+
+
+def unpacked(packed: Shipment) -> list[Measure]:
+    """The measures that were packed, in this process; `get` does not know them by name."""
+    if packed.place is not None:
+        module, name = packed.place
+        found = getattr(import_module(module), name)
+        return list(found.measures) if isinstance(found, Family) else [found]
+    module = ModuleType(f"evocity_session_{packed.pieces[-1].name}")
+    for name, (home, what) in packed.imports.items():
+        imported = import_module(home)
+        module.__dict__[name] = getattr(imported, what) if what else imported
+    for name, value in packed.values.items():
+        if isinstance(value, Shipment):
+            found = unpacked(value)
+            several = found[0].number is not None
+            value = Family(found[0].name.partition(".")[0], tuple(found)) if several else found[0]
+        module.__dict__[name] = value
+    for piece in packed.pieces:
+        text = "\n" * (piece.line - 1) + piece.text  # errors tell the lines of the user's source
+        _execute(text, piece.file, module, piece.flags)
+    function = module.__dict__[packed.pieces[-1].name]
+    numbers = [one["number"] for one in packed.told if one["number"] is not None]
+    called = Several(function, numbers) if numbers else function
+    return [Measure(function=called, **one) for one in packed.told]
+
+
+def _execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:
+    """Run the user's own ``source`` in ``module``."""
+    code = compile(source, file, "exec", flags, dont_inherit=True)
+    exec(code, module.__dict__)
+
+
 def file_of(name: str) -> str | None:
     """The file `load_file` found the measure in; None for those registered otherwise."""
     return _from_files[name].file if name in _from_files else None
@@ -186,8 +255,9 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     """Execute a Python file of the user's own and return the measures it declares, in order.
 
     From then on `get` finds them too; a file loaded later takes over names from an earlier
-    one. What the file prints goes to standard error. Raises `FitnessError`, naming file and
-    line, if it is missing, is not Python, raises, declares no measure or a wrong one, or takes
+    one. The file may import others that lie beside it; they are found while it loads, and are
+    part of its source. What it prints goes to standard error. Raises `FitnessError`, naming file
+    and line, if it is missing, is not Python, raises, declares no measure or a wrong one, or takes
     the name of a measure that exists; nothing is registered then.
     """
     path = Path(path)
@@ -205,12 +275,18 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     before = sys.modules.get(module.__name__)
     sys.modules[module.__name__] = module  # where dataclasses and pickle look for its classes
     try:
-        with _collected() as found, contextlib.redirect_stdout(sys.stderr):
-            code = compile(content, str(path), "exec", dont_inherit=True)
-            exec(code, module.__dict__)
+        with (
+            importing_from(path.parent) as imported,
+            _collected() as found,
+            contextlib.redirect_stdout(sys.stderr),
+        ):
+            _execute(content, str(path), module)
+        # a measure that the file imports is its helper
+        found = [one for one in found if Path(one.file) not in imported]
         if not found:
             raise FitnessError("no measure in it", f"at least one {_HOW_TO_DECLARE}", "add it")
-        found = [replace(one, origin=str(path)) for one in found]
+        beside = tuple(str(one) for one in sorted(imported))
+        found = [replace(one, origin=str(path), beside=beside) for one in found]
         _add(_from_files, found, taken=_table)
     except (Exception, SystemExit) as error:
         if before is None:
@@ -218,8 +294,9 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
         else:
             sys.modules[module.__name__] = before
         raise _file_fault(path, error) from error
+    whole = content + b"".join(imported[one] for one in sorted(imported))
     for measure in found:
-        measure.__dict__["source_hash"] = content_hash(content)  # the file may change later
+        measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
     return found
 
 
@@ -237,10 +314,13 @@ def _file_fault(path: Path, error: BaseException) -> FitnessError:
             "a Python file",
             f"correct the syntax; python -m py_compile {path.name} checks it",
         )
+    remedy = f"correct that line; python {path.name} shows the same error in full"
+    if isinstance(error, ModuleNotFoundError):
+        remedy = f"install {error.name}, or lay {error.name}.py beside {path.name}"
     return FitnessError(
         f"{place} raised {told(error)}",
         "a file that can be imported",
-        f"correct that line; python {path.name} shows the same error in full",
+        remedy,
     )
 
 

@@ -59,7 +59,7 @@ def height_entropy(city: CityMap) -> float:
     above = np.minimum((heights - np.float32(BUILT_ABOVE)) / np.float32(FLOOR), CLASSES - 1)
     counts = np.bincount(above.astype(np.intp))
     share = counts[counts > 0] / heights.size
-    return float(share @ np.log(1 / share)) / math.log(CLASSES)
+    return float((share * np.log(1 / share)).sum()) / math.log(CLASSES)
 
 
 @fitness(goal="max", range=(0, 1))

@@ -129,4 +129,4 @@ def _boxes(sums: np.ndarray, side: int) -> float:
 def _slope(x: np.ndarray, y: np.ndarray) -> float:
     """Of the line through y by least squares."""
     x = x - x.mean()
-    return float(x @ y / (x @ x))
+    return float((x * y).sum() / (x * x).sum())

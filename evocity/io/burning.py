@@ -1,5 +1,6 @@
 """Footprints -> `CityMap`: window, projection, heights, pixels."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
@@ -48,6 +49,7 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
         polygons = moved_polygons(polygons, footprints.crs, crs)
     half = pixels * side / 2
     window = shapely.box(x - half, y - half, x + half, y + half)
+    whole, count = shapely.total_bounds(polygons), len(polygons)
     polygons, tags = _inside(polygons, tags, window)
     if not tags:
         if crs is None:
@@ -62,7 +64,23 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
         origin=None if crs is None else (x - half, y + half),
         crs=None if crs is None else code_of(crs),
         height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
+        taken=_taken(pixels, side, len(tags), count, whole, footprints.side),
     )
+
+
+def _taken(
+    pixels: int, side: float, inside: int, count: int, whole: np.ndarray, named: float | None
+) -> str:
+    """In words: a window of ``pixels`` of ``side`` metres, which meets ``inside`` of ``count``
+    buildings with the bounds ``whole``; the file names a window of ``named`` metres."""
+    metres, wide, tall = pixels * side, whole[2] - whole[0], whole[3] - whole[1]
+    text = (
+        f"a window of {metres:g} × {metres:g} m, with {inside} of the file's {count} buildings, "
+        f"which take up {wide:.0f} × {tall:.0f} m"
+    )
+    if named is not None and not math.isclose(named, metres, rel_tol=1e-6):
+        text += f"; the file itself names a window of {named:g} × {named:g} m"
+    return text
 
 
 def burnt_onto(

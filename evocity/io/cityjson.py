@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from evocity.errors import MapError
-from evocity.io.projection import crs_named
+from evocity.io.projection import crs_named, plane
 from evocity.io.sources import Footprints
 
 _KINDS = ("Building", "BuildingPart", "BuildingUnit")
@@ -57,13 +57,10 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
 
 
 def _crs(path: Path, document: dict):
+    """The system it names; else metres that lie nowhere on Earth, as 3D models often are in."""
     named = document.get("metadata", {}).get("referenceSystem")
     if named is None:
-        raise MapError(
-            f"{path.name} names no reference system",
-            "metadata.referenceSystem, such as https://www.opengis.net/def/crs/EPSG/0/7415",
-            "add it: the coordinates have no place on Earth without it",
-        )
+        return plane()
     return crs_named(named, f"{path.name}, metadata.referenceSystem")
 
 

@@ -1,7 +1,7 @@
 """GeoJSON, after RFC 7946 or of the older kind with a ``crs`` member; and which JSON it is.
 
 Members beside the features that are understood: ``attribution``, and ``window`` with its
-``center`` [lon, lat] and ``projection`` (a PROJ string in metres).
+``center`` [lon, lat], ``projection`` (a PROJ string in metres) and ``side_m`` (metres).
 """
 
 import json
@@ -74,6 +74,7 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
         attribution=attribution if isinstance(attribution, str) else "",
         center=center,
         projection=projection,
+        side=_side(document.get("window")),
     )
 
 
@@ -153,6 +154,12 @@ def _window(path: Path, window: object):
             "correct it or take it out: a local one is then chosen",
         )
     return center, projection
+
+
+def _side(window: object) -> float | None:
+    side = window.get("side_m") if isinstance(window, dict) else None
+    number = isinstance(side, int | float) and not isinstance(side, bool)
+    return float(side) if number and 0 < side < 1e9 else None
 
 
 __all__ = ["read_json"]

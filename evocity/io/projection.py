@@ -32,6 +32,11 @@ def local_metres(lon: float, lat: float) -> CRS:
     )
 
 
+def plane() -> CRS:
+    """Metres that lie nowhere on Earth, x to the east and y to the north."""
+    return CRS.from_wkt('LOCAL_CS["plane",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]')
+
+
 def crs_named(text: object, where: str) -> CRS:
     """The reference system a stranger's file names, made two-dimensional.
 
@@ -116,4 +121,5 @@ __all__ = [
     "local_metres",
     "moved",
     "moved_polygons",
+    "plane",
 ]

@@ -39,12 +39,31 @@ def gridded(grid: Grid, request: Request, name: str) -> CityMap:
     side = request.metres_per_pixel or native
     if true and _is_square(grid) and math.isclose(side, native, rel_tol=1e-9):
         heights, origin = _cut(grid, request, center, name)
-        side = native
+        side, taken = native, _taken(grid, heights)
     else:
         heights, origin = _resampled(grid, request, center, crs, side, name)
+        (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
+        taken = (
+            f"{wide * side:g} × {tall * side:g} m at {side:g} m a pixel, out of a raster of "
+            f"{columns} × {rows} px of about {native:.4g} m"
+        )
     return CityMap(
-        heights, side, name=name, attribution=grid.attribution, origin=origin, crs=code_of(crs)
+        heights,
+        side,
+        name=name,
+        attribution=grid.attribution,
+        origin=origin,
+        crs=code_of(crs),
+        taken=taken,
     )
+
+
+def _taken(grid: Grid, heights: np.ndarray) -> str:
+    """In words, what of the ``grid`` was kept, pixel for pixel."""
+    (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
+    if (tall, wide) == (rows, columns):
+        return f"the file's raster as it is, {columns} × {rows} px"
+    return f"a window of {wide} × {tall} px of the file's {columns} × {rows} px"
 
 
 def _unplaced(grid: Grid, request: Request, name: str) -> CityMap:
@@ -69,7 +88,8 @@ def _unplaced(grid: Grid, request: Request, name: str) -> CityMap:
             raise _too_large(name, f"{pixels} × {pixels} px", f"{rows} × {columns} px")
         top, left = (rows - pixels) // 2, (columns - pixels) // 2
         heights = heights[top : top + pixels, left : left + pixels]
-    return CityMap(heights, side, name=name, attribution=grid.attribution)
+    taken = _taken(grid, heights)
+    return CityMap(heights, side, name=name, attribution=grid.attribution, taken=taken)
 
 
 def _middle(grid: Grid, name: str) -> tuple[float, float]:

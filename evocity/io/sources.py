@@ -42,6 +42,8 @@ class Footprints:
         they lie nowhere on Earth.
     center : (lon, lat) of the window the file itself asks for, or None; (x, y) if nowhere.
     projection : reference system in metres the file itself asks for, or None.
+    side : metres a side of the window the file names, or None. It is told beside what was taken:
+        how large the window is, the request says.
     """
 
     polygons: np.ndarray
@@ -50,6 +52,7 @@ class Footprints:
     attribution: str = ""
     center: tuple[float, float] | None = None
     projection: CRS | None = None
+    side: float | None = None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from evocity.errors import RecipeError, RunError
+from evocity.fitness.registry import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.births import Born, born, bred, outcome_of
@@ -59,9 +60,12 @@ class Search:
         deadlines. Births do not depend on it.
     progress : told in a few words what is prepared before the first generation.
 
-    ``notes`` are what a user should know before it goes on, in words: none but on `resume`.
-    Raises `RunError` if ``out`` exists. A script that uses workers must start the search under
-    ``if __name__ == "__main__":``, as with every use of processes in Python.
+    ``notes`` are what a user should know, in words: on `resume`, before it goes on; of a new run,
+    from generation 0 on, what of the maps' files was taken.
+    Raises `RunError` if ``out`` exists, `FitnessError` if a measure declared in this session, in a
+    notebook's cell for one, cannot be sent to the worker processes. A script that uses workers
+    must start the search under ``if __name__ == "__main__":``, as with every use of processes in
+    Python.
     """
 
     def __init__(
@@ -82,6 +86,7 @@ class Search:
         self.recipe, self.out = recipe, out
         self.notes: list[str] = []
         self._worker_count = recipe.worker_count if workers is None else workers
+        self._shipped = shipped(recipe.measures) if self._worker_count else ()
         self._progress = progress
         self._prepared: Prepared | None = None
         self._writer: RunWriter | None = None
@@ -112,7 +117,11 @@ class Search:
         be had in one run, or if the run has more generations already.
         """
         taken = resuming.take_up(path, generations, accept_changes)
-        search = cls(taken.prepared.recipe, None, workers, progress)
+        try:
+            search = cls(taken.prepared.recipe, None, workers, progress)
+        except BaseException:
+            taken.writer.close()
+            raise
         search.out, search._writer = path, taken.writer
         search._prepared = taken.prepared
         search._population = Population(taken.prepared.header.population, taken.prepared.aims)
@@ -213,6 +222,7 @@ class Search:
 
     def _start(self) -> None:
         self._prepared = prepare(self.recipe, self._progress)
+        self.notes += self._prepared.notes
         if self.out is not None:
             self._writer = RunWriter.create(
                 self.out,
@@ -227,7 +237,7 @@ class Search:
         self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
     def _start_pool(self) -> None:
-        setup = self._prepared.setup
+        setup = dataclasses.replace(self._prepared.setup, shipped=self._shipped)
         if self._worker_count == 0:
             self._pool = Here(setup)
         else:

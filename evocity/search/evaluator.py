@@ -12,6 +12,8 @@ from evocity import fitness
 from evocity.coding import decoded
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
+from evocity.fitness import registry
+from evocity.fitness.shipping import Shipment
 from evocity.genome import Genome
 from evocity.search.door import admitted
 from evocity.store import Header
@@ -23,11 +25,13 @@ MOST_LETTERS = 2000
 @dataclass(frozen=True)
 class Setup:
     """What a worker must know. ``measures``: (name, file or None) in the recipe's order;
-    ``condensation``: what is locked in every genome, or None."""
+    ``condensation``: what is locked in every genome, or None; ``shipped``: measures of the user's
+    session, which another process does not know by name."""
 
     header: Header
     measures: tuple[tuple[str, str | None], ...]
     condensation: Condensation | None = None
+    shipped: tuple[Shipment, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,9 @@ class Evaluator:
         self.header, self.condensation = setup.header, setup.condensation
         files = {file for _, file in setup.measures if file is not None}
         loaded = {file: {m.name: m for m in fitness.load_file(file)} for file in sorted(files)}
+        loaded[None] = {m.name: m for one in setup.shipped for m in registry.unpacked(one)}
         self.measures = {
-            name: fitness.get(name) if file is None else loaded[file][name]
+            name: loaded[file][name] if file or name in loaded[None] else fitness.get(name)
             for name, file in setup.measures
         }
 

@@ -9,6 +9,7 @@ from evocity.citymap import CityMap, same_grid
 from evocity.coding import encode
 from evocity.condensation import Condensation
 from evocity.errors import MapError, RecipeError
+from evocity.fitness.registry import file_of
 from evocity.operators.pavement_fusion import VOID
 from evocity.search.evaluator import Setup
 from evocity.search.locking import locked_layer
@@ -22,19 +23,20 @@ _SHAPEFILE = (".dbf", ".shx", ".prj")
 
 @dataclass(frozen=True)
 class Prepared:
-    """Everything fixed for a run."""
+    """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken."""
 
     recipe: Recipe
     sources: list[Source]
     aims: fitness.Aims
     header: Header
     condensation: Condensation | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def setup(self) -> Setup:
         """What a worker must know."""
         measures = tuple(
-            (measure.name, entry.source(self.recipe.folder))
+            (measure.name, entry.source(self.recipe.folder) or file_of(measure.name))
             for entry in self.recipe.fitness
             for measure in entry.measures
         )
@@ -49,11 +51,13 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     """
     tell = progress or (lambda text: None)
     cities: list[CityMap] = []
+    notes: list[str] = []
     for parent in recipe.parents:
         tell(f"reading {parent.map}")
         city = read_parent(recipe, parent.map, parent)
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
+        notes.append(f"{name}: {city.taken}")
     same_grid(cities)
     condensation, attribution = locked_layer(recipe, cities)
     code = recipe.genome
@@ -73,7 +77,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     header = _header(recipe, cities, condensation, attribution)
     adopted = [header.adopt(genome, condensation) for genome in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
-    return Prepared(recipe, sources, aims_of(recipe), header, condensation)
+    aims = aims_of(recipe, note=notes.append)
+    return Prepared(recipe, sources, aims, header, condensation, tuple(dict.fromkeys(notes)))
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -87,13 +92,16 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     )
 
 
-def aims_of(recipe: Recipe, targets: dict | None = None) -> fitness.Aims:
-    """What the recipe wants; ``targets`` (measure -> number) spare measuring the cities."""
+def aims_of(
+    recipe: Recipe, targets: dict | None = None, note: Callable[[str], None] | None = None
+) -> fitness.Aims:
+    """What the recipe wants; ``targets`` (measure -> number) spare measuring the cities. ``note``
+    is told what was taken of their files."""
     return fitness.Aims(
         tuple(
             fitness.Wanted(
                 measure,
-                _objective(recipe, entry, measure, targets or {}),
+                _objective(recipe, entry, measure, targets or {}, note or (lambda text: None)),
                 entry.constraint(measure),
                 1.0 if entry.weight is None else entry.weight,
                 entry.total,
@@ -104,7 +112,9 @@ def aims_of(recipe: Recipe, targets: dict | None = None) -> fitness.Aims:
     )
 
 
-def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objective | None:
+def _objective(
+    recipe: Recipe, entry, measure, targets: dict, note: Callable[[str], None]
+) -> fitness.Objective | None:
     if not entry.is_objective:
         return None
     if entry.like is None:
@@ -112,6 +122,7 @@ def _objective(recipe: Recipe, entry, measure, targets: dict) -> fitness.Objecti
     if measure.name in targets:
         return fitness.Objective(measure, "like", targets[measure.name])
     city = read_parent(recipe, _map_of(recipe, entry.like), recipe.parent_named(entry.like))
+    note(f"{city.name}: {city.taken}")
     return fitness.Objective.like(measure, city)
 
 
@@ -152,8 +163,8 @@ def provenance_of(prepared: Prepared) -> dict:
 
 
 def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
-    """What `provenance.json` tells of a measure; keys of constraints and sums only if it has
-    them."""
+    """What `provenance.json` tells of a measure; keys of constraints, sums and files it imports
+    only if it has them."""
     objective, constraint = wanted.objective, wanted.constraint
     about = {
         "name": wanted.measure.name,
@@ -164,6 +175,8 @@ def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
         "like": like,
         "like_file": None if like is None else file_hash(recipe.folder, like),
     }
+    if wanted.measure.beside:
+        about["beside"] = list(wanted.measure.beside)
     if constraint is not None:
         about |= {"min": constraint.low, "max": constraint.high}
     if wanted.total is not None:

@@ -134,8 +134,7 @@ def _changes(run: Run) -> list[str]:
     ]
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
     changes += [
-        f"the source of the measure {one['name']}"
-        + (f", {one['file']}, which is missing" if _source_hash(one, own) == "missing" else "")
+        f"the source of the measure {one['name']}{_which(one, own)}"
         for one in provenance["fitness"]
         if _source_hash(one, own) != one["hash"]
     ]
@@ -164,10 +163,20 @@ def _source_hash(noted: dict, own: set[str]) -> str:
     """Hash of a measure's source now; ``own`` are the files that the recipe loads."""
     try:
         if noted["file"] in own:
-            return store.hash_of_file(noted["file"])
+            return store.hash_of_file(noted["file"], *noted.get("beside", ()))
         return fitness.get(noted["name"]).source_hash
     except (OSError, FitnessError):
         return "missing"
+
+
+def _which(noted: dict, own: set[str]) -> str:
+    """What of a measure's source that changed is missing, or may have changed besides its file."""
+    beside = noted.get("beside", [])
+    if _source_hash(noted, own) == "missing":
+        gone = [file for file in (noted["file"], *beside) if not Path(file).is_file()]
+        return f", {', '.join(gone or [noted['file']])}, which is missing"
+    names = ", ".join(Path(file).name for file in beside)
+    return f" ({Path(noted['file']).name}, or what it imports: {names})" if beside else ""
 
 
 def _refuse_another_run(run: Run, recipe: Recipe) -> None:

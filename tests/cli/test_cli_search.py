@@ -280,7 +280,7 @@ class Search:
 
     def __init__(self, then):
         self.then = then
-        self.recipe = evocity.read_recipe("demo")
+        self.recipe, self.notes = evocity.read_recipe("demo"), []
 
     def __call__(self, recipe, out, progress):
         progress("reading a map")
@@ -383,6 +383,8 @@ def test_invented_heights_of_parents_are_told(tmp_path):
     recipe = write_recipe(tmp_path, parents=parents)
     words = ("run", recipe, "--generations", 0, "--out")
     lines = call(*words, tmp_path / "run").stderr.splitlines()
+    assert "Note: lyon-1er: a window of 64 × 64 m, with" in "\n".join(lines)
+    assert sum("the file itself names a window of 512 × 512 m" in line for line in lines) == 2
     (note,) = [line for line in lines if "no height" in line]
     assert "villeurbanne-gratte-ciel: 5 of 5 buildings have no height" in note
     assert "6 m taken; default_height in its [[parents]] says otherwise" in note

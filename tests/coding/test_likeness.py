@@ -7,9 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evocity import isometries
-from evocity.coding.matching._kernels import LANES
+from evocity.coding.matching._kernels import LANES, products
 from evocity.coding.matching.alike import kind_kernels, z_order
-from evocity.coding.matching.d4 import d4_basis, d4_matrix, lowest, part_sizes, used_parts
+from evocity.coding.matching.d4 import (
+    d4_basis,
+    d4_codes,
+    d4_matrix,
+    lowest,
+    part_sizes,
+    used_parts,
+)
 from evocity.coding.matching.domains import domain_pool, domain_pools
 from evocity.coding.matching.likeness import RangeCodes, domain_blocks
 from evocity.coding.matching.tiles import cut_tiles
@@ -19,6 +26,18 @@ def codes_of(blocks):
     flat = blocks.reshape(len(blocks), -1).astype(float)
     centred = flat - flat.mean(axis=1, keepdims=True)
     return centred.astype(np.float32) @ d4_matrix(blocks.shape[-1]).T
+
+
+@pytest.mark.parametrize("block", [2, 3, 8])
+@pytest.mark.parametrize("count", [0, 1, 70])
+def test_coordinates_are_products_of_matrices(block, count):
+    blocks = np.random.default_rng(1).normal(size=(count, block, block)).astype(np.float32)
+    exact = blocks.reshape(count, block**2).astype(float)
+    truth = naive.products(exact, d4_matrix(block).astype(float).T)
+    assert d4_codes(blocks.reshape(count, block**2)) == pytest.approx(truth, abs=1e-5)
+    wide, out = np.ones((block**2, 2 * block)), np.empty((count, 2 * block))
+    products(exact, wide, out)
+    assert out == pytest.approx(naive.products(exact, wide), abs=1e-9)
 
 
 @pytest.mark.parametrize("block", [2, 3, 4, 5, 8])

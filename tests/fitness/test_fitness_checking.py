@@ -340,6 +340,64 @@ def test_what_is_seldom_meant_is_a_warning(measure, about, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_measure_undefined_on_many_cities_is_warned_of(measure):
+    towns = [draw_town(seed) for seed in range(8)]
+    level = sorted(city.heights.mean() for city in towns)
+    body = "if city.heights.mean() > {}:\n    return evocity.fitness.Undefined('high')\nreturn {}"
+    tried = measure(body.format(level[4] + 1e-6, "city.heights.mean()"))
+    report = check(tried, towns)
+    assert report.usable
+    one = found(report, "often undefined")
+    count = sum(top > level[4] for top in level)
+    assert count > 2
+    assert f"undefined on {count} of 8 cities" in one.found
+    assert one.found.endswith(": high")
+    # on two of eight it is told in the table alone; awkward maps do not count
+    seldom = measure(body.format(level[-3] + 1e-6, "city.heights.mean()"))
+    assert check(seldom, towns).findings == []
+    awkward = measure(
+        "if not 0.1 < city.built.mean() < 0.9:\n    return evocity.fitness.Undefined('odd')\n"
+        "return city.heights.mean()"
+    )
+    assert check(awkward, towns[:2]).findings == []
+
+
+@pytest.mark.parametrize(
+    ("options", "formula", "told"),
+    [
+        ("range=(0, 1)", "0.5 + 0.004 * city.built.mean()", "its range"),
+        ("range=(0.4, 0.6)", "0.5 + 0.1 * city.built.mean()", ""),
+        ("", "1000 + city.built.mean()", "its size"),
+        ("", "city.built.mean()", ""),
+        ("", "float(city.heights.mean() > {top})", "its size"),
+    ],
+)
+def test_a_measure_that_hardly_differs_is_warned_of(measure, options, formula, told):
+    towns = [draw_town(seed) for seed in range(12)]
+    top = sorted(city.heights.mean() for city in towns)[-2] + 1e-6  # one town is above
+    report = check(measure(f"return {formula}".format(top=top), options=options), towns)
+    assert report.usable
+    assert [one.found.endswith(told) for one in report.findings] == [True] * bool(told)
+    assert {one.about for one in report.findings} <= {"near-constant"}
+
+
+def test_a_measure_that_sees_the_code_more_than_the_city_is_warned_of(measure):
+    towns = [draw_town(seed) for seed in range(4)]
+    coded = encode(towns[0], reach=4).genome
+    city = evocity.coding.decode(coded).city
+    cases = [*towns, Case(city.replace(city.heights, name="decoded"), coded, (coded,), "town-0")]
+    assert towns[0].name == "town-0"
+    crumbs = "np.unique(city.heights[city.built]).size"  # a code's roofs are not flat
+    one = found(check(measure(f"return {crumbs}"), cases), "code and map")
+    values = [len(np.unique(t.heights[t.built])) for t in (*towns, city)]
+    assert f"of town-0 is {values[0]}, and of its code {values[4]}" in one.found
+    undefined = measure(f"if {crumbs} > 50:\n    return evocity.fitness.Undefined('rough')\n"
+                        "return city.heights.mean()")  # fmt: skip
+    one = found(check(undefined, cases), "code and map")
+    assert one.found.endswith("and of its code undefined: rough")
+    assert check(measure("return city.heights.mean()"), cases).findings == []
+
+
 def test_a_missing_docstring_is_a_warning(measure):
     one = found(check(measure("return city.heights.max()", doc=""), TOWNS), "documentation")
     assert (one.kind, one.found) == ("warning", "tried has no docstring")

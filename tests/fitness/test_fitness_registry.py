@@ -6,6 +6,7 @@ import pickle
 import sys
 import textwrap
 import weakref
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -235,6 +236,86 @@ def test_a_file_changed_and_loaded_again_is_another_source(write):
     (second,) = load_file(path)
     assert second.source_hash != first.source_hash
     assert get("mine") is second
+
+
+SIBLING = """
+import evocity.fitness
+from helper import HEIGHT
+import parts.roofs
+import lone.roofs as others
+
+
+@evocity.fitness()
+def {name}(city):
+    return HEIGHT + parts.roofs.more() + others.MORE
+"""
+
+
+def folder_of(path, name, height):
+    for below in ("parts", "lone"):
+        (path / below).mkdir(parents=True)
+    (path / "helper.py").write_text(f"HEIGHT = {height}\n")
+    (path / "parts" / "__init__.py").write_text("")
+    # a sibling imports siblings; that of a relative name too
+    (path / "parts" / "roofs.py").write_text(
+        "from .more import MORE\nimport helper\ndef more():\n    return MORE + helper.HEIGHT\n"
+    )
+    (path / "parts" / "more.py").write_text("MORE = 100\n")
+    (path / "lone" / "roofs.py").write_text("MORE = 0.5\n")  # without an __init__.py
+    (path / f"{name}.py").write_text(SIBLING.format(name=name))
+    return path / f"{name}.py"
+
+
+def test_a_file_imports_what_lies_beside_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "helper", mine := SimpleNamespace(HEIGHT=-1))
+    before = dict(sys.modules), list(sys.path), list(sys.meta_path)
+    (left,) = load_file(folder_of(tmp_path / "left", "low", 1))
+    (right,) = load_file(folder_of(tmp_path / "right", "high", 20))
+    assert (left(CITY), right(CITY)) == (102.5, 140.5)
+    assert sys.modules["helper"] is mine
+    assert not {"parts", "parts.roofs", "lone"} & set(sys.modules)
+    assert (sys.path, sys.meta_path) == before[1:]
+    assert not [*tmp_path.rglob("__pycache__")]
+    assert [Path(one).name for one in left.beside] == [
+        "helper.py", "roofs.py", "__init__.py", "more.py", "roofs.py",
+    ]  # fmt: skip
+    # edited, it is another source, at once
+    (tmp_path / "left" / "helper.py").write_text("HEIGHT = 3\n")
+    (edited,) = load_file(tmp_path / "left" / "low.py")
+    assert edited(CITY) == 106.5
+    assert len({left.source_hash, edited.source_hash, right.source_hash}) == 3
+
+
+def test_siblings_do_not_stand_in_for_what_is_installed(write):
+    for name in ("numpy", "evocity", "math"):
+        write("raise RuntimeError('the wrong one')", f"{name}.py")
+    (mine,) = load_file(write("import math, numpy\n" + GOOD))
+    assert (mine(CITY), mine.beside) == (9.0, ())
+
+
+def test_a_measure_that_is_imported_is_a_helper(write):
+    write(GOOD)
+    (two,) = load_file(
+        write("import evocity\nfrom mine import mine\n@evocity.fitness()\ndef two(city):\n"
+              "    return 2 * mine(city)\n", "two.py")
+    )  # fmt: skip
+    assert two(CITY) == 18.0
+    with pytest.raises(FitnessError, match="mine"):
+        registry.get("mine")
+
+
+def test_a_sibling_at_fault_is_told(write):
+    write("x = (", "helper.py")
+    path = write("import helper\n" + GOOD)
+    with pytest.raises(FitnessError, match=r"mine\.py, line 1 raised SyntaxError.*helper\.py"):
+        load_file(path)
+    with pytest.raises(FitnessError, match=r"lay absent\.py beside mine\.py"):
+        load_file(write("import absent\n" + GOOD))
+    write("x = 1", "helper.py")
+    late = GOOD.replace("    return", "    import helper\n    return")
+    (mine,) = load_file(write(late))
+    with pytest.raises(FitnessError, match="import helper at the top of the file"):
+        mine(CITY)
 
 
 def test_measures_and_objectives_travel_to_worker_processes(write):

@@ -23,6 +23,7 @@ from evocity.fitness import (
     alignment_neighbours,
     orientation_order,
 )
+from evocity.fitness._kernels import pool_rows
 
 ANGLES = (0, 5, 10, 20, 45)
 series = cache(jittered)
@@ -115,6 +116,17 @@ def test_a_fabric_that_turns_little_by_little_is_aligned_nearby_not_all_in_all()
     assert alignment(bent) > 0.8
     assert alignment_global(bent) < alignment(bent) - 0.4
     assert alignment_global(turned_grid(22.5)) > alignment(turned_grid(22.5)) - 0.02
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 9), (64, 17)])
+def test_rows_are_pooled_as_their_naive_twin_does(shape):
+    rng = np.random.default_rng(3)
+    fields = rng.normal(size=(3, *shape)).astype(np.float32)
+    window = rng.random((4, shape[0])).astype(np.float32)
+    window[rng.random(window.shape) < 0.5] = 0
+    pooled = np.zeros((3, 4, shape[1]), np.float32)
+    pool_rows(fields, window, pooled)
+    np.testing.assert_allclose(pooled, naive.pool_rows(fields, window), atol=1e-4)
 
 
 # -- building by building ----------------------------------------------------------------

@@ -146,7 +146,8 @@ def test_addresses_are_no_files(source):
             collection(polygon(SQUARE), window={"center": [0, 0], "projection": "EPSG:4326"}),
             "projection",
         ),
-        ({"type": "CityJSON"}, "reference system"),
+        ({"type": "CityJSON"}, "vertices"),
+        ({"type": "CityJSON", "metadata": {"referenceSystem": 7}}, "reference system"),
         (
             {"type": "CityJSON", "metadata": {"referenceSystem": "EPSG:7415"}, "vertices": []},
             "CityObjects",

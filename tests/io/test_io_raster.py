@@ -40,6 +40,7 @@ def test_native_pixels_are_kept_as_they_are(tmp_path):
     np.testing.assert_array_equal(city.heights, heights)
     assert (city.metres_per_pixel, city.crs) == (2.0, "EPSG:25830")
     assert city.origin == (500000, 4794000)
+    assert city.taken == "the file's raster as it is, 80 × 60 px"
 
 
 def test_a_window_is_cut_on_the_same_pixels(tmp_path):
@@ -48,6 +49,7 @@ def test_a_window_is_cut_on_the_same_pixels(tmp_path):
     city = read_map(path, pixels=20)
     np.testing.assert_array_equal(city.heights, heights[20:40, 30:50])
     assert city.origin == (500060, 4793960)
+    assert city.taken == "a window of 20 × 20 px of the file's 80 × 60 px"
     to_degrees = Transformer.from_crs(25830, 4326, always_xy=True)
     center = to_degrees.transform(500000 + 2 * 25, 4794000 - 2 * 15)
     city = read_map(path, pixels=20, center=center, metres_per_pixel=2.0)
@@ -59,6 +61,7 @@ def test_finer_and_coarser_pixels_take_what_lies_at_their_centre(tmp_path):
     path = write_tif(tmp_path / "a.tif", heights)
     finer = read_map(path, metres_per_pixel=1.0)
     np.testing.assert_array_equal(finer.heights, heights.repeat(2, axis=0).repeat(2, axis=1))
+    assert finer.taken == "160 × 120 m at 1 m a pixel, out of a raster of 80 × 60 px of about 2 m"
     coarser = read_map(path, metres_per_pixel=6.0)
     np.testing.assert_array_equal(coarser.heights, heights[1::3, 1::3][:20, : coarser.shape[1]])
 
@@ -141,6 +144,9 @@ def test_npy(tmp_path):
     city = read_map(tmp_path / "a.npy", metres_per_pixel=0.5)
     np.testing.assert_array_equal(city.heights, blocks())
     assert city.metres_per_pixel == 0.5
+    assert city.taken == "the file's raster as it is, 80 × 60 px"
+    cut = read_map(tmp_path / "a.npy", metres_per_pixel=0.5, pixels=30)
+    assert cut.taken == "a window of 30 × 30 px of the file's 80 × 60 px"
 
 
 @pytest.mark.parametrize("pixels", [61, 500])

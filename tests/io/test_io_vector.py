@@ -282,9 +282,24 @@ def test_geojson_window_attribution_and_3d(tmp_path):
     assert (city.name, city.attribution) == ("town", "© somebody")
     assert city.heights[128 - 100, 128 + 100] == 20
     assert city.heights[128 - 5, 128 + 5] == 6
+    assert city.taken == (
+        "a window of 512 × 512 m, with 2 of the file's 2 buildings, which take up 210 × 210 m; "
+        "the file itself names a window of 100 × 100 m"
+    )
+    assert city.replace(city.heights).taken == city.taken
+    asked = read_map(path, pixels=50).taken
+    assert asked.startswith("a window of 100 × 100 m, with 1 of the file's 2 buildings")
+    assert "names" not in asked
     elsewhere = read_map(path, pixels=20, metres_per_pixel=1.0, center=(LON, LAT), name="x")
     assert elsewhere.shape == (20, 20)
     assert elsewhere.name == "x"
+
+
+@pytest.mark.parametrize("side", ["1024", -1, 0, None, True, 1e300])
+def test_a_window_whose_side_is_no_length_names_none(tmp_path, side):
+    window = {"center": [LON, LAT], "side_m": side}
+    path = write_geojson(tmp_path / "a.geojson", [shapely.box(0, 0, 20, 20)], [{}], window=window)
+    assert read_map(path).taken.endswith("20 × 20 m")
 
 
 def test_without_a_window_the_middle_of_the_buildings_is_the_centre(tmp_path):
@@ -506,3 +521,20 @@ def test_cityjson(tmp_path, semantics):
     renamed.write_text(json.dumps(cityjson(objects, CUBE)))
     assert read_map(renamed).height_rules == {"solid": 1}
     assert read_map(renamed).heights.max() == 9
+
+
+@pytest.mark.parametrize("metadata", [{}, {"title": "a model"}])
+def test_cityjson_without_a_reference_system_lies_nowhere(tmp_path, metadata):
+    solid = {"type": "Solid", "lod": "1", "boundaries": [[*FACES, [[3, 0, 4, 7]]]]}
+    document = cityjson({"a": {"type": "Building", "geometry": [solid]}}, CUBE, metadata=metadata)
+    path = tmp_path / "a.city.json"
+    path.write_text(json.dumps(document))
+    city = read_map(path, pixels=40)  # 40 m square, 9 m high, about its middle
+    assert (city.crs, city.origin, city.height_rules) == (None, None, {"solid": 1})
+    assert (city.heights[10:30, 10:30] == 9).all()
+    assert city.built.sum() == 400
+    with pytest.raises(MapError, match="no place on Earth, yet center="):
+        read_map(path, center=(LON, LAT))
+    del document["metadata"]
+    path.write_text(json.dumps(document))
+    assert np.array_equal(read_map(path, pixels=40).heights, city.heights)

@@ -38,6 +38,33 @@ def test_a_changed_measure_is_not_executed_before_it_is_confirmed(toy, tmp_path)
     assert trace.exists()
 
 
+def test_a_file_that_a_measure_imports_is_watched(toy, tmp_path):
+    helper = tmp_path / "helper.py"
+    helper.write_text("FACTOR = 2.0\n")
+    body = """
+from helper import FACTOR
+
+@evocity.fitness(goal="max")
+def scaled(city):
+    return FACTOR * float(city.heights.std())
+"""
+    out = tmp_path / "run"
+    first = run(toy(body), out, workers=2, generations=1)
+    assert all(one.values["scaled"] == 2 * one.values["spread"] for one in first[-1].population)
+    assert [path.name for path in tmp_path.glob("__pycache__")] == []
+    with Search.resume(out, workers=1, generations=2) as search:
+        (last,) = search
+    assert {one.values["scaled"] / one.values["spread"] for one in last.population} == {2}
+    helper.write_text("FACTOR = 3.0\n")
+    with pytest.raises(RunError, match=r"measure scaled \(toys.py, or what it imports: helper.py"):
+        Search.resume(out)
+    helper.unlink()
+    with pytest.raises(RunError, match=r"scaled, .*helper\.py, which is missing"):
+        Search.resume(out)
+    helper.write_text("FACTOR = 2.0\n")
+    Search.resume(out, workers=0).close()
+
+
 def test_a_measure_the_provenance_does_not_know_is_not_executed(toy, tmp_path):
     out = tmp_path / "run"
     run(toy(), out, workers=0, generations=0)

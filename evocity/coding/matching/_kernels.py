@@ -187,6 +187,22 @@ def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
 
 
 @kernel
+def products(blocks, vectors, out):
+    """out[i, j] = Σ blocks[i, k] · vectors[k, j], of (n, K) and (K, J).
+
+    BLAS would take threads of its own for it, which wait for each other on a busy machine, and
+    its last bits depend on how many they are.
+    """
+    for i in range(blocks.shape[0]):
+        for j in range(vectors.shape[1]):
+            out[i, j] = 0
+        for k in range(blocks.shape[1]):
+            weight = blocks[i, k]
+            for j in range(vectors.shape[1]):
+                out[i, j] += weight * vectors[k, j]
+
+
+@kernel
 def most_likely(peaks, tops, shares, rows):
     """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) that promise range block i,
     of ``shares`` (n, F), most, were its own energy no limit."""

@@ -16,6 +16,8 @@ from zlib import crc32
 
 import numpy as np
 
+from evocity.coding.matching._kernels import products
+
 
 @cache
 def d4_basis(block: int) -> np.ndarray:
@@ -57,6 +59,23 @@ def d4_matrix(block: int) -> np.ndarray:
     matrix = (basis - basis.mean(axis=1, keepdims=True)).astype(np.float32)
     matrix.setflags(write=False)
     return matrix
+
+
+def d4_codes(blocks: np.ndarray) -> np.ndarray:
+    """`d4_matrix` of n flat ``blocks``, float32 ``(n, B²)``: their coordinates, float32 alike."""
+    return in_terms_of(_columns(int(np.sqrt(blocks.shape[1]))), blocks)
+
+
+def in_terms_of(vectors: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """``blocks @ vectors``, ``(n, K)`` and ``(K, J)`` of one type, in the calling thread."""
+    out = np.empty((len(blocks), vectors.shape[1]), blocks.dtype)
+    products(np.ascontiguousarray(blocks), vectors, out)
+    return out
+
+
+@cache
+def _columns(block: int) -> np.ndarray:
+    return np.ascontiguousarray(d4_matrix(block).T)
 
 
 @cache
@@ -108,8 +127,8 @@ def lowest(block: int) -> np.ndarray:
         if max(i, j) < block:
             image = np.outer(wave[i], wave[j])
             image = image + sign * image.T
-            vector = basis[start : start + size] @ image.ravel()
-        norm = np.linalg.norm(vector)
+            vector = (basis[start : start + size] * image.ravel()).sum(axis=1)
+        norm = np.sqrt((vector * vector).sum())
         vectors.append(vector / norm if norm > 1e-9 else vector)
         start += size
     lowest = np.concatenate(vectors).astype(np.float32)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from evocity.coding.matching.alike import kind_kernels
-from evocity.coding.matching.d4 import lowest, part_sizes, used_parts
+from evocity.coding.matching.d4 import in_terms_of, lowest, part_sizes, used_parts
 from evocity.coding.matching.domains import DomainPool
 from evocity.coding.matching.shapes import key_weights
 
@@ -61,7 +61,7 @@ class RangeCodes:
         block = int(np.sqrt(codes.shape[1]))
         waves, members = _parts(block)
         exact = codes.astype(np.float64)
-        low, every = (exact @ waves) ** 2, exact**2 @ members
+        low, every = in_terms_of(waves, exact) ** 2, in_terms_of(members, exact**2)
         low[:, -2] += low[:, -1]  # u and w count as one part
         low = low[:, :-1]
         rest = np.maximum(every - low, 0) + 1e-6 * every  # found by subtraction: rounded up

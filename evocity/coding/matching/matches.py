@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.matching.d4 import d4_matrix
+from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import DomainPool
 from evocity.coding.matching.likeness import RangeCodes
 from evocity.coding.matching.scoring import rank, settle
@@ -55,7 +55,7 @@ class Search:
         self.block, self.cap = int(np.sqrt(pixels)), float(np.float32(sigma_max))
         self.centred = flat - flat.mean(axis=1, keepdims=True)
         self.energy = np.einsum("nk,nk->n", self.centred, self.centred)
-        codes = self.centred.astype(np.float32) @ d4_matrix(self.block).T
+        codes = d4_codes(self.centred.astype(np.float32))
         self.ranges = RangeCodes.of(codes)
         self.unsure = (UNSURE * max(1, self.block / _SIDE) * self.energy).astype(np.float32)
         self.best = np.zeros(count, np.float32)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.matching._kernels import GROUP, window_kernels
-from evocity.coding.matching.d4 import d4_matrix
+from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools
 from evocity.coding.matching.matches import Search, listed
 
@@ -61,7 +61,7 @@ def best_correlations(
     flat_blocks = np.ascontiguousarray(cut, np.float32).reshape(rows * columns, block * block)
     uniform = np.ptp(flat_blocks, axis=1) <= flat
     (busy,) = np.nonzero(~uniform)
-    codes = flat_blocks[busy] @ d4_matrix(block).T
+    codes = d4_codes(flat_blocks[busy])
     corners = (busy // columns * block, busy % columns * block)
     gain = np.zeros(busy.size, np.float32)
     lane_maxima, _ = window_kernels(block)
