@@ -9,7 +9,7 @@
 - `evaluation`, `worker`, `warm`: worker processes with a deadline for each individual
 - `nsga2`, `population`: who dominates, who lives, how good the living are together
 - `engine`: `Search`, the loop, which writes every birth down
-- `resuming`: taking a run up again
+- `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
 - `archiving`: of all births ever, those that no other dominates
 """
 

@@ -16,6 +16,7 @@ from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Individual, Plan, first_population, next_population
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
+from evocity.search.keeping import kept_by
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare, provenance_of
 from evocity.search.recipe import Recipe
@@ -224,13 +225,15 @@ class Search:
         self._prepared = prepare(self.recipe, self._progress)
         self.notes += self._prepared.notes
         if self.out is not None:
+            kept = kept_by(self.recipe)
             self._writer = RunWriter.create(
                 self.out,
                 self.recipe.text,
-                provenance_of(self._prepared),
+                provenance_of(self._prepared, self.out, kept),
                 self._prepared.header,
                 self._prepared.sources,
                 self._prepared.condensation,
+                kept.files,
             )
         self._population = Population(self._prepared.header.population, self._prepared.aims)
         self._start_pool()

@@ -1,5 +1,6 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,13 @@ from evocity.errors import MapError, RecipeError
 from evocity.fitness.registry import file_of
 from evocity.operators.pavement_fusion import VOID
 from evocity.search.evaluator import Setup
+from evocity.search.keeping import Kept, beside_of, kept_by, relative
 from evocity.search.locking import locked_layer
-from evocity.search.recipe import Recipe
+from evocity.search.recipe import FitnessEntry, Recipe
 from evocity.search.values import free_name, resolved
 from evocity.store import Header, Source
+
+_PACKAGE = Path(fitness.__file__).parent.parent
 
 #: Besides the .shp itself, what of a Shapefile decides the map that is read.
 _SHAPEFILE = (".dbf", ".shx", ".prj")
@@ -36,7 +40,7 @@ class Prepared:
     def setup(self) -> Setup:
         """What a worker must know."""
         measures = tuple(
-            (measure.name, entry.source(self.recipe.folder) or file_of(measure.name))
+            (measure.name, entry.source or file_of(measure.name))
             for entry in self.recipe.fitness
             for measure in entry.measures
         )
@@ -126,23 +130,26 @@ def _objective(
     return fitness.Objective.like(measure, city)
 
 
-def provenance_of(prepared: Prepared) -> dict:
-    """What `provenance.json` records, besides the header."""
+def provenance_of(
+    prepared: Prepared,
+    out: str | os.PathLike,
+    kept: Kept | None = None,
+    hashed: Callable[[Path, str], str | None] | None = None,
+) -> dict:
+    """What `provenance.json` of the run folder ``out`` records, besides the header; paths as seen
+    from there, or from the recipe. ``kept``: what the run keeps of the user's own measures;
+    ``hashed``: `file_hash`, or what else tells the hash of a map's file."""
     recipe = prepared.recipe
-    wanted = prepared.aims.wanted
-    likes = [
-        None if entry.like is None else _map_of(recipe, entry.like)
-        for entry in recipe.fitness
-        for _ in entry.measures
-    ]
+    kept, hashed = kept or kept_by(recipe), hashed or file_hash
+    entries = [entry for entry in recipe.fitness for _ in entry.measures]
     locked = {}
     if recipe.locked.asked:
-        files = {name: file_hash(recipe.folder, name) for name in recipe.locked.files}
+        files = {name: hashed(recipe.folder, name) for name in recipe.locked.files}
         locked["locked"] = {"asked": recipe.locked.asked, "files": files}
     return store.environment() | {
         "seed": recipe.run.seed,
         "recipe": {
-            "folder": str(recipe.folder),
+            "folder": relative(recipe.folder, out),
             "file": recipe.file,
             "hash": store.hash_of_text(recipe.text),
             "overrides": recipe.overrides,
@@ -153,34 +160,48 @@ def provenance_of(prepared: Prepared) -> dict:
                 "map": parent.map,
                 "hash": store.hash_of_map(source.city),
                 "genome": source.genome.digest,
-                "file": file_hash(recipe.folder, parent.map),
+                "file": hashed(recipe.folder, parent.map),
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
-        "fitness": [_wanted(recipe, one, like) for one, like in zip(wanted, likes, strict=True)],
+        "fitness": [
+            _wanted(recipe, entry, one, hashed) | _source_of(entry, one.measure, kept)
+            for entry, one in zip(entries, prepared.aims.wanted, strict=True)
+        ],
         **locked,
     }
 
 
-def _wanted(recipe: Recipe, wanted: fitness.Wanted, like: str | None) -> dict:
-    """What `provenance.json` tells of a measure; keys of constraints, sums and files it imports
+def _wanted(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed) -> dict:
+    """What `provenance.json` tells of what is wanted of a measure; keys of constraints and sums
     only if it has them."""
     objective, constraint = wanted.objective, wanted.constraint
+    like = None if entry.like is None else _map_of(recipe, entry.like)
     about = {
         "name": wanted.measure.name,
-        "file": wanted.measure.file,
-        "hash": wanted.measure.source_hash,
         "goal": None if objective is None else objective.goal,
         "target": None if objective is None else objective.target,
         "like": like,
-        "like_file": None if like is None else file_hash(recipe.folder, like),
+        "like_file": None if like is None else hashed(recipe.folder, like),
     }
-    if wanted.measure.beside:
-        about["beside"] = list(wanted.measure.beside)
     if constraint is not None:
         about |= {"min": constraint.low, "max": constraint.high}
     if wanted.total is not None:
         about |= {"objective": wanted.total, "weight": wanted.weight}
+    return about
+
+
+def _source_of(entry: FitnessEntry, measure: fitness.Measure, kept: Kept) -> dict:
+    """What `provenance.json` tells of where a measure comes from: the file as the recipe names it,
+    what that imports from its folder, and the run's own copy; of others the file's name."""
+    file = Path(measure.file)
+    ours = measure.origin == "evocity"
+    told = file.relative_to(_PACKAGE.parent).as_posix() if ours else file.name
+    about = {"file": told, "hash": measure.source_hash}
+    if entry.file is not None:
+        about |= {"file": entry.file, "kept": kept.places[measure.name]}
+        if measure.beside:
+            about["beside"] = beside_of(measure)
     return about
 
 

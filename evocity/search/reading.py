@@ -61,10 +61,18 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> 
     return recipe
 
 
-def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) -> Recipe:
+def recipe_of(
+    text: str,
+    folder: Path,
+    overrides: Mapping[str, Any],
+    name: str,
+    kept: Mapping[str, str] | None = None,
+) -> Recipe:
     """The recipe in ``text``, whose paths are relative to ``folder``; ``name`` for messages.
 
-    ``overrides`` map keys such as "run.seed" to values that replace the recipe's.
+    ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, for a
+    run that is taken up again: files of measures -> those to be executed in their place; the maps
+    need not be there any more, the run has its own.
     """
     try:
         raw = tomllib.loads(text)
@@ -89,7 +97,7 @@ def recipe_of(text: str, folder: Path, overrides: Mapping[str, Any], name: str) 
     faults = []
     recipe = None
     try:
-        context = {"folder": folder, "parents": _parents(raw)}
+        context = {"folder": folder, "parents": _parents(raw), "kept": kept}
         recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
         faults = [_fault(one, raw) for one in error.errors(include_url=False)]

@@ -4,6 +4,7 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 `evocity.search.reading` turns a TOML file into a `Recipe`.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -171,6 +172,7 @@ class FitnessEntry(Section):
     objective: Title | None = None
 
     _measures: list[Measure] = PrivateAttr(default_factory=list)
+    _source: str | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _resolve(self, info: ValidationInfo) -> "FitnessEntry":
@@ -180,7 +182,7 @@ class FitnessEntry(Section):
         if self.min is not None and self.max is not None and self.min >= self.max:
             raise fault(f"min = {self.min:g}, max = {self.max:g}", "a min below the max")
         try:
-            measures = self._found(info.context["folder"])
+            measures = self._found(info.context["folder"], info.context.get("kept") or {})
             asking = [one for one in measures if self.like is not None and one.needs]
             if asking:
                 needs = " and ".join(asking[0].needs)
@@ -226,11 +228,12 @@ class FitnessEntry(Section):
         bounded = self.min is not None or self.max is not None
         return Constraint(measure, self.min, self.max) if bounded else None
 
-    def source(self, folder: Path) -> str | None:
+    @property
+    def source(self) -> str | None:
         """The file a worker must load the measures from; None for registered ones."""
-        return None if self.file is None else resolved(folder, self.file)
+        return self._source
 
-    def _found(self, folder: Path) -> list[Measure]:
+    def _found(self, folder: Path, kept: Mapping[str, str]) -> list[Measure]:
         if self.file is None:
             if self.name is None:
                 raise fault("neither name nor file", "one of them")
@@ -239,7 +242,9 @@ class FitnessEntry(Section):
             except FitnessError as error:
                 known = [measure.name for measure in fitness.measures()]
                 raise fault(with_near_miss(error.found, self.name, known), error.expected) from None
-        measures = load_file(resolved(folder, self.file))
+        path = resolved(folder, self.file)
+        self._source = kept.get(path, path)
+        measures = load_file(self._source)
         if self.name is None:
             return self._one_by_one(measures)
         chosen = [one for one in measures if one.name == self.name]

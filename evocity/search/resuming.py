@@ -5,11 +5,13 @@ What changed is found out before any file of the user's own is executed.
 
 import os
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from evocity import fitness, store
 from evocity.errors import EvocityError, FitnessError, RunError
+from evocity.search.keeping import kept_by, replaced
 from evocity.search.preparation import Prepared, aims_of, file_hash, provenance_of
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe, RunSection
@@ -43,7 +45,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     """Reopen the run in ``path``. Raises `RunError` as `Search.resume` says."""
     run = open_run(path)
     try:
-        changes = _changes(run)
+        noted = run.provenance["fitness"]
+        copies = replaced(run.path, _folder(run), noted)
+        changes = _changes(run, copies)
         if changes and not accept_changes:
             raise RunError(
                 f"{run.path}: changed since the run began: {'; '.join(changes)}",
@@ -51,14 +55,13 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
                 "undo the change, or confirm it with --accept-changes (accept_changes=True): "
                 "the living then keep the values they were given",
             )
-        recipe = _recipe(run, generations)
+        recipe = _recipe(run, generations, copies)
         _refuse_another_run(run, recipe)
         notes = _notes(run, recipe)
-        targets = None
-        if not changes:
-            noted = run.provenance["fitness"]
-            targets = {one["name"]: one["target"] for one in noted if one["goal"] == "like"}
-        aims = aims_of(recipe, targets)
+        likes = [one for one in noted if one["goal"] == "like"]
+        if changes:  # cities that are not there any more cannot be measured again
+            likes = [one for one in likes if _file_hash(recipe.folder, one["like"]) == "missing"]
+        aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
@@ -70,12 +73,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     edited = _edited(run)
     writer = RunWriter.reopen(path)
     try:
-        fresh = provenance_of(prepared)
-        given = {"file": run.provenance["recipe"].get("file")}
-        kept = {**run.provenance, "recipe": fresh["recipe"] | given}
-        if changes:
-            kept |= {key: fresh[key] for key in ("maps", "fitness", "locked") if key in fresh}
-        writer.update_provenance(kept)
+        _record(run, prepared, writer, changes)
         whole = run.generations
         first, living, births, failures = [], [], 0, 0
         if whole:
@@ -93,6 +91,29 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     )
 
 
+def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str]) -> None:
+    """Bring provenance, and the run's own copies of measures, to where it goes on from."""
+    noted = {one["map"]: one["file"] for one in run.provenance["maps"]}
+    noted |= {one["like"]: one["like_file"] for one in run.provenance["fitness"]}
+    noted |= run.provenance.get("locked", {}).get("files", {})
+
+    def hashed(folder: Path, name: str) -> str | None:
+        found = _file_hash(folder, name)
+        return noted.get(name) if found == "missing" else found
+
+    kept = kept_by(prepared.recipe)
+    fresh = provenance_of(prepared, run.path, kept, hashed)
+    given = {"file": run.provenance["recipe"].get("file")}
+    told = {**run.provenance, "recipe": fresh["recipe"] | given}
+    before = {one["name"]: one.get("kept") for one in run.provenance["fitness"]}
+    if changes or any(before[name] != place for name, place in kept.places.items()):
+        writer.keep(kept.files)  # a run of an older release kept none
+        told["fitness"] = fresh["fitness"]
+    if changes:
+        told |= {key: fresh[key] for key in ("maps", "locked") if key in fresh}
+    writer.update_provenance(told)
+
+
 def nobody_lives(path: Path, generation: int) -> RunError:
     """Why no run can go on after a ``generation`` that left nobody to breed from."""
     return RunError(
@@ -102,43 +123,48 @@ def nobody_lives(path: Path, generation: int) -> RunError:
     )
 
 
-def _recipe(run: Run, generations: int | None) -> Recipe:
+def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Recipe:
     """The run's recipe; its own measures are executed."""
     overrides = dict(run.provenance["recipe"]["overrides"])
     if generations is not None:
         overrides["run.generations"] = generations
-    return recipe_of(run.recipe_text, _folder(run), overrides, name=f"{run.path}/recipe.toml")
+    name = f"{run.path}/recipe.toml"
+    return recipe_of(run.recipe_text, _folder(run), overrides, name, copies)
 
 
 def _folder(run: Run) -> Path:
-    return Path(run.provenance["recipe"]["folder"])
+    """Where the recipe lies, or lay: noted as seen from the run folder, of old as it was."""
+    return (run.path.resolve() / run.provenance["recipe"]["folder"]).resolve()
 
 
-def _changes(run: Run) -> list[str]:
-    """What differs from the start, by the hashes in the provenance; nothing is executed."""
+def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
+    """What differs from the start, by the hashes in the provenance; nothing is executed.
+
+    A map that is not there any more is no change, for the run has its own copy, or what was
+    measured of it; nor is a measure's file of which the run has one of ``copies``.
+    """
     provenance, folder = run.provenance, _folder(run)
     changes = []
     if store.hash_of_text(run.recipe_text) != provenance["recipe"]["hash"]:
         changes.append("the recipe")
     for one in provenance["maps"]:
-        if _file_hash(folder, one["map"]) != one["file"]:
+        if _file_hash(folder, one["map"]) not in (one["file"], "missing"):
             changes.append(f"the map {one['map']} (the run keeps its own copy)")
     for name, before in provenance.get("locked", {}).get("files", {}).items():
-        if _file_hash(folder, name) != before:
+        if _file_hash(folder, name) not in (before, "missing"):
             changes.append(f"{name}, which tells what is locked (the run keeps its own copy)")
     likes = {one["like"]: one["like_file"] for one in provenance["fitness"] if one.get("like")}
     changes += [
         f"the map {like}, which cities shall be like"
         for like, before in likes.items()
-        if _file_hash(folder, like) != before
+        if _file_hash(folder, like) not in (before, "missing")
     ]
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
-    changes += [
-        f"the source of the measure {one['name']}{_which(one, own)}"
-        for one in provenance["fitness"]
-        if _source_hash(one, own) != one["hash"]
-    ]
-    strange = own - {one["file"] for one in provenance["fitness"]}
+    for one in provenance["fitness"]:
+        paths = _sources_of(one, folder, own, copies)
+        if _source_hash(one, paths) != one["hash"]:
+            changes.append(f"the source of the measure {one['name']}{_which(one, paths)}")
+    strange = own - {_named_file(one, folder) for one in provenance["fitness"]}
     changes += [f"the measures of {file}" for file in sorted(strange)]
     return list(dict.fromkeys(changes))
 
@@ -159,24 +185,39 @@ def _file_hash(folder: Path, name: str) -> str | None:
         return "missing"
 
 
-def _source_hash(noted: dict, own: set[str]) -> str:
-    """Hash of a measure's source now; ``own`` are the files that the recipe loads."""
+def _named_file(noted: dict, folder: Path) -> str | None:
+    """The file that a measure of the user's own was loaded from; None for others, and what is noted
+    of them names no file here. Runs of old, which kept no copies, noted whole paths of all."""
+    if "kept" in noted or Path(noted["file"]).is_absolute():
+        return resolved(folder, noted["file"])
+    return None
+
+
+def _sources_of(noted: dict, folder: Path, own: set[str], copies: Mapping[str, str]) -> list[Path]:
+    """The files that a measure of the user's own would be loaded from now, first the one that
+    declares it; none for those that the recipe does not load from a file."""
+    named = _named_file(noted, folder)
+    if named not in own:
+        return []
+    path = Path(copies.get(named, named))
+    return [path, *(path.parent / name for name in noted.get("beside", ()))]
+
+
+def _source_hash(noted: dict, paths: list[Path]) -> str:
+    """Hash of a measure's source now."""
     try:
-        if noted["file"] in own:
-            return store.hash_of_file(noted["file"], *noted.get("beside", ()))
-        return fitness.get(noted["name"]).source_hash
+        return store.hash_of_file(*paths) if paths else fitness.get(noted["name"]).source_hash
     except (OSError, FitnessError):
         return "missing"
 
 
-def _which(noted: dict, own: set[str]) -> str:
+def _which(noted: dict, paths: list[Path]) -> str:
     """What of a measure's source that changed is missing, or may have changed besides its file."""
-    beside = noted.get("beside", [])
-    if _source_hash(noted, own) == "missing":
-        gone = [file for file in (noted["file"], *beside) if not Path(file).is_file()]
+    if _source_hash(noted, paths) == "missing":
+        gone = [str(path) for path in paths if not path.is_file()]
         return f", {', '.join(gone or [noted['file']])}, which is missing"
-    names = ", ".join(Path(file).name for file in beside)
-    return f" ({Path(noted['file']).name}, or what it imports: {names})" if beside else ""
+    names = ", ".join(path.name for path in paths[1:])
+    return f" ({paths[0].name}, or what it imports: {names})" if names else ""
 
 
 def _refuse_another_run(run: Run, recipe: Recipe) -> None:

@@ -1,7 +1,7 @@
 """What a value of a recipe may be, beyond its type: files, maps, cities, names, places.
 
 The paths are relative to the recipe's folder, which stands with the parents, (name or None, map)
-each, in the context of the validation.
+each, in the context of the validation; of a run taken up again also what it kept.
 """
 
 from collections.abc import Collection, Sequence
@@ -75,6 +75,8 @@ def _some_city(name: str, info: ValidationInfo) -> str:
     named = [place for other, place in parents if other == name]
     if len(named) > 1:
         raise fault(f"{shown(name)}, as {len(named)} parents are named", "a name of one alone")
+    if _taken_up(info):
+        return name
     try:
         found = _existing_map(_some_path(name, info), info)
     except PydanticCustomError as error:
@@ -95,8 +97,13 @@ def _some_city(name: str, info: ValidationInfo) -> str:
     return found
 
 
+def _taken_up(info: ValidationInfo) -> bool:
+    """Whether the recipe is that of a run taken up again, which has maps of its own."""
+    return info.context.get("kept") is not None
+
+
 def _existing_map(name: str, info: ValidationInfo) -> str:
-    if not is_map(info.context["folder"], name):
+    if not (_taken_up(info) or is_map(info.context["folder"], name)):
         raise fault(
             with_near_miss(f"{shown(name)} is no file and no bundled city", name, io.cities()),
             f"a map file, relative to the recipe, or one of {', '.join(io.cities())}",
@@ -119,7 +126,7 @@ def _lon_lat(center: list[float]) -> list[float]:
 
 
 def _existing_file(name: str, info: ValidationInfo) -> str:
-    if not Path(resolved(info.context["folder"], name)).is_file():
+    if not (_taken_up(info) or Path(resolved(info.context["folder"], name)).is_file()):
         raise fault(f"{shown(name)} is no file", "a file, relative to the recipe")
     return name
 

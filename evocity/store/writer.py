@@ -17,6 +17,7 @@ from evocity.store.events import append_event
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
 from evocity.store.merge import drop_leftovers, merge, write_single
+from evocity.store.own import OWN, write_own
 from evocity.store.run import open_run
 from evocity.store.schema import (
     Birth,
@@ -62,10 +63,12 @@ class RunWriter:
         header: Header,
         sources: Sequence[Source],
         condensation: Condensation | None = None,
+        own: Mapping[str, bytes] | None = None,
     ) -> "RunWriter":
         """Create the run folder ``path``; it appears with all its parts, or not at all.
 
-        ``condensation`` is the one whose digest the ``header`` tells as ``locked``.
+        ``condensation`` is the one whose digest the ``header`` tells as ``locked``; ``own`` are the
+        files of the user's own measures, see `keep`.
         Raises `RunError` if it exists or cannot be written.
         """
         path = Path(path).absolute()
@@ -85,6 +88,7 @@ class RunWriter:
             write_sources(folder.sources, list(sources))
             if condensation is not None:
                 write_condensation(folder.locked, condensation)
+            write_own(hidden, own or {})
             folder.events.touch()
             refuse_existing(path)
             if os.name == "nt":  # there a folder with an open file in it cannot be renamed
@@ -148,6 +152,12 @@ class RunWriter:
         with self._explained():
             _write_provenance(self.folder, provenance, self.header)
 
+    def keep(self, own: Mapping[str, bytes]) -> None:
+        """Keep files of the user's own measures: place in the run folder, such as
+        "fitness/my_measure.py", to content."""
+        with self._explained():
+            write_own(self.path, own)
+
     def event(self, event: str, **details) -> None:
         """Add a line to ``events.jsonl``."""
         with self._explained():
@@ -187,7 +197,7 @@ def _clear_unfinished(path: Path) -> None:
     ours = re.compile(re.escape(f".{path.name}-") + "[0-9a-f]{8}")
     model = Folder(path)
     parts = {BIRTHS, MEMBERSHIP, model.sources.name, model.recipe.name, model.provenance.name}
-    parts |= {model.events.name, model.lock.name}
+    parts |= {model.events.name, model.lock.name, OWN}
     with contextlib.suppress(OSError):
         for hidden in path.parent.iterdir():
             if not ours.fullmatch(hidden.name) or hidden.is_symlink():
