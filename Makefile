@@ -17,15 +17,16 @@ help:  ## list these targets
 demo: .venv/installed  ## breed Lyon x Montpellier for a minute or two; leaves a report in runs/
 	$(BIN)/evocity run
 
+# A process a core; more than eight wait for the longest file anyway.
 test: .venv/installed-dev  ## formatter, linter and the tests, in under ten minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pytest
+	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile
 
 test-long: .venv/installed-dev  ## the tests that take more than ten seconds each
 	$(BIN)/pytest -m long
 
-bench: .venv/installed-dev  ## every side-by-side measurement of benchmarks/
+bench: .venv/installed-bench  ## every side-by-side measurement of benchmarks/
 	@for script in $(BENCHMARKS); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 format: .venv/installed-dev  ## put the code into the one format
@@ -51,4 +52,9 @@ clean:  ## remove .venv and the caches; runs stay
 .venv/installed-dev: .venv/installed
 	@echo "Installing the tools for tests into .venv (once) ..."
 	@$(PIP) install --editable '.[dev]'
+	@touch $@
+
+.venv/installed-bench: .venv/installed-dev
+	@echo "Installing what benchmarks compare with into .venv (once) ..."
+	@$(PIP) install --editable '.[bench]'
 	@touch $@

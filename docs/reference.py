@@ -27,11 +27,13 @@ def reference(found: list[Measure]) -> str:
     lines = ["| measure | goal | unit | range | what it says |", "|---|---|---|---|---|"]
     for one in found:
         low, high = (bound(value) for value in one.range)
+        place = one.name.partition(".")[0]
         lines.append(
-            f"| [`{one.name}`](#{one.name}) | {one.goal or 'a target'} | {one.unit or '–'} "
-            f"| {low}…{high} | {one.summary} |"
+            f"| [`{one.name}`](#{place}) | {one.goal or 'a target'} | {one.unit or '–'} "
+            f"| {low}…{high} | {one.summary if one.name == place else f'see `{place}`'} |"
         )
-    return "\n".join(lines) + "\n" + "".join(f"\n{entry(one)}" for one in found)
+    whole = [one for one in found if "." not in one.name]  # further numbers stand there
+    return "\n".join(lines) + "\n" + "".join(f"\n{entry(one)}" for one in whole)
 
 
 def entry(measure: Measure) -> str:
@@ -42,8 +44,11 @@ def entry(measure: Measure) -> str:
     for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
         body = re.sub(r"\s*\n\s*", " ", part.strip())
         told.append(f"- **{name}**: {body}")
-    if measure.needs:
-        told.append(f"- **Asks for**: the {' and the '.join(measure.needs)} of the city too.")
+    of_the_city = [need for need in measure.needs if need != "reference"]
+    if of_the_city:
+        told.append(f"- **Asks for**: the {' and the '.join(of_the_city)} of the city too.")
+    if "reference" in measure.needs:
+        told.append("- **Asks for**: a reference, the cities it compares with.")
     told[0] += "" if len(told) == 1 else "\n" + told.pop(1)
     if example:
         told.append(f"\n```pycon\n>>> {example.strip()}\n```")

@@ -16,7 +16,7 @@ _ROOMS = {
     "coding": ["decode", "encode"],
     "condensation": ["Condensation"],
     "errors": ["EvocityError"],
-    "genome": ["Genome", "read_genome"],
+    "genome": ["Genome", "merged", "read_genome", "split"],
     "io": ["cities", "read_map", "write_map"],
     "pavement": ["Pavement"],
     "search": ["Recipe", "Search", "archive", "read_recipe"],

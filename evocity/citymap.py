@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword, setting
 from evocity.views import ground
 from evocity.views.buildings import STEP, Buildings, outlines, told_apart
 from evocity.views.structure import structure
@@ -67,7 +67,7 @@ class CityMap:
         array = _checked_heights(heights, name)
         if not (isinstance(metres_per_pixel, Real) and 0 < metres_per_pixel < np.inf):
             raise MapError(
-                f"{name}: metres_per_pixel = {metres_per_pixel!r}",
+                f"{name}: {setting('metres_per_pixel', metres_per_pixel)}",
                 "a positive number of metres",
                 "give the side of a pixel in metres, for example 2.0",
             )
@@ -87,6 +87,16 @@ class CityMap:
             f"a CityMap does not change, so its {name} cannot be set; "
             "city.replace(heights) makes another map"
         )
+
+    def __reduce__(self):  # heights alone travel, and stay read-only; views are computed anew
+        described = {k: self.__dict__[k] for k in _DESCRIBED}
+        return _made_again, (self.heights, self.metres_per_pixel, described)
+
+    def __copy__(self) -> "CityMap":
+        return self
+
+    def __deepcopy__(self, memo) -> "CityMap":
+        return self
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -235,8 +245,16 @@ def same_grid(maps: "list[CityMap]") -> None:
                 f"{other.metres_per_pixel:g} m, {first.name} has "
                 f"{first.shape[0]} × {first.shape[1]} px of {first.metres_per_pixel:g} m",
                 "maps of one size to be bred together",
-                "read both with the same pixels= and metres_per_pixel=",
+                f"read both with the same {keyword('pixels')} and {keyword('metres_per_pixel')}",
             )
+
+
+#: What describes a map besides its heights and pixels.
+_DESCRIBED = ("name", "attribution", "origin", "crs", "height_rules", "taken")
+
+
+def _made_again(heights: np.ndarray, metres_per_pixel: float, described: dict) -> CityMap:
+    return CityMap(heights, metres_per_pixel, **described)
 
 
 __all__ = ["BUILT_ABOVE", "MAX_PIXELS", "MAX_SIDE", "CityMap", "same_grid"]

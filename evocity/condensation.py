@@ -120,24 +120,36 @@ class Condensation:
     # -- files ---------------------------------------------------------------------------
 
     def column(self, pavement: Pavement) -> pa.Array:
-        """The layer cut along a pavement: a list of B² heights a range block, row by row,
+        """The layer cut along a pavement: a list of the heights of each range block, row by row,
         NaN where nothing is kept; null for blocks without any pixel kept."""
-        blocks = pavement.blocks(self.raster).reshape(len(pavement), -1)
-        free = pa.array(np.isnan(blocks).all(axis=1))
-        return pa.FixedSizeListArray.from_arrays(blocks.ravel(), blocks.shape[1], mask=free)
+        order, starts = _by_blocks(pavement)
+        heights = self.raster.ravel()[order]
+        free = np.add.reduceat(self.mask.ravel()[order], starts[:-1], dtype=np.int64) == 0
+        if pavement.uniform:
+            return pa.FixedSizeListArray.from_arrays(
+                heights, pavement.block**2, mask=pa.array(free)
+            )
+        return pa.ListArray.from_arrays(
+            pa.array(starts, pa.int32()), pa.array(heights), mask=pa.array(free)
+        )
 
     @classmethod
     def from_column(cls, column: pa.ChunkedArray, pavement: Pavement) -> "Condensation":
         """`column` the other way round. ValueError for a column of another kind."""
-        kind = pa.list_(pa.float32(), pavement.block**2)
+        kind = pa.list_(pa.float32(), pavement.block**2 if pavement.uniform else -1)
         if column.type != kind or len(column) != len(pavement):
             raise ValueError(f"a condensation of {len(column)} × {column.type}")
         array = column.combine_chunks()
-        blocks = np.full((len(pavement), pavement.block**2), np.nan, np.float32)
+        array = array.combine_chunks() if isinstance(array, pa.ChunkedArray) else array
         taken = array.is_valid().to_numpy(zero_copy_only=False)
-        blocks[taken] = array.flatten().to_numpy(zero_copy_only=False).reshape(-1, blocks.shape[1])
-        b = pavement.block
-        return cls.from_raster(pavement.raster(blocks.reshape(-1, b, b)))
+        order, starts = _by_blocks(pavement)
+        kept = order[np.repeat(taken, np.diff(starts))]
+        heights = array.flatten().to_numpy(zero_copy_only=False)
+        if heights.size != kept.size:
+            raise ValueError(f"{heights.size} condensed heights for {kept.size} pixels")
+        raster = np.full(pavement.height * pavement.width, np.nan, np.float32)
+        raster[kept] = heights
+        return cls.from_raster(raster.reshape(pavement.height, pavement.width))
 
 
 def merged(layers: Iterable[Condensation | None]) -> Condensation | None:
@@ -155,6 +167,13 @@ def _unpacked(shape: tuple[int, int], bits: bytes, kept: bytes) -> Condensation:
     heights = np.zeros(shape, np.float32)
     heights[mask] = np.frombuffer(kept, np.float32)
     return Condensation(heights, mask)
+
+
+def _by_blocks(pavement: Pavement) -> tuple[np.ndarray, np.ndarray]:
+    """The flat pixels of a map range block by range block, row by row in each; and where each
+    range block begins among them, ``(n + 1,)``."""
+    starts = np.concatenate([[0], np.cumsum(pavement.area)])
+    return np.argsort(pavement.index, axis=None, kind="stable"), starts
 
 
 def _check_arrays(heights: np.ndarray, mask: np.ndarray) -> None:

@@ -4,7 +4,8 @@ Every message has three parts: what was found, what was expected, what to do.
 """
 
 import difflib
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 
 
 class EvocityError(Exception):
@@ -15,14 +16,60 @@ class EvocityError(Exception):
     found : what arrived, with its name (file, key, parameter).
     expected : what would have been right.
     remedy : what to do next, one sentence.
+
+    Where these name a parameter they do it by `keyword`, `setting`, `set_to` or `unset`: the
+    command line then names its own option in its place. The rest of a text is told as it is.
     """
 
     def __init__(self, found: str, expected: str, remedy: str):
-        super().__init__(found, expected, remedy)
-        self.found, self.expected, self.remedy = found, expected, remedy
+        super().__init__(found, expected, remedy)  # with its marks, see `keyword`
+        self.found, self.expected, self.remedy = map(unmarked, (found, expected, remedy))
 
     def __str__(self) -> str:
         return f"{self.found}\n  expected: {self.expected}\n  what to do: {self.remedy}"
+
+
+# A parameter in a text: name, what stands between name and value, value. The characters are none
+# of any language, and no text is exchanged with them in it.
+_MARK = re.compile("\ufdd0([a-z_]+)\ufdd1([ =]*)\ufdd1([^\ufdd0-\ufdd2]*)\ufdd2")
+
+_STRAY = re.compile("[\ufdd0-\ufdd2]")
+
+
+def keyword(name: str, *value: object) -> str:
+    """A parameter in a text of an `EvocityError`, as a caller of Python types it: ``layer=``, or
+    with its value ``pixels=256``."""
+    return _marked(name, "=", repr(value[0]) if value else "")
+
+
+def setting(name: str, value: object) -> str:
+    """A parameter and the value that came, in a text of an `EvocityError`: ``block = 3``."""
+    return set_to(name, shown(value))
+
+
+def set_to(name: str, text: str) -> str:
+    """`setting` of a value that is text already."""
+    return _marked(name, " = ", text)
+
+
+def unset(name: str) -> str:
+    """The value None of a parameter, in a text of an `EvocityError`."""
+    return _marked(name, "", "None")
+
+
+def _marked(name: str, joint: str, value: str) -> str:
+    return f"\ufdd0{name}\ufdd1{joint}\ufdd1{_STRAY.sub('', value)}\ufdd2"
+
+
+def told_by(text: str, parameter: Callable[[str, str, str], str]) -> str:
+    """``text`` with what ``parameter`` makes of each one marked in it: of its name, what stands
+    between ("=", " = ", or "" for a bare value), and the value as text."""
+    return _STRAY.sub("", _MARK.sub(lambda match: parameter(*match.groups()), text))
+
+
+def unmarked(text: str) -> str:
+    """``text`` as Python's callers read it."""
+    return told_by(text, lambda name, joint, value: f"{name if joint else ''}{joint}{value}")
 
 
 class MapError(EvocityError):

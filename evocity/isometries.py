@@ -67,3 +67,19 @@ def _lowest() -> np.ndarray:
 
 #: ``LOWEST[a, s]``, of the isometries "b, then a" the lowest, for b in the set s: bit b of 0…255.
 LOWEST = _lowest()
+
+
+def _affine() -> np.ndarray:
+    table = np.empty((COUNT, 6), np.int64)
+    for row, flat in zip(table, sources(2), strict=True):
+        corner, east, south, _ = (np.array(divmod(int(one), 2)) for one in flat)
+        row[:] = [*corner, *(south - corner), *(east - corner)]
+    table.setflags(write=False)
+    return table
+
+
+#: How each isometry lays a square, int64 ``(8, 6)``. The target's north-west pixel comes from the
+#: source's first (0) or last (1) row and column; then (rows, columns) to go in the source for a
+#: step south in the target, and for one east. So, of a square of side s, pixel (i, j) comes from
+#: row a[0]·(s − 1) + a[2]·i + a[4]·j and column a[1]·(s − 1) + a[3]·i + a[5]·j.
+AFFINE = _affine()

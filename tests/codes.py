@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from evocity.genome import Genome
+from evocity.coding import encode
+from evocity.genome import Genome, packed
+from evocity.genome.files import lifs_at
 from evocity.pavement import Pavement
 
 
@@ -28,8 +30,19 @@ def draw_code(
         **{name: np.where(has, extent[which], 0) for name, extent in (("dy", dy), ("dx", dx))},
         iso=np.where(has, rng.integers(0, 8, n), 0),
         parent=rng.integers(0, cities, n),
-        source=rng.integers(0, n, n),
+        source=packed(*(corner[rng.integers(0, n, n)] for corner in pavement.corners)),
         metres_per_pixel=2.0,
         cities=tuple(f"city-{number}" for number in range(cities)),
         attribution="drawn",
     )
+
+
+def uniformly(city, **how):
+    """`evocity.encode` as in the papers unless told otherwise: range blocks of one side, B = 4,
+    neither fitted nor settled."""
+    return encode(city, **{"block": 4, "fit": False, "settle": False} | how)
+
+
+def stones(genome: Genome) -> np.ndarray:
+    """Of a uniform pavement: which lifs of its source city each range block is the stone of."""
+    return lifs_at(genome.pavement, genome.source)

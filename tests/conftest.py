@@ -1,9 +1,14 @@
-"""Fixtures that many tests share."""
+"""Fixtures that many tests share, and what no test may leave behind for the next."""
+
+import contextlib
+from collections.abc import Iterator
+from unittest.mock import patch
 
 import pytest
 from towns import draw_town
 
 from evocity.citymap import CityMap
+from evocity.fitness import registry
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +19,22 @@ def town() -> CityMap:
 @pytest.fixture(scope="session")
 def other_town() -> CityMap:
     return draw_town(2)
+
+
+@contextlib.contextmanager
+def _measures_as_they_were() -> Iterator[None]:
+    registry.measures()  # the package's and plugins' are there before
+    with patch.dict(registry._table), patch.dict(registry._from_files):
+        yield
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_measure_outlives_its_module():
+    with _measures_as_they_were():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _no_measure_outlives_its_test(_no_measure_outlives_its_module):
+    with _measures_as_they_were():
+        yield

@@ -177,8 +177,9 @@ def area_weighted(domain, block):
     return fine.reshape(block, extent, block, extent).mean(axis=(1, 3))
 
 
-def autosimilarity_errors(heights, block, extent):
-    """µ(R, D) of every range position with the best of all domains and isometries."""
+def autosimilarity_errors(heights, block, extent, normalise="heights"):
+    """µ(R, D) of every range position with the best of all domains and isometries; by the
+    block's own variance, NaN where it is flat."""
     span = np.ptp(heights.astype(float))
     rows, columns = (side - block + 1 for side in heights.shape)
     images = []
@@ -193,21 +194,44 @@ def autosimilarity_errors(heights, block, extent):
         r = heights[y : y + block, x : x + block].astype(float).ravel()
         r -= r.mean()
         explained = (images @ r) ** 2 / (images**2).sum(axis=1)
-        if span:
-            errors[y, x] = ((r @ r) - explained.max(initial=0)) / (block * span) ** 2
+        left = (r @ r) - explained.max(initial=0)
+        if normalise == "variance":
+            flat = np.ptp(heights[y : y + block, x : x + block]) == 0
+            errors[y, x] = np.nan if flat else left / (r @ r)
+        elif span:
+            errors[y, x] = left / (block * span) ** 2
     return errors
 
 
-def autosimilarity_maps(heights, block, extents):
+def autosimilarity_maps(heights, block, extents, normalise="heights"):
     """(mean, least, curve): over all range blocks that hold a pixel, and D → mean of µ."""
-    every = {extent: autosimilarity_errors(heights, block, extent) for extent in extents}
+    every = {extent: autosimilarity_errors(heights, block, extent, normalise) for extent in extents}
     errors = np.min(list(every.values()), axis=0)
-    mean, least = np.empty(heights.shape), np.empty(heights.shape)
+    mean, least = np.full(heights.shape, np.nan), np.full(heights.shape, np.nan)
     for y, x in np.ndindex(heights.shape):
-        top, left = max(y - block + 1, 0), max(x - block + 1, 0)
-        held = errors[top : y + 1, left : x + 1]
-        mean[y, x], least[y, x] = held.mean(), held.min()
-    return mean, least, {extent: found.mean() for extent, found in every.items()}
+        held = errors[max(y - block + 1, 0) : y + 1, max(x - block + 1, 0) : x + 1]
+        held = held[~np.isnan(held)]
+        if held.size:
+            mean[y, x], least[y, x] = held.mean(), held.min()
+    curve = {}
+    for extent, found in every.items():
+        found = found[~np.isnan(found)]
+        curve[extent] = found.mean() if found.size else np.nan
+    return mean, least, curve
+
+
+def least_errors_by_domain(heights, block, extents, normalise="heights"):
+    """D → of each pixel, the least µ(R, D) of the range blocks that hold it and are not flat."""
+    found = {}
+    for extent in extents:
+        errors = autosimilarity_errors(heights, block, extent, normalise)
+        least = np.full(heights.shape, np.nan)
+        for y, x in np.ndindex(errors.shape):
+            if np.ptp(heights[y : y + block, x : x + block]):
+                held = least[y : y + block, x : x + block]
+                np.fmin(held, errors[y, x], out=held)
+        found[extent] = least
+    return found
 
 
 def closest_neighbourhood(heights, block, corners, candidates, rings=16, domain_heights=None):
@@ -378,16 +402,19 @@ def alike_blocks(blocks, here, flat, flat_here, others, members, turns, slack, r
     return listed
 
 
-def fabric(stones, heights, block):
-    """What a fabric of stones shows: block by block, −1 where nothing stands."""
-    shown = np.full(np.multiply(stones.shape, block), -1.0, np.float32)
-    columns = heights.shape[1] // block
+def fabric(stones, originals, cell):
+    """What a fabric of stones shows: cell by cell, −1 where nothing stands."""
+    shown = np.full(np.multiply(stones.shape, cell), -1.0, np.float32)
+    cuts = [
+        heights[y : y + cell, x : x + cell]
+        for heights in originals
+        for y in range(0, heights.shape[0], cell)
+        for x in range(0, heights.shape[1], cell)
+    ]
     for (i, j), stone in np.ndenumerate(stones):
         if stone >= 0:
-            y, x = np.multiply(divmod(stone // 8, columns), block)
-            cut = heights[y : y + block, x : x + block]
-            shown[i * block : (i + 1) * block, j * block : (j + 1) * block] = isometries.apply(
-                int(stone % 8), cut
+            shown[i * cell : (i + 1) * cell, j * cell : (j + 1) * cell] = isometries.apply(
+                int(stone % 8), cuts[stone // 8]
             )
     return shown
 
@@ -479,26 +506,6 @@ def mean_over_nearest(points, directions, nearest, difference):
     return sum(means) / len(means)
 
 
-def mark_whole(labels, stones, laid):
-    """Pixels (rows, columns, B²) of a child ``laid`` of stones where a building of the parent's
-    ``labels`` (rows, columns, B²) lies whole, its range blocks beside each other as there."""
-    whole = np.zeros((*laid.shape, labels.shape[2]), bool)
-    rows, columns = stones.shape
-    for building in range(1, labels.max() + 1):
-        members = [(i, j) for i, j in np.ndindex(rows, columns) if building in labels[i, j]]
-        for down in range(-rows, laid.shape[0]):
-            for across in range(-columns, laid.shape[1]):
-                places = [(i + down, j + across) for i, j in members]
-                there = all(
-                    0 <= i < laid.shape[0] and 0 <= j < laid.shape[1] and laid[i, j] == stones[m]
-                    for (i, j), m in zip(places, members, strict=True)
-                )
-                for place, member in zip(places, members, strict=True):
-                    if there:
-                        whole[place] |= labels[member] == building
-    return whole
-
-
 def squared_distances(built):
     sites = np.argwhere(built)
     pixels = np.argwhere(np.ones(built.shape, bool))
@@ -522,6 +529,17 @@ def nest(grounds, buildings):
         pixels.append(int(ground.sum()))
         enclosed_by.append(min(around, key=lambda k: filled[k].sum(), default=-1))
     return pixels, enclosed_by, enclosed
+
+
+def distances(x, y, same):
+    """Sum of the distances of all pairs of columns; of one table, of those of two columns."""
+    pairs = itertools.combinations(x.T, 2) if same else itertools.product(x.T, y.T)
+    return sum(math.dist(one, other) for one, other in pairs)
+
+
+def off_squared(labels, heights, means):
+    """Of each building, the squares of what its pixels are off its mean height."""
+    return [((heights[labels == i + 1] - mean) ** 2).sum() for i, mean in enumerate(means)]
 
 
 def sky_seen(heights, y, x, starts, down, along, slopes):
@@ -617,6 +635,21 @@ def join_crumbs(heights, zones, least):
     for number, a in enumerate(np.unique(zones[zones > 0]), 1):
         zones[zones == a] = number
     return zones
+
+
+def level(heights, zones, step):
+    """Every zone at its lower median, those that then are one told apart anew, until none is."""
+    zones = zones.copy()
+    while True:
+        roofs = heights.copy()
+        numbers = np.unique(zones[zones > 0])
+        for a in numbers:
+            inside = sorted(heights[zones == a])
+            roofs[zones == a] = inside[(len(inside) - 1) // 2]
+        joined = flat_zones(roofs, zones > 0, step)
+        if joined.max() == numbers.size:
+            return roofs, joined
+        zones = joined
 
 
 def outline_steps(labels, a):
@@ -753,3 +786,163 @@ def link_lengths(lines):
                 total += math.dist((y, x), (v, u))
         lengths.append(total / 2)
     return np.array(lengths)
+
+
+# -- pavements of leaves -------------------------------------------------------------------
+
+
+def tile(sides, height, width):
+    """Corners of squares laid one after the other, each at the first bare pixel; None if they do
+    not tile the map."""
+    index = np.full((height, width), -1)
+    corners = []
+    for number, side in enumerate(sides):
+        bare = np.argwhere(index < 0)
+        if not len(bare):
+            return None
+        y, x = bare[0]
+        part = index[y : y + side, x : x + side]
+        if part.shape != (side, side) or (part >= 0).any():
+            return None
+        part[:] = number
+        corners.append((y, x))
+    return None if (index < 0).any() else (index, corners)
+
+
+def squares(raster, top, left, side):
+    """The squares (top, left, side) of a raster, one after the other."""
+    for y, x, s in zip(top, left, side, strict=True):
+        yield raster[y : y + s, x : x + s]
+
+
+def part_place(iso, whole, down, along, side):
+    """(row, column) of the north-west pixel of what the square of ``side`` at (down, along) of a
+    block of ``whole`` px shows, where the block shows a square of its side under ``iso``."""
+    shown = isometries.apply(int(iso), np.arange(whole * whole).reshape(whole, whole))
+    part = shown[down : down + side, along : along + side]
+    return divmod(int(part.min()), whole)
+
+
+def in_bounds(genome_of):
+    """Whether a genome with these arrays (a dict, with pavement, sigma_max, cities) is legal."""
+    p, g = genome_of["pavement"], genome_of
+    for i, side in enumerate(p.side.tolist()):
+        x, y, dx, dy = (int(g[name][i]) for name in ("x", "y", "dx", "dy"))
+        if not (abs(g["sigma"][i]) <= np.float32(g["sigma_max"]) and np.isfinite(g["beta"][i])):
+            return False
+        if max(g["iso"][i], g["turn"][i]) > 7 or g["source"][i] < 0:
+            return False
+        if max(g["parent"][i], g["other"][i]) >= len(g["cities"]) or not 0 <= g["part"][i] <= 1:
+            return False
+        if dx == 0:
+            if g["sigma"][i] or dy or x or y or g["iso"][i]:
+                return False
+            continue
+        if dx <= side or dy <= side or dx % side or dy % side:
+            return False
+        if x < 0 or y < 0 or x + dx > p.width or y + dy > p.height:
+            return False
+    return True
+
+
+def shown_pixels(genome):
+    """For each pixel of a map what its lifs makes it of: σ, β, the pixels of the domain block that
+    are averaged (first row, first column, rows, columns); and its stone: city, row, column, turn.
+    """
+    p = genome.pavement
+    shown = {}
+    for i, (y, x, side) in enumerate(zip(*p.corners, p.side, strict=True)):
+        domain = isometries.apply(int(genome.iso[i]), np.arange(side * side).reshape(side, side))
+        stone = isometries.apply(int(genome.turn[i]), np.arange(side * side).reshape(side, side))
+        row, column = divmod(int(genome.source[i]), 32768)
+        tall, wide = int(genome.dy[i]) // side, int(genome.dx[i]) // side
+        for a in range(side):
+            for b in range(side):
+                v, u = divmod(int(domain[a, b]), side)
+                r, c = divmod(int(stone[a, b]), side)
+                read = (int(genome.y[i]) + v * tall, int(genome.x[i]) + u * wide, tall, wide)
+                read = read if tall else None
+                rest = genome.cities[genome.other[i]], float(genome.part[i])
+                code = float(genome.sigma[i]), float(genome.beta[i]), read, rest
+                from_ = genome.cities[genome.parent[i]], row + r, column + c, int(genome.turn[i])
+                shown[int(y) + a, int(x) + b] = code, from_
+    return shown
+
+
+def whole_buildings(genome, labels):
+    """The buildings, ``labels`` of each city by name, that the ``genome`` shows whole: (city,
+    building, isometry, pixels in order) each; and how many pixels show any."""
+    shown = {place: stone for place, (_, stone) in shown_pixels(genome).items()}
+    places = {}
+    for place, (city, row, column, turn) in shown.items():
+        places.setdefault((city, row, column), []).append((place, turn))
+    whole, built = [], 0
+    for city, of_city in labels.items():
+        built += sum(len(at) for (c, *at_), at in places.items() if c == city and of_city[*at_])
+        for building in range(1, of_city.max() + 1):
+            pixels = np.argwhere(of_city == building).tolist()
+            for (y, x), turn in places.get((city, *pixels[0]), []):
+                square = isometries.apply(turn, np.arange(4).reshape(2, 2)).ravel().tolist()
+                corner, east, south, _ = (np.array(divmod(one, 2)) for one in square)
+                laid = {}
+                for pixel in pixels:
+                    # a step to the south of the child goes this far in the city
+                    step = np.subtract(pixel, pixels[0])
+                    at = y + int(step @ (south - corner)), x + int(step @ (east - corner))
+                    laid[at] = (city, *pixel, turn)
+                if all(shown.get(at) == stone for at, stone in laid.items()):
+                    whole.append((city, building, turn, sorted(laid)))
+    return whole, built
+
+
+def mergeable(genome, most):
+    """Whether any four range blocks of ``genome`` that make up one of at most ``most`` px, at a
+    multiple of its side, show what one lifs could show."""
+    p = genome.pavement
+    place = {(int(y), int(x)): i for i, (y, x) in enumerate(zip(*p.corners, strict=True))}
+    for (y, x), i in place.items():
+        s = int(p.side[i])
+        four = [place.get((y + a * s, x + b * s)) for a in (0, 1) for b in (0, 1)]
+        if 2 * s > most or y % (2 * s) or x % (2 * s) or None in four:
+            continue
+        if any(p.side[k] != s for k in four):
+            continue
+        if _continued(genome, four, s):
+            return True
+    return False
+
+
+def _continued(genome, four, s):
+    same = [
+        len({getattr(genome, name)[k].item() for k in four}) == 1
+        for name in ("sigma", "beta", "dx", "dy", "iso", "parent", "turn", "other", "part")
+    ]
+    if not all(same):
+        return False
+    i = four[0]
+    corners = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for iso, place, steps in (
+        (genome.iso[i], [(genome.y[k], genome.x[k]) for k in four], (genome.dy[i], genome.dx[i])),
+        (genome.turn[i], [divmod(int(genome.source[k]), 32768) for k in four], (s, s)),
+    ):
+        # the quadrant of the whole that each quadrant of the range block is made of
+        order = isometries.apply(int(iso), np.arange(4).reshape(2, 2)).ravel()
+        found = {
+            (int(y) - corners[q][0] * int(steps[0]), int(x) - corners[q][1] * int(steps[1]))
+            for (y, x), q in zip(place, order.tolist(), strict=True)
+        }
+        if len(found) > 1 or min(min(found)) < 0:
+            return False
+    return True
+
+
+def shares_of_square(y, x, step, shape):
+    """How much of a square of ``step`` px at (y, x) each pixel of a raster makes up, summing to
+    1."""
+    shares = np.zeros(shape)
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            tall = max(0.0, min(y + step, i + 1) - max(y, i))
+            wide = max(0.0, min(x + step, j + 1) - max(x, j))
+            shares[i, j] = tall * wide / step**2
+    return shares

@@ -4,23 +4,24 @@ from functools import cache
 
 import numpy as np
 import skimage.data
+from codes import stones, uniformly
 from towns import draw_town
 
 import evocity
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.coding.decode import CollageMap
 from evocity.genome import FIELDS, Genome
 
 
 @cache
 def town(seed: int = 1) -> Genome:
-    return encode(draw_town(seed)).genome
+    return uniformly(draw_town(seed)).genome
 
 
 @cache
 def district(name: str, pixels: int = 128) -> Genome:
-    return encode(evocity.read_map(name, pixels=pixels)).genome
+    return uniformly(evocity.read_map(name, pixels=pixels)).genome
 
 
 @cache
@@ -34,7 +35,7 @@ def odd_maps() -> dict[str, Genome]:
         "narrow": draw_town(5).heights[:8],
     }
     return {
-        name: encode(CityMap(heights, 2.0, name=name), reach=None).genome
+        name: uniformly(CityMap(heights, 2.0, name=name), reach=None).genome
         for name, heights in maps.items()
     }
 
@@ -53,14 +54,14 @@ def assert_laws(operator, parent: Genome, seed: int) -> Genome:
 def assert_genes_stay_as_they_are(parent: Genome, child: Genome) -> None:
     """Without repair, every lifs is the one its source names, domain and all."""
     for name in FIELDS:
-        assert np.array_equal(getattr(child, name), getattr(parent, name)[child.source]), name
+        assert np.array_equal(getattr(child, name), getattr(parent, name)[stones(child)]), name
 
 
 def assert_meant(parent: Genome, draft) -> None:
     """What is meant to be laid is the parent's decoded map, each block where its lifs now is;
     and one step of the drafted code on the parent's map, whose domain blocks it calls."""
     pavement, heights = parent.pavement, decode(parent).city.heights
-    wanted = pavement.raster(pavement.blocks(heights)[draft.genome.source])
+    wanted = pavement.raster(pavement.blocks(heights)[stones(draft.genome)])
     assert np.array_equal(draft.intended, wanted)
     step = np.maximum(CollageMap(draft.genome)(decode(parent).attractor), 0)
     assert np.abs(step - wanted).max() < 0.02

@@ -29,6 +29,37 @@ found = np.empty((1, 8)), np.empty((1, 8)), np.empty(1)
 rank(which, y, x, np.eye(4), 1, 2, blocks, sources, 1.0, *found)
 print(sum(rank.stats.cache_hits.values()), sum(rank.stats.cache_misses.values()))
 """
+# Compiles version K of a kernel while another process compiles another version of it, both slow to
+# write: each is past reading the index before the other has written it.
+RACING = """
+import sys, time
+from pathlib import Path
+from numba.core.caching import IndexDataCacheFile as CacheFile
+
+k, others, slow = int(sys.argv[1]), sys.argv[2].split(","), (float(s) for s in sys.argv[3:])
+
+def delayed(write, seconds):
+    return lambda *given: (time.sleep(seconds), write(*given))
+
+CacheFile._save_index = delayed(CacheFile._save_index, next(slow))
+CacheFile._save_data = delayed(CacheFile._save_data, next(slow))
+
+from versions import version_of
+
+Path(f"{k}.ready").touch()
+while not all(Path(f"{other}.ready").exists() for other in others):
+    time.sleep(0.01)
+print(version_of(k)(1))
+"""
+VERSIONS = """
+from evocity.accelerate import kernel
+
+def version_of(k):
+    @kernel
+    def version(x):
+        return x * k
+    return version
+"""
 
 
 def kernels(module):
@@ -87,3 +118,27 @@ def test_a_second_process_compiles_nothing(tmp_path):
         for _ in range(2)
     ]  # fmt: skip
     assert told == ["0 1\n", "1 0\n"]
+
+
+def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
+    (tmp_path / "versions.py").write_text(VERSIONS)
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"
+    }  # fmt: skip
+
+    def begin(script, *words):
+        return subprocess.Popen(
+            [sys.executable, "-c", script, *words],
+            env=environment, cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def told(process):
+        out, _ = process.communicate(timeout=100)
+        assert process.returncode == 0
+        return out
+
+    # the first to write the index is the last to write its code, were there no lock
+    racing = [begin(RACING, "3", "5", "0.4", "2"), begin(RACING, "5", "3", "1", "0")]
+    assert [told(process) for process in racing] == ["3\n", "5\n"]
+    later = "from versions import version_of\nprint(version_of(3)(1), version_of(5)(1))"
+    assert told(begin(later)) == "3 5\n"

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -81,3 +84,16 @@ def test_maps_of_different_grids_are_told_apart(town):
     same_grid([town, town])
     with pytest.raises(MapError, match="32 × 32"):
         same_grid([town, CityMap(np.zeros((32, 32)), 2.0)])
+
+
+def test_copies_of_a_map_are_read_only_too():
+    city = CityMap(np.full((4, 4), 9.0), 2.0, name="a", height_rules={"height": 3}, origin=(1, 2))
+    _ = city.labels  # a view, computed
+    for other in (copy.copy(city), copy.deepcopy(city), pickle.loads(pickle.dumps(city))):
+        for array in (other.heights, other.built, other.labels):
+            assert not array.flags.writeable
+        assert np.array_equal(other.heights, city.heights)
+        described = ("metres_per_pixel", "name", "attribution", "origin", "crs", "height_rules")
+        assert all(getattr(other, key) == getattr(city, key) for key in described)
+        with pytest.raises(AttributeError):
+            other.name = "b"

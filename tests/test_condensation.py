@@ -8,14 +8,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from codes import uniformly
 from hypothesis import given
 from hypothesis import strategies as st
 from towns import draw_town
 
-from evocity.coding import encode
 from evocity.condensation import Condensation, merged
 from evocity.errors import GenomeError
-from evocity.genome import CONDENSED, read_genome
+from evocity.genome import read_genome
+from evocity.genome.files import CONDENSED
 from evocity.pavement import Pavement
 
 #: A genome file of schema version 1, written before there were others.
@@ -36,7 +37,7 @@ layers = st.builds(draw_layer, st.integers(0, 10**6), share=st.floats(0, 1))
 def genome(town):
     mask = np.zeros(town.shape, bool)
     mask[10:30, 6:41] = True
-    return encode(town, condensation=Condensation.cut(town, mask)).genome
+    return uniformly(town, condensation=Condensation.cut(town, mask)).genome
 
 
 # -- the layer --------------------------------------------------------------------------------
@@ -180,7 +181,7 @@ def test_file_round_trip_is_exact(genome, tmp_path):
 @pytest.mark.parametrize("block", [2, 8])
 def test_the_layer_is_cut_along_any_pavement(tmp_path, block):
     layer = draw_layer(3, (32, 32), 0.02)
-    coded = encode(draw_town(2, side=32), block=block, condensation=layer).genome
+    coded = uniformly(draw_town(2, side=32), block=block, condensation=layer).genome
     coded.write(tmp_path / "g.parquet")
     assert read_genome(tmp_path / "g.parquet").condensation == layer
 

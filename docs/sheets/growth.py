@@ -21,7 +21,7 @@ def main() -> None:
         city = evocity.read_map(name)
         fabric = grow(evocity.encode(city).genome, SIDE, SIDE, np.random.default_rng(1))
         picture = render(fabric.city(), legend=False)
-        top, left = (side * fabric.pavement.block for side in fabric.corner)
+        top, left = fabric.place
         frame = (left, top, left + city.shape[1] - 1, top + city.shape[0] - 1)
         ImageDraw.Draw(picture).rectangle(frame, outline=INK)
         row.append((f"{name}, {SIDE} × {SIDE} px at {city.metres_per_pixel:g} m", picture))

@@ -32,7 +32,7 @@ def main() -> None:
                 fill=0.5,
             )
             child = fuse(parents, np.random.default_rng(5))
-            reached, whole = child.made["fill_reached"][1], integrity_of(child, parents)
+            reached, whole = child.made["fill_reached"][1], integrity_of(child, cities)
             row.append(
                 (
                     f"S = {tolerance:g} m: fill {reached:.2f}, whole buildings {whole:.2f}",

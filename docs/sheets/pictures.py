@@ -1,4 +1,5 @@
-"""Draws usage.png, low-pass.png, ancestry.png and towns.png of docs/pictures.md.
+"""Draws leaves.png, usage.png, low-pass.png, high-pass.png, ancestry.png and towns.png of
+docs/pictures.md.
 
 Run it with the Python that has evocity installed: python docs/sheets/pictures.py
 """
@@ -7,9 +8,9 @@ import numpy as np
 from _sheet import contact_sheet, save
 
 import evocity
-from evocity.coding import ancestry, low_pass, usage
+from evocity.coding import ancestry, high_pass, low_pass, usage
 from evocity.operators import make
-from evocity.pictures import Field, Shares
+from evocity.pictures import Field, Leaves, Shares, render_leaves
 from evocity.pictures.picture import render, render_field, render_shares
 from evocity.towns import PATTERNS, substitution_town
 
@@ -25,6 +26,18 @@ def map_of(genome: evocity.Genome):
     return render(evocity.decode(genome).city, highest=30, legend=False)
 
 
+def draw_leaves() -> None:
+    row = []
+    for told, block in (("leaves of 2 to 16 px", None), ("B = 4", 4)):
+        city = evocity.read_map(LYON, pixels=128)
+        code = evocity.encode(city, block=block).genome
+        leaves = Leaves(evocity.decode(code).city, code.pavement)
+        picture = render_leaves(leaves, legend=False, zoom=4)
+        row.append((f"{len(code)} lifs, {told}", picture))
+    thanks = [f"{LYON}: {evocity.io.attribution_of(LYON)}"]
+    save(contact_sheet([row], thanks=thanks), "leaves.png", colours=128)
+
+
 def draw_usage() -> None:
     row = []
     for reach, told in ((NEAR, "within 24 px"), (ALL, "over the whole map")):
@@ -35,17 +48,17 @@ def draw_usage() -> None:
     save(contact_sheet([row]), "usage.png")
 
 
-def draw_low_pass() -> None:
+def draw_filter(filtering, frequencies: tuple[int, ...], name: str) -> None:
     genome = coded(LYON, ALL)
     rows = []
     for count in ("pixels", "ranges"):
         row = [("decoded", map_of(genome))]
-        for f_c in (100, 10, 1):
-            row.append((f"f_c = {f_c}", map_of(low_pass(genome, f_c, count=count))))
+        for f_c in frequencies:
+            row.append((f"f_c = {f_c}", map_of(filtering(genome, f_c, count=count))))
         rows.append(row)
     titles = ["By the calls of each pixel", "By the calls of what each range block is made of"]
     thanks = [f"{LYON}: {evocity.io.attribution_of(LYON)}"]
-    save(contact_sheet(rows, titles=titles, thanks=thanks), "low-pass.png", colours=40)
+    save(contact_sheet(rows, titles=titles, thanks=thanks), name, colours=40)
 
 
 def draw_ancestry() -> None:
@@ -85,7 +98,9 @@ def draw_towns() -> None:
 
 
 if __name__ == "__main__":
+    draw_leaves()
     draw_usage()
-    draw_low_pass()
+    draw_filter(low_pass, (100, 10, 1), "low-pass.png")
+    draw_filter(high_pass, (1, 2, 10), "high-pass.png")
     draw_ancestry()
     draw_towns()

@@ -45,7 +45,8 @@ def check(
     Parameters
     ----------
     maps : at least one; the first, a typical one, is also turned, mirrored, and halved in
-        resolution. For measures that ask for genome or parents, a `Case` has these.
+        resolution, and is the reference of measures that ask for one. For measures that ask for
+        genome, parents or sources, a `Case` has these.
     timeout : a call that takes longer, seconds, is given up, and all the rest left out.
     progress : called with how many maps are done, and of how many.
 
@@ -67,6 +68,8 @@ def check(
             "at least one",
             'for example [evocity.read_map("lyon-1er")]',
         )
+    if "reference" in measure.needs:
+        measure = measure.bound(given[0].city)
     cases = [*given, *_awkward(given[0].city, coded=bool(measure.needs))]
     trying = _Trying(measure, timeout, given)
     with contextlib.suppress(TimeoutError):
@@ -85,7 +88,7 @@ def _awkward(typical: CityMap, coded: bool) -> Iterator[Case]:
     for name, height in (("empty map", 0.0), ("map built all over", 12.0)):
         city = CityMap(np.full((side, side), height), pixel, name=name)
         genome = encode(city, block=block).genome if coded else None
-        yield Case(city, genome, (genome,) if coded else None)
+        yield Case(city, genome, (genome,), sources=(city,)) if coded else Case(city)
     if not coded:
         odd = typical.heights[:61, :38]
         tall, wide = odd.shape

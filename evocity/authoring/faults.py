@@ -31,7 +31,7 @@ def of_call(measure: Measure, call: Call, name: str, *, first: bool) -> Iterator
             call.line,
             f"{measure.name} was at this line after {call.seconds:g} s on {name}, and given up",
             "a few milliseconds: a search calls it once a birth",
-            "work on whole arrays, not pixel by pixel, or give it more time with timeout=",
+            "work on whole arrays, not pixel by pixel, or give it more time: timeout=, --timeout",
         )
     elif call.error:
         yield _raised(measure, call, name)

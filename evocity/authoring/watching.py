@@ -16,19 +16,23 @@ from types import FrameType
 
 from evocity.citymap import CityMap
 from evocity.fitness.measure import Measure, line_in
+from evocity.fitness.reference import Reference
 from evocity.genome import Genome
 
 
 @dataclass(frozen=True)
 class Case:
-    """A map to measure; ``genome``, the code it was decoded from, and ``parents``, what that was
-    bred from, for measures that ask for them. ``code_of``: the name of the map, among those tried
-    with it, that its genome codes."""
+    """A map to measure; for measures that ask for them ``genome``, the code it was decoded from,
+    ``parents``, what that was bred from, ``reference``, what to compare it with, and ``sources``,
+    the maps of the cities it is made of. ``code_of``: the name of the map, among those tried with
+    it, that its genome codes."""
 
     city: CityMap
     genome: Genome | None = None
     parents: Sequence[Genome] | None = None
     code_of: str | None = None
+    reference: Reference | None = None
+    sources: Sequence[CityMap] | None = None
 
     def serves(self, measure: Measure) -> bool:
         """Whether it has what the ``measure`` asks for."""
@@ -36,7 +40,13 @@ class Case:
 
     def measured(self, measure: Measure) -> float:
         """What the ``measure`` says of it. Raises `FitnessError` as the measure does."""
-        return measure(self.city, genome=self.genome, parents=self.parents)
+        return measure(
+            self.city,
+            genome=self.genome,
+            parents=self.parents,
+            reference=self.reference,
+            sources=self.sources,
+        )
 
     def fresh(self) -> "Case":
         """The same with a map that has no views yet."""

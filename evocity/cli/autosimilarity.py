@@ -1,6 +1,7 @@
 """`evocity autosimilarity`: where a map is like itself."""
 
 import csv
+import math
 from pathlib import Path
 
 import click
@@ -28,6 +29,7 @@ _MEASURES = {
     "least": ("least autosimilarity error", "least µ", "", None),
     "largest": ("largest block of least error", "B max", "px", True),
     "likeness": ("size of blocks times likeness", "(1 − µ)·B", "px", True),
+    "domain": ("domain block of least error", "D best", "px", None),
 }
 
 
@@ -56,7 +58,8 @@ def _span(text: str) -> range:
 Examples:
   evocity autosimilarity lyon-1er --domains 20 -o lyon-mu.png
   evocity autosimilarity lyon-1er --block 4 --domains 5-16 --measure least -o lyon-mu.tif
-  evocity autosimilarity lyon-1er --block 4,6,8 --measure likeness -o lyon-likeness.png"""
+  evocity autosimilarity lyon-1er --block 4,6,8 --measure likeness -o lyon-likeness.png
+  evocity autosimilarity lyon-1er --domains 9-20 --measure domain --normalise variance -o d.png"""
 )
 @click.argument("map", metavar="MAP")
 @output_option(
@@ -77,14 +80,23 @@ Examples:
     type=_Sizes(),
     metavar="N[,N…]|N-N",
     show_default="2B",
-    help="D, sides of the domain blocks, pixels: any above B; 9-32 leaves D free up to 32.",
+    help="D, sides of the domain blocks, pixels: any above B; 9-32 leaves D free up to 32. With "
+    "several B, each takes those of them that are larger than it.",
 )
 @click.option(
     "--measure",
     type=click.Choice([*_MEASURES]),
     show_default="mean; likeness if B is free",
     help="mean: µ̃ of each pixel; least: µ_min; with B free, largest: B_max; likeness: "
-    "(1 − µ_min)·B_max.",
+    "(1 − µ_min)·B_max; domain: the D that explains most.",
+)
+@click.option(
+    "--normalise",
+    type=click.Choice(["heights", "variance"]),
+    default="heights",
+    show_default=True,
+    help="What µ is divided by: heights, the map's range of heights, squared; variance, the "
+    "block's own, flat blocks left out.",
 )
 @click.option(
     "--curve",
@@ -97,7 +109,7 @@ Examples:
 @map_options
 @json_option
 def autosimilarity(
-    map, output: Path, block, domains, measure, curve, threads, reading, as_json
+    map, output: Path, block, domains, measure, normalise, curve, threads, reading, as_json
 ) -> None:
     """Map where MAP is like itself (Marsault 2005, section 1.3).
 
@@ -108,9 +120,14 @@ def autosimilarity(
     Time grows with the fourth power of the map's side and with the number of B and D; 256 px
     with one of each take some ten seconds.
 
-    JSON keys: measure, lowest, mean, highest (of the values written), curve (B to D to the mean
-    of µ), seconds.
+    Pixels without a value, as on flat ground if µ is divided by the variance, are NaN in .tif and
+    .npy, grey in pictures, and left out of what is printed.
+
+    JSON keys: measure, normalise, lowest, mean, highest (of the values written; null if there are
+    none), known (share of the pixels that have a value), curve (B to D to the mean of µ), seconds.
     """
+    import numpy as np
+
     from evocity.coding import autosimilarity_maps, free_block_maps
     from evocity.io import FIELD_WRITERS, write_field
     from evocity.pictures import Field
@@ -125,7 +142,9 @@ def autosimilarity(
     city = evocity.read_map(map, **reading)
     note_reading(city, reading)
     with progress_bar(f"comparing {city.name} with itself") as progress:
-        options = {"domains": domains, "threads": threads, "progress": progress}
+        options = {
+            "domains": domains, "normalise": normalise, "threads": threads, "progress": progress,
+        }  # fmt: skip
         if len(blocks) == 1:
             found = autosimilarity_maps(city, block=blocks[0], **options)
             every = [found]
@@ -136,13 +155,21 @@ def autosimilarity(
     write_field(Field(city, values, title, symbol, unit), output)
     if curve:
         _write_curve(curve, every)
+    known = values[~np.isnan(values)]
+    lowest, mean, highest = (
+        (float(known.min()), float(known.mean(dtype=float)), float(known.max()))
+        if known.size
+        else [math.nan] * 3
+    )
     if as_json:
         print_json(
             {
                 "measure": measure,
-                "lowest": float(values.min()),
-                "mean": float(values.mean(dtype=float)),
-                "highest": float(values.max()),
+                "normalise": normalise,
+                "lowest": lowest,
+                "mean": mean,
+                "highest": highest,
+                "known": known.size / values.size,
                 "curve": {str(one.block): one.curve for one in every},
                 "seconds": sum(one.seconds for one in every),
             }
@@ -151,9 +178,13 @@ def autosimilarity(
     click.echo(describe(city))
     seconds = sum(one.seconds for one in every)
     click.echo(
-        f"{title}: {values.min():.4g} to {values.max():.4g}{unit and ' ' + unit}, "
-        f"mean {values.mean(dtype=float):.4g}; {seconds:.1f} s"
+        f"{title}: {lowest:.4g} to {highest:.4g}{unit and ' ' + unit}, mean {mean:.4g}"
+        f"; {seconds:.1f} s"
+        if known.size
+        else f"{title}: no pixel has a value, all blocks are flat; {seconds:.1f} s"
     )
+    if 0 < known.size < values.size:
+        click.echo(f"{known.size / values.size:.0%} of the pixels have a value")
     for path in (output, curve):
         if path:
             click.echo(f"wrote {path}")

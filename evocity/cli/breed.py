@@ -35,7 +35,7 @@ Examples:
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Of all that is drawn: the same seed makes the same child.",
+    help="Seed of all random draws: the same seed makes the same child.",
 )
 @settings_option("the operator's own")
 @click.option(
@@ -45,7 +45,7 @@ Examples:
     multiple=True,
     metavar="N",
     show_default="none",
-    help="Of a run folder: which individual. Once for each run among the parents, in order.",
+    help="Which individual of a run folder. Give it once for each run among the parents, in order.",
 )
 @parent_options
 @json_option
@@ -58,7 +58,7 @@ def breed(
     file, a run folder with --id, a map file or the name of a bundled district; maps are coded
     first. All must have one size, one pixel and, but for some operators, one block.
 
-    JSON keys: operator, seed, lifs, cities (each source city's share of the lifs), made (what
+    JSON keys: operator, seed, lifs, cities (each source city's share of the map), made (what
     the operator tells: what it reached, how many lifs were repaired).
     """
     import numpy as np
@@ -72,19 +72,19 @@ def breed(
     child = breeding(genomes, np.random.default_rng(seed))
     with writing(output):
         child.write(output)
-    counts = np.bincount(child.parent, minlength=len(child.cities)) / len(child)
-    shares = dict(zip(child.cities, counts.tolist(), strict=True))
+    shares = dict(zip(child.cities, child.shares.tolist(), strict=True))
     made = {key: value for key, value in child.made.items() if key != "operator"}
     if as_json:
         about = {"operator": operator, "seed": seed, "lifs": len(child)}
         print_json({**about, "cities": shares, "made": made})
         return
     p = child.pavement
+    sides = f"B = {p.block}" if p.uniform else f"leaves of {p.finest} to {p.coarsest} px"
     click.echo(
-        f"{operator}: {len(child)} lifs, B = {p.block}, {p.height} × {p.width} px at "
+        f"{operator}: {len(child)} lifs, {sides}, {p.height} × {p.width} px at "
         f"{child.metres_per_pixel:g} m"
     )
-    click.echo("lifs of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
+    click.echo("stone of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
     for key, value in made.items():
         click.echo(f"{key}: {_told(value)}")
     _note_fill(made)

@@ -5,14 +5,13 @@ import functools
 import json
 import math
 import os
-import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import click
 
-from evocity.errors import EvocityError, RecipeError
+from evocity.errors import EvocityError, RecipeError, told_by
 
 
 class InputFault(click.ClickException):
@@ -46,40 +45,43 @@ class Commands(click.Group):
 
 def told(error: EvocityError, command: click.Command) -> str:
     """The message of an ``error``, in the terms of the ``command``: its options in place of the
-    library's keywords, and each part on one line, whatever a measure of the user's own raised."""
-    parts = [_in_options(part, command) for part in error.args]
+    library's parameters, and each part on one line, whatever a measure of the user's own raised."""
+    parts = [_in_options(str(part), command) for part in error.args]
     if not isinstance(error, RecipeError):  # its faults stand in lines of their own
         parts = [" ".join(part.split()) for part in parts]
     return str(EvocityError(*parts))
 
 
 def _in_options(text: str, command: click.Command) -> str:
+    """``text`` with the parameters marked in it as they are typed for the ``command``; nothing
+    else of it changes."""
     options = {p.name: p for p in command.params if isinstance(p, click.Option)}
-    for name, option in options.items():
-        text = re.sub(
-            rf"(?<![\w.-]){name}(?: = |=)(\([^()]*\)|[^\s,;:()]*)",
-            lambda match, option=option: _as_typed(option, match[1]),
-            text,
-        )
-    if any(p.name == "recipe" for p in command.params):  # there, maps are read by its keys
-        for name in _MAP_KEYS:
+    by_recipe = any(p.name == "recipe" for p in command.params)  # there, maps are read by its keys
+
+    def typed(name: str, joint: str, value: str) -> str:
+        if name in options:
+            return _as_typed(options[name], value) if joint else _none_of(options[name])
+        if by_recipe and name in _MAP_KEYS:
             section = "[map]" if name in ("pixels", "metres_per_pixel") else "[[parents]]"
-            text = re.sub(
-                rf"(?<![\w.-]){name}=(\([^()]*\)|[^\s,;:()]*)",
-                lambda match, key=name, section=section: _as_key(key, match[1], section),
-                text,
-            )
-    text = re.sub(r"(--[\w-]+) \(\1\)", r"\1", text)
-    return text.replace("None for", "all for" if "reach" in options else "nothing for")
+            return _as_key(name, value, section)
+        return f"{name if joint else ''}{joint}{value}"
+
+    return told_by(text, typed)
+
+
+def _none_of(option: click.Option) -> str:
+    """How an ``option`` says what None says in Python."""
+    return "all" if option.name == "reach" else "nothing"
 
 
 def _as_typed(option: click.Option, value: str) -> str:
     """``option`` and a ``value`` of Python's as they are typed: 4.8 45.7, or 16,20."""
     typed = max(option.opts, key=len)
-    values = [part.strip() for part in value.strip("()").split(",") if part.strip()]
+    values = [part.strip() for part in value.strip("()[]").split(",") if part.strip()]
     if option.is_flag or not values:
         return typed
-    return f"{typed} {(' ' if option.nargs > 1 else ',').join(values)}"
+    joint = " " if option.nargs > 1 else "-" if option.type.name == "sides" else ","
+    return f"{typed} {joint.join(values)}"
 
 
 def _as_key(name: str, value: str, section: str) -> str:

@@ -7,7 +7,7 @@ import click
 import evocity
 from evocity.cli.common import check_output, converged, count_option, describe, output_option
 from evocity.cli.given import decoded_name, genome_of, id_option
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, setting
 
 
 @click.command(
@@ -16,6 +16,7 @@ Examples:
   evocity decode lyon.parquet -o lyon.tif
   evocity decode lyon.parquet -o detailed.png --zoom 2
   evocity decode lyon.parquet -o simpler.png --low-pass 10
+  evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg"""
 )
@@ -35,15 +36,22 @@ Examples:
 )
 @click.option(
     "--low-pass",
-    "f_c",
     type=float,
     metavar="F_C",
     show_default="none",
     help="Cut frequency: what the code calls more often becomes ground, and what is made of it "
     "flat. `show --usage` tells which numbers make sense; the papers take 1, 10 and 100.",
 )
+@click.option(
+    "--high-pass",
+    type=float,
+    metavar="F_C",
+    show_default="none",
+    help="Cut frequency: what the code calls less often becomes ground, and what is made of it "
+    "flat. With --low-pass it leaves a band.",
+)
 @count_option
-def decode(genome: str, output: Path, identifier, zoom: float, f_c, count) -> None:
+def decode(genome: str, output: Path, identifier, zoom: float, low_pass, high_pass, count) -> None:
     """Write the map that a genome stands for, its attractor.
 
     The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
@@ -54,17 +62,28 @@ def decode(genome: str, output: Path, identifier, zoom: float, f_c, count) -> No
     from evocity.io import WRITERS
 
     check_output(output, genome, WRITERS)
-    if count is not None and f_c is None:
-        raise EvocityError("--count without --low-pass", "both", "add --low-pass F_C")
+    filters = {"low-pass": low_pass, "high-pass": high_pass}
+    filters = {name: f_c for name, f_c in filters.items() if f_c is not None}
+    if count is not None and not filters:
+        raise EvocityError(
+            "--count without --low-pass or --high-pass",
+            "a filter to count for",
+            "add --low-pass F_C or --high-pass F_C",
+        )
+    for name, f_c in filters.items():
+        if not f_c >= 0:
+            raise EvocityError(
+                f"--{name} {f_c:g}", "calls, 0 or more", "give for example 10; see show --usage"
+            )
     code = genome_of(genome, identifier)
     _check_size(code.pavement, zoom)
     told = []
-    if f_c is not None:
-        code, share = _filtered(code, f_c, count or "pixels")
-        told = [f"low-pass at {f_c:g} calls: {share:.0%} of the pixels go to ground"]
+    for name, f_c in filters.items():
+        code, share = _filtered(code, name, f_c, count or "pixels")
+        told.append(f"{name} at {f_c:g} calls: {share:.0%} of the pixels go to ground")
     decoding = converged(evocity.decode(code, zoom=zoom), genome)
     city = decoding.city
-    filtered = "" if f_c is None else f", low-pass at {f_c:g}"
+    filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
     name = decoded_name(city.name, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output)
@@ -73,11 +92,11 @@ def decode(genome: str, output: Path, identifier, zoom: float, f_c, count) -> No
     click.echo(f"wrote {output}")
 
 
-def _filtered(code, f_c: float, count: str) -> tuple:
+def _filtered(code, name: str, f_c: float, count: str) -> tuple:
     """The filtered ``code``, and the share of its pixels that the filter laid bare."""
-    from evocity.coding import low_pass
+    from evocity.coding import high_pass, low_pass
 
-    filtered = low_pass(code, f_c, count=count)
+    filtered = {"low-pass": low_pass, "high-pass": high_pass}[name](code, f_c, count=count)
     kept = [0 if one.condensation is None else len(one.condensation) for one in (code, filtered)]
     return filtered, (kept[1] - kept[0]) / (code.pavement.height * code.pavement.width)
 
@@ -89,7 +108,7 @@ def _check_size(pavement, zoom: float) -> None:
     if pixels > MAX_PIXELS:
         most = (MAX_PIXELS / (pavement.height * pavement.width)) ** 0.5
         raise EvocityError(
-            f"zoom = {zoom:g} makes a map of {pixels / 1e6:.0f} million pixels",
+            f"{setting('zoom', zoom)} makes a map of {pixels / 1e6:.0f} million pixels",
             f"at most {MAX_PIXELS // 10**6} million",
             f"choose a zoom below {most:.0f}",
         )

@@ -18,7 +18,7 @@ from evocity.cli.common import (
     warn,
     writing,
 )
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, GenomeError
 
 
 class Domains(click.ParamType):
@@ -33,6 +33,22 @@ class Domains(click.ParamType):
             return tuple(int(part) for part in value.split(","))
         except ValueError:
             self.fail(f"{value!r} is no list of whole numbers such as 2 or 2,3", param, ctx)
+
+
+class Sides(click.ParamType):
+    """One side of range blocks, or a range of sides."""
+
+    name = "sides"
+
+    def convert(self, value, param, ctx) -> int | tuple[int, int]:
+        if not isinstance(value, str):
+            return value
+        from evocity.pavement import read_sides
+
+        try:
+            return read_sides(value)
+        except GenomeError as error:
+            self.fail(f"{value!r}; expected: {error.expected}, {error.remedy}", param, ctx)
 
 
 class _Heights(click.ParamType):
@@ -64,13 +80,35 @@ class Reach(click.ParamType):
 Examples:
   evocity encode lyon-1er -o lyon.parquet
   evocity encode buildings.gpkg --center 4.834 45.768 --reach all -o here.parquet
-  evocity encode lyon-1er --block 8 --fit -o closer.parquet
+  evocity encode lyon-1er --block 2-16 --lifs 4096 -o fewer.parquet
+  evocity encode lyon-1er --max-error 0.5 -o true.parquet
+  evocity encode lyon-1er --block 4 --no-fit --no-settle -o as-in-the-papers.parquet
   evocity encode lyon-1er --lock listed.geojson -o lyon.parquet
   evocity encode dsm.png --metres-per-pixel 2 --height-scale 0.5 --json -o dsm.parquet"""
 )
 @click.argument("map", metavar="MAP")
 @output_option("GENOME", "Genome file to write, usually .parquet; overwritten if it exists.")
-@click.option("--block", default=4, show_default=True, help="B, side of the range blocks, pixels.")
+@click.option(
+    "--block",
+    type=Sides(),
+    metavar="SIDE|FINEST-LARGEST",
+    show_default="2-16",
+    help="Sides of the range blocks, pixels: leaves that follow the city, 2-16, or one side, 4.",
+)
+@click.option(
+    "--lifs",
+    type=int,
+    metavar="N",
+    show_default="one for 8 px of map",
+    help="Of leaves: how many there may be at most. Simple maps take fewer.",
+)
+@click.option(
+    "--max-error",
+    type=float,
+    metavar="METRES",
+    show_default="none",
+    help="Of leaves, instead of --lifs: the collage error (root mean square) that none may exceed.",
+)
 @click.option(
     "--domains",
     type=Domains(),
@@ -94,17 +132,25 @@ Examples:
     help="Bound on |σ|; below 1 decoding always converges.",
 )
 @click.option(
-    "--fit",
-    is_flag=True,
+    "--fit/--no-fit",
+    default=True,
+    show_default=True,
     help="Refine σ and β until the decoded map is closest: a higher PSNR, a second or two more.",
+)
+@click.option(
+    "--settle/--no-settle",
+    default=True,
+    show_default=True,
+    help="Lay each building of the decoded map at its median height; without, roofs are fractal, "
+    "as in the papers.",
 )
 @click.option(
     "--topological",
     type=float,
     metavar="SHARE",
     show_default="the first of equals",
-    help="Of domain blocks whose error is within this share of the best, take the one in the "
-    "likest surroundings; 0 decides ties alone.",
+    help="Let the surroundings decide between domain blocks whose error is within this share of "
+    "the best; 0 decides ties alone.",
 )
 @click.option(
     "--lock",
@@ -126,10 +172,13 @@ def encode(
     map,
     output: Path,
     block,
+    lifs,
+    max_error,
     domains,
     reach,
     sigma_max,
     fit,
+    settle,
     topological,
     lock,
     lock_heights,
@@ -160,10 +209,13 @@ def encode(
         encoding = evocity.encode(
             city,
             block=block,
+            lifs=lifs,
+            max_error=max_error,
             domains=domains,
             reach=reach,
             sigma_max=sigma_max,
             fit=fit,
+            settle=settle,
             topological=topological,
             condensation=layer,
             progress=progress,
@@ -190,10 +242,13 @@ def encode(
     if layer is not None:
         click.echo(f"locked: {len(layer)} of {layer.mask.size} px")
     click.echo(
-        f"{len(encoding.genome)} lifs, {encoding.uniform} of them uniform; "
+        f"{len(encoding.genome)} lifs{_leaves(encoding.genome.pavement)}, {encoding.uniform} of "
+        "them uniform; "
         f"{encoding.pairs:,} pairs searched{', attractor fitted,' if fit else ''} "
         f"in {encoding.seconds:.1f} s"
     )
+    if encoding.above:
+        click.echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
     click.echo(f"decoded PSNR {psnr:.1f} dB, collage error {encoding.collage_rmse:.2f} m (RMS)")
     click.echo(f"wrote {output}")
 
@@ -211,19 +266,39 @@ def _locked(city, lock: str | None, heights: float | str | None):
     from evocity.io import read_condensation
 
     layer, attribution = read_condensation(lock, city, heights)
-    lines = dict.fromkeys([*city.attribution.split("; "), *attribution.split("; ")])
-    return city.replace(city.heights, attribution="; ".join(filter(None, lines))), layer
+    from evocity.genome import joined
+
+    told = joined([city.attribution, attribution])
+    return city.replace(city.heights, attribution=told), layer
 
 
-def check_block(city, block: int) -> None:
+def _leaves(pavement) -> str:
+    """How many range blocks there are of each side, if there are several."""
+    if pavement.uniform:
+        return ""
+    each = ", ".join(f"{which.size} of {side}" for side, which in pavement.levels.items())
+    return f" ({each} px)"
+
+
+def check_block(city, block) -> None:
     """Raise if the range blocks do not cover a map, naming options that would do."""
     height, width = city.shape
+    if block is None:
+        return
+    finest, block = (None, block) if isinstance(block, int) else block
     if block < 2 or not (height % block or width % block):
         return
     side = min(height, width) // block * block
-    largest = min(height, width) // 2  # a domain block is at least twice as large
-    fitting = [size for size in range(2, largest + 1) if gcd(height, width) % size == 0]
-    near = min(fitting, key=lambda size: abs(size - block), default=None)
+    if finest is None:
+        largest = min(height, width) // 2  # a domain block is at least twice as large
+        fitting = [size for size in range(2, largest + 1) if gcd(height, width) % size == 0]
+        near = min(fitting, key=lambda size: abs(size - block), default=None)
+    else:
+        from evocity.pavement.levels import halved_sides
+
+        roots = [side for side in halved_sides(finest, block) if side > finest]
+        root = next((side for side in roots if gcd(height, width) % side == 0), None)
+        near = None if root is None else f"{finest}-{root}"
     options = [f"--pixels {side}"] * (side > 0) + [f"--block {near}"] * (near is not None)
     raise EvocityError(
         f"{city.name}: {height} × {width} px for range blocks of {block} px",

@@ -52,7 +52,7 @@ def list_measures(files: tuple[str, ...], no_cost: bool, as_json: bool) -> None:
     are executed, and their measures listed too. `evocity fitness new` begins one.
 
     The cost is of one call on lyon-1er, 256 × 256 px, in milliseconds; "-" of those that ask
-    for genome or parents, which `evocity fitness bench` times, and more exactly.
+    for genome, parents or sources, which `evocity fitness bench` times, and more exactly.
 
     JSON: each name to goal, unit, range (null: no bound), milliseconds, origin, doc.
     """
@@ -83,6 +83,8 @@ def _costs(measures) -> dict[str, float]:
     costs = {}
     for measure in measures:
         seconds = []
+        if "reference" in measure.needs:
+            measure = measure.bound(case.city)
         while case.serves(measure) and len(seconds) < 3 and time.perf_counter() < end:
             call = watched(measure, case.fresh(), _EACH)
             if call.error:

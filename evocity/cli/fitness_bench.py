@@ -27,7 +27,8 @@ Examples:
     metavar="MAP|GENOME",
     default="lyon-1er",
     show_default=True,
-    help="What is measured; the code of a map too, by measures that ask for genome or parents.",
+    help="What is measured; the code of a map too, by measures that ask for genome, parents or "
+    "sources.",
 )
 @click.option(
     "--repeats",
@@ -54,6 +55,7 @@ def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json
         wanted = {m.name: m for word in measures for m in measures_of(word)}
         wanted = list(wanted.values()) or evocity.fitness.measures()
         case = case_of(source, reading)
+        wanted = [m.bound(case.city) if "reference" in m.needs else m for m in wanted]
         coded = case if all(map(case.serves, wanted)) else _coded(case)
         costs = {m.name: cost(m, case if case.serves(m) else coded, repeats) for m in wanted}
         together = cost_together(wanted, coded, repeats)
@@ -71,11 +73,23 @@ def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json
 
 
 def _coded(case):
-    """The ``case`` of a map's own code, or of the genome it has, which is its own parent."""
-    from evocity.cli.trials import bred_case
+    """The ``case`` of a map's own code, or of the genome it has, which is its own parent; the
+    genome's map stands in for the cities it is made of."""
+    import numpy as np
 
-    genome = case.genome or evocity.encode(case.city).genome
-    return bred_case(f"{case.city.name}, decoded", genome, [genome])
+    from evocity.cli.trials import bred_case
+    from evocity.genome import packed
+
+    genome, name = case.genome, f"{case.city.name}, decoded"
+    if genome is None:
+        genome = evocity.encode(case.city).genome
+        return bred_case(name, genome, [genome], [case.city])
+    own = genome.replace(
+        cities=(case.city.name,),
+        source=packed(*genome.pavement.corners),
+        **dict.fromkeys(("parent", "turn"), np.zeros(len(genome), np.uint8)),
+    )
+    return bred_case(name, own, [own], [case.city])
 
 
 def _ms(time) -> dict[str, float]:

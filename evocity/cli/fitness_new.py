@@ -28,8 +28,8 @@ import numpy as np
 {offers}
 #
 # Lengths are in metres: a pixel's side is city.metres_per_pixel. Take more arguments, called
-# genome and parents, to be given the code that the map was decoded from, and those that this
-# was bred from.
+# genome, parents and sources, to be given the code that the map was decoded from, those that this
+# was bred from, and the maps of the cities that it is made of.
 
 
 @evocity.fitness({options})

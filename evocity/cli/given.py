@@ -17,7 +17,7 @@ id_option = click.option(
     type=int,
     metavar="N",
     show_default="none",
-    help="Of a run folder: which individual, by the number its report and `status` give it.",
+    help="Which individual of a run folder, by the number its report and `status` give it.",
 )
 
 
@@ -77,16 +77,22 @@ def city_of(source: str, reading: Mapping[str, object], identifier: int | None =
 
 
 def case_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
-    """What to measure, a `Case`: the map as `city_of` finds it; of a genome also the genome, and
-    of an individual of a run those it was bred from."""
+    """What to measure, a `Case`: the map as `city_of` finds it; of a genome also the genome; of an
+    individual of a run those it was bred from, and the run's source cities, which it is made of and
+    compared with."""
     from evocity.authoring import Case
 
     if identifier is None and not is_genome(source) and not is_run(source):
         return Case(city_of(source, reading))
     refuse_reading(f"the {'genome' if is_genome(source) else 'run'} {source}", reading)
     genome = genome_of(source, identifier)
-    parents = None if identifier is None else _parents(source, identifier)
-    return Case(decoded(genome, source, identifier), genome, parents)
+    city = decoded(genome, source, identifier)
+    if identifier is None:
+        return Case(city, genome)
+    sources = [one.city for one in evocity.open_run(source).sources()]
+    reference = evocity.fitness.Reference.sources(sources)
+    parents = _parents(source, identifier)
+    return Case(city, genome, parents, reference=reference, sources=sources)
 
 
 def _parents(folder: str, identifier: int) -> tuple:
@@ -138,14 +144,7 @@ def _individual(folder: str, identifier: int | None):
     run = evocity.open_run(folder)
     last = run.generations[-1:]
     if identifier is not None:
-        born = len(run.generations) * run.header.population
-        if 0 <= identifier < born:
-            return run.genome(identifier)
-        raise EvocityError(
-            f"{folder} has no individual {identifier}",
-            f"a number from 0 to {born - 1}" if born else "a run with a whole generation",
-            f"see `evocity status {folder}`",
-        )
+        return run.genome(identifier)
     front = [row["id"] for g in last for row in run.members(g).to_pylist() if row["rank"] == 0]
     example = f"; for example --id {front[0]}, of the last front" if front else ""
     raise EvocityError(

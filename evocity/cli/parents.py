@@ -9,30 +9,31 @@ from click.core import ParameterSource
 
 import evocity
 from evocity.cli.common import map_options, note_reading, progress_bar
-from evocity.cli.encode import Domains, Reach, check_block
+from evocity.cli.encode import Domains, Reach, Sides, check_block
 from evocity.cli.given import genome_of, is_genome, is_run, refuse_reading
 from evocity.errors import EvocityError
 
 _CODING_OPTIONS = (
     click.option(
         "--block",
-        type=int,
-        show_default="that of a genome among them, else 4",
-        help="Of maps: B, side of the range blocks they are coded in, pixels.",
+        type=Sides(),
+        metavar="SIDE|FINEST-LARGEST",
+        show_default="as a genome among them, else 2-16",
+        help="Sides of the range blocks that maps are coded in, pixels.",
     ),
     click.option(
         "--domains",
         type=Domains(),
         metavar="N[,N…]",
         show_default="2",
-        help="Of maps: sides of the domain blocks in range blocks.",
+        help="Sides of the domain blocks that maps are coded with, in range blocks.",
     ),
     click.option(
         "--reach",
         type=Reach(),
         metavar="PIXELS|all",
         show_default="24",
-        help="Of maps: how far a domain block may lie from its range block.",
+        help="How far a domain block may lie from its range block when maps are coded.",
     ),
 )
 _CODING_KEYS = ("block", "domains", "reach")
@@ -83,11 +84,18 @@ def parents_of(
     if len(genomes) == len(sources):
         refuse_reading("genomes alone", {**reading, **coding})
     for genome in list(genomes.values())[:1]:
-        coding = {"block": genome.pavement.block, **coding}
+        coding = {**_coding_of(genome), **coding}
     for place, source in enumerate(sources):
         if place not in genomes:
             genomes[place] = _coded(source, reading, coding)
     return [genomes[place] for place in range(len(sources))]
+
+
+def _coding_of(genome) -> dict[str, object]:
+    """How maps are coded to breed with ``genome``: in its range blocks, its roofs as they are."""
+    p = genome.pavement
+    sides = p.block if p.uniform else (p.finest, p.coarsest)
+    return {"block": sides, "settle": genome.settle}
 
 
 def _coded(source: str, reading: Mapping[str, object], coding: Mapping[str, object]):
@@ -100,6 +108,6 @@ def _coded(source: str, reading: Mapping[str, object], coding: Mapping[str, obje
         )
     city = evocity.read_map(source, **reading)
     note_reading(city, reading)
-    check_block(city, coding.get("block", 4))
+    check_block(city, coding.get("block"))
     with progress_bar(f"coding {city.name}") as progress:
         return evocity.encode(city, progress=progress, **coding).genome

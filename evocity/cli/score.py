@@ -1,9 +1,11 @@
 """`evocity score`: maps become numbers."""
 
+import contextlib
 import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import click
 
@@ -15,8 +17,9 @@ from evocity.cli.common import (
     print_json,
     print_table,
     quiet_stdout,
+    warn,
 )
-from evocity.cli.given import case_of, is_genome, is_run, measures_of
+from evocity.cli.given import case_of, city_of, is_genome, is_run, measures_of
 from evocity.errors import EvocityError
 
 
@@ -27,6 +30,7 @@ Examples:
   evocity score bred.parquet --fitness gsi --fitness my_measure.py --json
   evocity score lyon-1er cape-town-salt-river lyon.parquet --csv
   evocity score runs/lyon-x-montpellier --id 97 --id 12
+  evocity score bred.parquet --fitness fabric_distance --reference lyon-1er
 
 `evocity fitness new` begins a measure of your own."""
 )
@@ -38,8 +42,8 @@ Examples:
     multiple=True,
     metavar="N",
     show_default="none",
-    help="Of a run folder: which individual, by the number its report and `status` give it. Of "
-    "one run, several; among several maps, once for each run, in order.",
+    help="Which individual of a run folder, by the number its report and `status` give it. One run "
+    "takes several; among several maps, give it once for each run, in order.",
 )
 @click.option(
     "--fitness",
@@ -50,24 +54,41 @@ Examples:
     help="A measure by name, or the measures in a Python file, which is executed. "
     "Give it once for each.",
 )
+@click.option(
+    "--reference",
+    "references",
+    multiple=True,
+    metavar="MAP|GENOME",
+    show_default="of an individual of a run, its source cities",
+    help="A city that measures such as fabric_distance compare with, read as the maps are. Give "
+    "it once for each; they are weighted alike.",
+)
 @map_options
 @json_option
 @click.option("--csv", "as_csv", is_flag=True, help="Print a row a map, and nothing else.")
-def score(maps, identifiers, wanted, reading, as_json, as_csv) -> None:
+def score(maps, identifiers, wanted, references, reading, as_json, as_csv) -> None:
     """Measure maps.
 
     Each MAP is a map file or the name of a bundled district. A genome, from a file or of the
-    individual --id of a run folder, is decoded first. Measures that ask for the genome or the
-    parents of a city measure individuals of runs.
+    individual --id of a run folder, is decoded first. Measures that ask for the genome, the
+    parents or the sources of a city measure individuals of runs; those that compare cities
+    compare with what --reference names.
 
-    JSON: each measure's name to its number; null where the measure is undefined. Of several
-    maps: each map to these. CSV: a column a measure, empty where it is undefined.
+    JSON: each measure's name to its number; null where the measure is undefined. Several maps
+    give each map's name to these. CSV: a column a measure, empty where it is undefined.
     """
     if as_json and as_csv:
         raise click.UsageError("--json and --csv: one document at a time, leave one out")
     sources = _individuals(maps, identifiers)
     with quiet_stdout():
         measures = _measures(wanted)
+        if references and not any("reference" in one.takes for one in measures):
+            names = ", ".join(one.name for one in measures)
+            raise EvocityError(
+                f"--reference with {names}, which compare with no city",
+                "a measure that compares cities, such as fabric_distance",
+                "leave --reference out",
+            )
         read_any = any(not _is_code(source) for source, _ in sources)
         cases = {
             _title(source, number): case_of(
@@ -75,10 +96,13 @@ def score(maps, identifiers, wanted, reading, as_json, as_csv) -> None:
             )
             for source, number in sources
         }
+        if references:
+            cases = _compared(cases, references, reading)
         table = {
             title: {m.name: _value(m, case, bool(wanted) and len(cases) == 1) for m in measures}
             for title, case in cases.items()
         }
+    _warn_of_left_out(cases, measures)
     if as_csv:
         _print_csv(table, [measure.name for measure in measures])
     elif as_json:
@@ -125,15 +149,39 @@ def _measures(wanted: tuple[str, ...]) -> list:
     return list(found.values()) or evocity.fitness.measures()
 
 
+def _compared(cases: dict, references: Sequence[str], reading) -> dict:
+    """The ``cases`` with the cities that ``references`` name to compare with."""
+    named = [city_of(name, {} if is_genome(name) else reading) for name in references]
+    reference = evocity.fitness.Reference.of(named)
+    return {title: replace(case, reference=reference) for title, case in cases.items()}
+
+
+def _warn_of_left_out(cases: dict, measures) -> None:
+    """Tell which features of buildings `fabric_distance` leaves out."""
+    from evocity.fitness.fabric import left_out
+
+    if not any(one.name.startswith("fabric_distance") for one in measures):
+        return
+    for reference in {case.reference for case in cases.values()} - {None}:
+        with contextlib.suppress(EvocityError):  # of too few buildings: the value says so
+            if gone := left_out(reference):
+                names = ", ".join(city.name for city in reference.cities)
+                warn(f"fabric_distance leaves out {', '.join(gone)}: the same in all of {names}")
+
+
 def _value(measure, case, asked_for: bool) -> float:
-    """What ``measure`` says. Of a map without the genome, or the parents, that it asks for it is
-    undefined, unless it was ``asked_for`` by name of that map alone: then the error is told."""
+    """What ``measure`` says. Of a map without the genome, the parents or the sources that it asks
+    for it is undefined, unless it was ``asked_for`` by name of that map alone: then the error is
+    told."""
     if asked_for or case.serves(measure):
         return case.measured(measure)
-    if case.genome is None:
+    if "reference" in measure.needs and case.reference is None:
+        reason = "it asks for a city to compare with: --reference CITY"
+    elif "genome" in measure.needs and case.genome is None:
         reason = "it asks for the genome, and a map has none"
     else:
-        reason = "it asks for the parents, which only runs know: RUN --id N"
+        lacking = [need for need in measure.needs if getattr(case, need) is None]
+        reason = f"it asks for the {' and the '.join(lacking)}, which only runs know: RUN --id N"
     return evocity.fitness.Undefined(reason)
 
 

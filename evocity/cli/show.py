@@ -24,21 +24,27 @@ Examples:
   evocity show runs/lyon-x-montpellier -o bred.png
   evocity show runs/lyon-x-montpellier --id 97 -o one.png
   evocity show runs/lyon-x-montpellier --id 97 --ancestry -o whose.png
+  evocity show lyon.parquet --leaves -o leaves.png
   evocity show lyon.parquet --usage -o calls.png"""
 )
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option("PNG", "Picture to write; overwritten if it exists.")
 @id_option
 @click.option(
+    "--leaves",
+    is_flag=True,
+    help="Of a genome: the borders of its range blocks, over its map.",
+)
+@click.option(
     "--usage",
     is_flag=True,
-    help="Of a genome: how often its code calls each pixel, instead of heights.",
+    help="Draw how often a genome's code calls each pixel, instead of heights.",
 )
 @count_option
 @click.option(
     "--ancestry",
     is_flag=True,
-    help="Of a genome: which source city each pixel comes from, a colour each.",
+    help="Draw which source city each pixel of a genome comes from, a colour each.",
 )
 @click.option(
     "--depth",
@@ -48,21 +54,27 @@ Examples:
     "range block alone.",
 )
 @map_options
-def show(what: str, output: Path, identifier, usage, count, ancestry, depth, reading) -> None:
+def show(
+    what: str, output: Path, identifier, leaves, usage, count, ancestry, depth, reading
+) -> None:
     """Draw a map, the map of a genome, or the best of a run.
 
     Heights are drawn on a colour scale in metres, with a scale bar and the attribution of the
-    sources. Of a run folder: its parents and the best of its last generation side by side, or
+    sources. A run folder shows its parents and the best of its last generation side by side, or
     the individual named by --id.
 
-    --usage and --ancestry draw what a genome's code is made of, over its map.
+    --leaves, --usage and --ancestry draw what a genome's code is made of, over its map.
     """
-    _check_wanted(usage, count, ancestry, depth)
+    flags = {"--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
+    asked = [flag for flag, given in flags.items() if given]
+    _check_wanted(asked, count, depth)
     check_output(output, what, {".png"})
-    if usage or ancestry:
-        refuse_reading("--usage" if usage else "--ancestry", reading)
+    if asked:
+        refuse_reading(asked[0], reading)
         genome = genome_of(what, identifier)
-        if usage:
+        if leaves:
+            _show_leaves(genome, decoded(genome, what, identifier), output)
+        elif usage:
             _show_usage(genome, decoded(genome, what, identifier), count or "pixels", output)
         else:
             _show_ancestry(genome, what, identifier, depth, output)
@@ -73,15 +85,22 @@ def show(what: str, output: Path, identifier, usage, count, ancestry, depth, rea
     click.echo(f"wrote {output}")
 
 
-def _check_wanted(usage: bool, count: str | None, ancestry: bool, depth: int | None) -> None:
-    if usage and ancestry:
-        raise EvocityError(
-            "--usage and --ancestry", "one of them", "make two pictures, one after the other"
-        )
-    if count is not None and not usage:
+def _check_wanted(asked: list[str], count: str | None, depth: int | None) -> None:
+    if len(asked) > 1:
+        raise EvocityError(" and ".join(asked), "one of them", "make one picture after the other")
+    if count is not None and "--usage" not in asked:
         raise EvocityError("--count without --usage", "both", "add --usage")
-    if depth is not None and not ancestry:
+    if depth is not None and "--ancestry" not in asked:
         raise EvocityError("--depth without --ancestry", "both", "add --ancestry")
+
+
+def _show_leaves(genome, city, output: Path) -> None:
+    from evocity.io import write_leaves
+    from evocity.pictures import Leaves
+
+    write_leaves(Leaves(city, genome.pavement), output)
+    each = (f"{which.size} of {side}" for side, which in genome.pavement.levels.items())
+    click.echo(f"{len(genome)} lifs, a range block each: {', '.join(each)} px")
 
 
 def _show_usage(genome, city, count: str, output: Path) -> None:

@@ -15,16 +15,18 @@ def trial_cases() -> tuple:
     rule; what the codes of two districts decode to, and a child of these by each operator of the
     default mixture.
 
-    All kernels are loaded afterwards: what a call takes then is the measure's own.
+    All kernels are loaded: what a call takes then is the measure's own.
     """
     import numpy as np
 
     from evocity.authoring import Case
     from evocity.operators import make
+    from evocity.pavement.levels import USUAL
+    from evocity.search import warm
     from evocity.search.recipe import Recipe
-    from evocity.search.warm import USUAL_BLOCK, warm_up
     from evocity.towns import PATTERNS
 
+    warm.warm_up(USUAL, warm.every_part())
     names = [*PARENTS, *(name for name in evocity.cities() if name not in PARENTS)]
     districts = [evocity.read_map(name, pixels=256, metres_per_pixel=2.0) for name in names]
     towns = [
@@ -34,7 +36,7 @@ def trial_cases() -> tuple:
     cases = [Case(city) for city in (*districts, *towns)]
     genomes = [evocity.encode(district).genome for district in districts[: len(PARENTS)]]
     cases += [
-        replace(bred_case(f"{name}, decoded", genome, [genome]), code_of=name)
+        replace(bred_case(f"{name}, decoded", genome, [genome], districts), code_of=name)
         for name, genome in zip(PARENTS, genomes, strict=True)
     ]
     mixture = Recipe.model_fields["operators"].get_default(call_default_factory=True)
@@ -42,14 +44,13 @@ def trial_cases() -> tuple:
         operator = make(name)
         parents = genomes[: operator.parents[0]]
         child = operator(parents, np.random.default_rng(seed))
-        cases.append(bred_case(f"child by {name}", child, parents))
-    warm_up(USUAL_BLOCK)
+        cases.append(bred_case(f"child by {name}", child, parents, districts))
     return tuple(cases)
 
 
-def bred_case(name: str, genome, parents):
-    """The `Case` of a ``genome`` and the genomes it was bred from."""
+def bred_case(name: str, genome, parents, sources):
+    """The `Case` of a ``genome``, the genomes it was bred from, and the maps of the ``sources``."""
     from evocity.authoring import Case
 
     city = evocity.decode(genome).city
-    return Case(city.replace(city.heights, name=name), genome, tuple(parents))
+    return Case(city.replace(city.heights, name=name), genome, tuple(parents), sources=sources)

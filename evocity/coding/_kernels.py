@@ -34,28 +34,30 @@ def box_means(heights, tall, wide, means):
 
 
 @kernel
-def gather_table(top, left, y, x, tall, wide, layer, iso, down, across, size, table):
+def gather_table(top, left, side, y, x, tall, wide, layer, iso, affine, table):
     """table[py, px] = flat index, into the stack of box-mean layers, of the value that pixel
     (py, px) is made from; 0 where its lifs has no domain (layer < 0), and so no σ.
 
-    ``size`` is the range block's side, ``tall`` and ``wide`` the pixels averaged into one;
-    ``down`` and ``across`` (8, size²) where in its block an isometry takes each pixel from.
+    ``side`` are the range blocks', ``tall`` and ``wide`` the pixels averaged into one; ``affine``
+    (8, 6) tells where in its block an isometry takes each pixel from (`isometries.AFFINE`).
     """
     rows, columns = table.shape
     for i in range(top.size):
+        size = np.int64(side[i])
         if layer[i] < 0:
             for a in range(size):
                 for b in range(size):
                     table[top[i] + a, left[i] + b] = 0
             continue
-        start = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
+        t = affine[iso[i]]
         one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
-        v, u = down[iso[i]], across[iso[i]]
+        start = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
+        start += (one * t[0] + two * t[1]) * (size - 1)
+        south, east = one * t[2] + two * t[3], one * t[4] + two * t[5]
         for a in range(size):
-            line = table[top[i] + a]
+            line, place = table[top[i] + a], start + south * a
             for b in range(size):
-                t = np.uintp(a * size + b)
-                line[np.uintp(left[i] + b)] = start + one * v[t] + two * u[t]
+                line[np.uintp(left[i] + b)] = place + east * b
 
 
 @kernel
@@ -108,12 +110,12 @@ def spread_means(means, tall, wide, heights):
 
 @kernel
 def shrink_blocks(heights, top, left, y, x, tall, wide, size, layer):
-    """Lay each domain block at (y, x), shrunk to ``size`` × ``size`` by means of ``tall`` ×
-    ``wide`` pixels, at its range block's place (top, left) in ``layer``."""
+    """Lay each domain block at (y, x), shrunk to its range block's ``size`` by means of ``tall``
+    × ``wide`` pixels, at the range block's place (top, left) in ``layer``."""
     for k in range(top.size):
         scale = heights.dtype.type(1.0 / (tall[k] * wide[k]))
-        for i in range(size):
-            for j in range(size):
+        for i in range(size[k]):
+            for j in range(size[k]):
                 total = heights.dtype.type(0)
                 for v in range(y[k] + i * tall[k], y[k] + (i + 1) * tall[k]):
                     for u in range(x[k] + j * wide[k], x[k] + (j + 1) * wide[k]):
@@ -126,8 +128,8 @@ def spread_blocks(layer, top, left, y, x, tall, wide, size, heights):
     """Adjoint of `shrink_blocks`: adds to ``heights``."""
     for k in range(top.size):
         scale = heights.dtype.type(1.0 / (tall[k] * wide[k]))
-        for i in range(size):
-            for j in range(size):
+        for i in range(size[k]):
+            for j in range(size[k]):
                 value = scale * layer[top[k] + i, left[k] + j]
                 for v in range(y[k] + i * tall[k], y[k] + (i + 1) * tall[k]):
                     for u in range(x[k] + j * wide[k], x[k] + (j + 1) * wide[k]):

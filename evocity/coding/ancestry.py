@@ -5,7 +5,8 @@ import operator
 import numpy as np
 
 from evocity.coding.decode import CollageMap
-from evocity.errors import GenomeError, shown
+from evocity.coding.zoom import area_means, legal_zoom
+from evocity.errors import GenomeError, keyword, setting
 from evocity.genome import Genome
 
 #: Iterations that stand for the limit: each halves what is left, 2⁻¹² is below a step of colour.
@@ -21,8 +22,9 @@ def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np
     Weights of cities are decoded beside the heights: the lifs of city c_i lays the weights c of
     its domain block, shrunk and turned as the heights are, and pulls them half-way to its own
     city, c ← ½·c_i + ½·c (Tosan et al. 2005 §4.2, 5.1: the coupled maps (T_i, T̃_i)). The limit
-    tells where each stone comes from, and where what it was made of came from, and so on. What has
-    no domain is its own city's alone: a uniform range block, and what a condensation keeps.
+    tells where each stone comes from, and where what it was made of came from, and so on. A lifs
+    between two cities' (interpolation) is of both, λ and 1 − λ. What has no domain is its own
+    city's alone: a uniform range block, and what a condensation keeps.
 
     Parameters
     ----------
@@ -38,17 +40,19 @@ def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np
 
     Raises
     ------
-    GenomeError : ``depth`` is no whole number of 0 or more, or the zoom does not suit the block.
+    GenomeError : ``depth`` is no whole number of 0 or more, or the zoom is none.
 
     About 0.3 ms a city and iteration at 256².
     """
     steps = _checked(depth)
-    collage = CollageMap(genome.replace(condensation=None), zoom)
+    legal = legal_zoom(genome.pavement, zoom)
+    collage = CollageMap(genome.replace(condensation=None), legal)
     kept = None if genome.condensation is None else genome.condensation.resampled(*collage.shape)
     inherited = np.where(genome.uniform, np.float32(0), np.float32(0.5))
     weights = np.zeros((*collage.shape, len(genome.cities)), np.float32)
-    for city in np.unique(genome.parent):  # no other has a part in it
-        own = (genome.parent == city).astype(np.float32)
+    for city in np.union1d(genome.parent, genome.other):  # no other has a part in it
+        own = np.where(genome.parent == city, genome.part, 0)
+        own = (own + np.where(genome.other == city, 1 - genome.part, 0)).astype(np.float32)
         pull = collage.recoded(inherited, (1 - inherited) * own)
         plain = share = collage.pavement.raster(own)
         for _ in range(steps):
@@ -56,6 +60,9 @@ def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np
             if kept is not None:
                 share[kept.mask] = plain[kept.mask]
         weights[..., city] = share
+    if legal - zoom > 1e-9:
+        parts = [area_means(weights[..., city], legal / zoom) for city in range(weights.shape[2])]
+        weights = np.stack(parts, axis=2)
     return np.clip(weights, 0, 1, out=weights)
 
 
@@ -66,9 +73,10 @@ def _checked(depth: int | None) -> int:
         steps = -1
     if steps < 0 or isinstance(depth, bool):
         raise GenomeError(
-            f"depth = {shown(depth)}",
+            setting("depth", depth),
             "a whole number of iterations, 0 or more",
-            "give 0 for the city of each block alone, or leave depth= out for the limit",
+            "give 0 for the city of each block alone, or leave "
+            f"{keyword('depth')} out for the limit",
         )
     return min(steps, _DEEPEST)
 

@@ -6,31 +6,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity import isometries
-from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
+from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.coding._kernels import (
     box_means,
     gather,
     gather_table,
-    moved,
     scatter,
     shrink_blocks,
     spread_blocks,
     spread_means,
 )
-from evocity.errors import GenomeError
+from evocity.coding.fixed_point import SKY, fixed_point
+from evocity.coding.zoom import area_means, legal_zoom, zoomed_corner, zoomed_pavement
+from evocity.errors import GenomeError, setting
 from evocity.genome import Genome
 from evocity.pavement import Pavement
-
-#: Heights beyond this are taken as proof of divergence, metres.
-_SKY = 1e7
+from evocity.views.buildings.settled import settled
 
 
 @dataclass(frozen=True, eq=False)
 class Decoding:
     """An attractor, and how it was reached.
 
-    city : the decoded map; traces below ground are cut at 0.
-    attractor : float32 ``(H, W)``, the fixed point of W itself, metres.
+    city : the decoded map; traces below ground are cut at 0, and roofs settled if wished.
+    attractor : float32 ``(H, W)``, the fixed point of W itself, metres; its means by area where
+        the zoom lies between those that the range blocks allow.
     iterations : how often W was applied.
     converged : whether the last step changed no pixel by more than the tolerance.
     change : largest change of a pixel in the last step, metres.
@@ -50,21 +50,26 @@ class CollageMap:
     """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3), and its
     condensation where that covers.
 
-    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large. Domain
-    blocks that then begin within a pixel take their share of it; the condensation is rounded to
-    whole pixels. W is computed in ``dtype``, float32 or float64.
+    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large; z must
+    make whole numbers of pixels, 2 or more, of all sides (`legal_zoom`), else `GenomeError`.
+    Domain blocks that then begin within a pixel take their share of it; the condensation is
+    rounded to whole pixels. W is computed in ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
-        block = _zoomed_block(genome.pavement, zoom)
         pavement = genome.pavement
-        self.pavement = pavement
-        if block != pavement.block:
-            self.pavement = Pavement(pavement.rows * block, pavement.columns * block, block)
-        tall, wide = genome.dy // pavement.block, genome.dx // pavement.block
+        if abs(legal_zoom(pavement, zoom) - zoom) > 1e-9:
+            raise GenomeError(
+                f"{setting('zoom', zoom)} for range blocks of {pavement.finest} px",
+                f"a zoom that makes a whole number of pixels, 2 or more, of {pavement.finest}",
+                f"use a multiple of 1/{pavement.finest}, from 2/{pavement.finest} up",
+            )
+        self.pavement = zoomed_pavement(pavement, zoom)
+        side = self.pavement.side
+        tall, wide = genome.dy // pavement.side, genome.dx // pavement.side
         top, left = self.pavement.corners
-        y, down = _zoomed(genome.y, zoom)
-        x, across = _zoomed(genome.x, zoom)
+        y, down = zoomed_corner(genome.y, zoom)
+        x, across = zoomed_corner(genome.x, zoom)
         extents = [tall, wide]
         if down.any() or across.any():
             extents += [down, across]
@@ -72,7 +77,7 @@ class CollageMap:
         # domain blocks of rare extents are shrunk one by one, each at its range block's place
         (rare,) = np.nonzero((layer < 0) & ~genome.uniform)
         corners = (top[rare], left[rare], y[rare], x[rare])
-        self._rare = [(None, (*corners, tall[rare], wide[rare], block))]
+        self._rare = [(None, (*corners, tall[rare], wide[rare], side[rare]))]
         if len(extents) > 2:
             self._rare = _within_pixels(self.pavement, *self._rare[0][1], down, across, rare)
         layer[rare] = len(self._kinds)
@@ -81,9 +86,8 @@ class CollageMap:
         self._layers = np.zeros((max(count, 1), *self.shape), dtype)
         self._table = np.empty(self.shape, np.int32)
         gather_table(
-            top, left, y, x, tall, wide, layer, genome.iso,
-            *np.divmod(isometries.sources(block), block), block, self._table,
-        )  # fmt: skip
+            top, left, side, y, x, tall, wide, layer, genome.iso, isometries.AFFINE, self._table
+        )
         layer = genome.condensation
         self._kept = None if layer is None else layer.resampled(*self.shape)
         self._recode(genome.sigma, genome.beta)
@@ -91,6 +95,11 @@ class CollageMap:
     @property
     def shape(self) -> tuple[int, int]:
         return self.pavement.height, self.pavement.width
+
+    @property
+    def kept(self) -> np.ndarray | None:
+        """Bool ``(H, W)``: what is condensed; None if nothing is."""
+        return None if self._kept is None else self._kept.mask
 
     @property
     def flat_start(self) -> np.ndarray:
@@ -161,6 +170,7 @@ class CollageMap:
 def decode(
     genome: Genome,
     *,
+    settle: bool | None = None,
     zoom: float = 1,
     tolerance: float = 0.01,
     start: np.ndarray | None = None,
@@ -172,16 +182,24 @@ def decode(
 
     Parameters
     ----------
-    zoom : fractal zoom z (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies;
-        zB must be a whole number of pixels, 1 or more.
+    settle : whether each building of the map, told apart by gaps and steps of height, takes its
+        median height, and what is not built lies at 0 (`evocity.views.buildings.settled`): a
+        code alone never lays a roof quite flat. What is condensed stays as it is. False gives the
+        papers' raw attractor, with its fractal roofs; None what the genome itself says, which is
+        True for what `evocity.encode` codes unless told otherwise.
+    zoom : fractal zoom z, above 0 (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies.
+        Where zB is a whole number of pixels, 2 or more, for all range blocks, these are zoomed
+        themselves; else the map is decoded at the next such zoom and its pixels are averaged by
+        area.
     tolerance : metres.
-    start : float ``(zH, zW)`` heights to start from; the attractor does not depend on it.
+    start : float ``(zH, zW)`` heights to start from, of the zoom that is decoded; the attractor
+        does not depend on it.
     max_iterations : after these the decoding is returned as not converged.
 
     Raises
     ------
     GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message says
-        which lifs), or the zoom does not suit the block.
+        which lifs), or the zoom is none.
     """
     if not isinstance(genome, Genome):
         raise GenomeError(
@@ -195,7 +213,8 @@ def decode(
             "a tolerance above 0 m, and at least 1 iteration",
             "leave them out for 0.01 m and 500",
         )
-    collage = CollageMap(genome, zoom)
+    legal = legal_zoom(genome.pavement, zoom)
+    collage = CollageMap(genome, legal)
     heights = collage.flat_start if start is None else np.array(start, np.float32, order="C")
     if heights.shape != collage.shape:
         raise GenomeError(
@@ -203,35 +222,42 @@ def decode(
             f"{collage.shape}, the size of the decoded map",
             "leave start out, or give it that shape",
         )
-    if not np.abs(heights).max() < _SKY:
+    if start is None and not np.abs(heights).max() < SKY:
+        worst = int(np.argmax(np.abs(np.nan_to_num(genome.beta, nan=np.inf))))
+        raise GenomeError(
+            f"β = {genome.beta[worst]:.3g} m in lifs {worst}",
+            f"heights below {SKY:g} m",
+            "correct the lifs: so high is no roof",
+        )
+    if not np.abs(heights).max() < SKY:
         raise GenomeError(
             f"a start of heights {heights.min():.3g}…{heights.max():.3g} m",
-            f"finite heights, below {_SKY:g} m",
+            f"finite heights, below {SKY:g} m",
             "leave start out, or start from such heights",
         )
-    before = np.empty_like(heights)
-    limits = np.float32(tolerance), np.float32(_SKY)
-    iterations, unsettled = 0, heights.size
-    while unsettled and iterations < max_iterations:
-        before, heights = heights, before
-        collage.lay(before, heights)
-        iterations += 1
-        unsettled, lost = moved(before.ravel(), heights.ravel(), *limits)
-        if lost:
-            _diverged(genome, collage, np.abs(heights - before), iterations)
-    steps = np.abs(heights - before)
+    found = fixed_point(collage.lay, heights, tolerance=tolerance, most=max_iterations)
+    if found.lost:
+        _diverged(genome, collage, found.moves, found.steps)
     blamed = np.empty(0, np.intp)
-    if unsettled:
-        blamed = _blame(genome, collage, steps, tolerance)
+    if not found.settled:
+        blamed = _blame(genome, collage, found.moves, tolerance)
+    heights, kept = found.values, collage.kept
+    if legal - zoom > 1e-9:
+        heights = area_means(heights, legal / zoom)
+        kept = None if kept is None else area_means(kept, legal / zoom) > 0
+    pixel = genome.metres_per_pixel / zoom
+    roofs = np.maximum(heights, 0)
+    if genome.settle if settle is None else settle:
+        roofs = settled(roofs, roofs > BUILT_ABOVE, pixel, kept)
     city = CityMap(
-        np.maximum(heights, 0),
-        genome.metres_per_pixel * genome.pavement.block / collage.pavement.block,
+        roofs,
+        pixel,
         name=" × ".join(genome.cities),
         attribution=genome.attribution,
         origin=genome.origin,
         crs=genome.crs,
     )
-    return Decoding(city, heights, iterations, not unsettled, float(steps.max()), blamed)
+    return Decoding(city, heights, found.steps, found.settled, found.change, blamed)
 
 
 def _common_shrinkings(
@@ -286,7 +312,7 @@ def _shift_back(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
         layer[1:] += moved
 
 
-def _within_pixels(pavement: Pavement, top, left, y, x, tall, wide, block, down, across, rare):
+def _within_pixels(pavement: Pavement, top, left, y, x, tall, wide, side, down, across, rare):
     """(share of each pixel, arguments of `shrink_blocks`) of the four whole-pixel domain blocks
     around one that begins within a pixel, for the ``rare`` lifs."""
     parts = []
@@ -294,41 +320,14 @@ def _within_pixels(pavement: Pavement, top, left, y, x, tall, wide, block, down,
         for b in (0, 1):
             weight = np.zeros(len(pavement), np.float32)
             weight[rare] = ((1 - down, down)[a] * (1 - across, across)[b])[rare]
-            v = np.minimum(y + a, pavement.height - tall * block)
-            u = np.minimum(x + b, pavement.width - wide * block)
-            parts.append((pavement.raster(weight), (top, left, v, u, tall, wide, block)))
+            v = np.minimum(y + a, pavement.height - tall * side)
+            u = np.minimum(x + b, pavement.width - wide * side)
+            parts.append((pavement.raster(weight), (top, left, v, u, tall, wide, side)))
     return parts
 
 
-def _zoomed_block(pavement: Pavement, zoom: float) -> int:
-    block = round(pavement.block * zoom) if 0 < zoom < np.inf else 0
-    if block < 2 or abs(block - pavement.block * zoom) > 1e-9:
-        raise GenomeError(
-            f"zoom = {zoom} for range blocks of {pavement.block} px",
-            f"a zoom that makes a whole number of pixels, 2 or more, of {pavement.block}",
-            f"use a multiple of 1/{pavement.block}, from 2/{pavement.block} up",
-        )
-    height, width = pavement.rows * block, pavement.columns * block
-    if max(height, width) > MAX_SIDE or height * width > MAX_PIXELS:
-        raise GenomeError(
-            f"zoom = {zoom}: a map of {height} × {width} px",
-            f"sides up to {MAX_SIDE} px, {MAX_PIXELS // 10**6} million pixels in all",
-            "choose a smaller zoom",
-        )
-    return block
-
-
-def _zoomed(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whole pixels, int32, and the fraction left, 0…1, of ``corner`` on the zoomed map."""
-    if zoom == 1:
-        return corner.astype(np.int32), np.zeros(corner.size)
-    exact = corner * zoom
-    whole = np.floor(exact + 1e-9)
-    return whole.astype(np.int32), np.maximum(np.round(exact - whole, 9), 0)
-
-
 def _blame(genome: Genome, collage: CollageMap, steps: np.ndarray, tolerance: float) -> np.ndarray:
-    worst = np.nan_to_num(collage.pavement.blocks(steps), nan=np.inf).max(axis=(1, 2))
+    worst = collage.pavement.maxima(np.nan_to_num(steps, nan=np.inf))
     order = np.lexsort((-worst, np.abs(genome.sigma) < 1))
     return order[worst[order] > tolerance]
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.coding.decode import CollageMap, decode
+from evocity.coding.fixed_point import fixed_point
 from evocity.coding.quality import psnr
 from evocity.errors import GenomeError
 from evocity.genome import Genome
@@ -101,33 +102,31 @@ class AttractorError:
     ) -> tuple[float, np.ndarray, np.ndarray] | None:
         """(E, ∂E/∂σ, ∂E/∂β) in m², m² and m; None where the fixed point is out of reach."""
         collage = self._collage.recoded(sigma, beta)
-        attractor = self._fixed_point(collage, self._attractor)
+        attractor = self._fixed_point(collage.lay, self._attractor)
         if attractor is None:
             return None
         difference = attractor - self._heights
-        adjoint = self._fixed_point(
-            lambda pushed: collage.transposed(pushed) + 2 * difference, self._adjoint
-        )
+
+        def push(before: np.ndarray, after: np.ndarray) -> None:
+            np.add(collage.transposed(before), 2 * difference, out=after)
+
+        adjoint = self._fixed_point(push, self._adjoint)
         if adjoint is None:
             return None
         self._attractor, self._adjoint = attractor, adjoint
         by_sigma = self._block_sums(adjoint * self._shrink(attractor))
         return float(np.sum(difference**2)), by_sigma, self._block_sums(adjoint)
 
-    def _fixed_point(self, step: Callable, start: np.ndarray) -> np.ndarray | None:
-        values = start
-        for _ in range(_MOST_STEPS):
-            before, values = values, step(values)
-            change = np.abs(values - before).max()
-            if change <= self._tolerance:
-                return values
-            if not change < self._sky:
-                break
-        return None
+    def _fixed_point(self, lay: Callable, start: np.ndarray) -> np.ndarray | None:
+        found = fixed_point(lay, start, tolerance=self._tolerance, most=_MOST_STEPS, sky=self._sky)
+        return found.values if found.settled else None
 
     def _block_sums(self, values: np.ndarray) -> np.ndarray:
         free = values if self._free is None else values * self._free
-        return self._pavement.blocks(free).sum(axis=(1, 2))
+        sums = np.empty(len(self._pavement))
+        for side, which in self._pavement.levels.items():  # as numpy adds: codes keep their bits
+            sums[which] = self._pavement.blocks(free, side).sum(axis=(1, 2))
+        return sums
 
 
 def _refined(

@@ -1,4 +1,4 @@
-"""How often a code calls each domain block and each pixel, and the filter made of that."""
+"""How often a code calls each domain block and each pixel, and the filters made of that."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,10 +7,10 @@ from numbers import Real
 import numpy as np
 
 from evocity.condensation import Condensation, merged
-from evocity.errors import GenomeError, near_miss, shown
+from evocity.errors import GenomeError, near_miss, setting
 from evocity.genome import Genome
 
-#: What `low_pass` may compare with f_c: attributes of `Usage`.
+#: What `low_pass` and `high_pass` may compare with f_c: attributes of `Usage`.
 COUNTS = ("pixels", "domains", "ranges")
 
 
@@ -102,23 +102,55 @@ def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
     ------
     GenomeError : f_c is no number of 0 or more, or there is no such count.
     """
+    return _filtered(genome, "low_pass", f_c, count)
+
+
+def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
+    """Lay ground where the code calls less often than the cut frequency ``f_c``.
+
+    The counterpart of `low_pass` (Marsault 2002 §5.5 compares the two): what is called ``f_c``
+    times or more stays, and what is made of the rest becomes flat. Called with ``count`` and
+    ``f_c`` alike, each pixel outlives one of the two filters at least. One after the other
+    they leave a band of frequencies.
+
+    Parameters
+    ----------
+    f_c : calls, 0 or more; 0 changes nothing, 1 leaves what is called at all, infinity lays
+        ground everywhere.
+    count : as in `low_pass`. By ``"ranges"``, the uniform range blocks, which call nothing, go
+        first.
+
+    Returns
+    -------
+    Genome : as in `low_pass`. The same genome where nothing is called less often.
+
+    Raises
+    ------
+    GenomeError : f_c is no number of 0 or more, or there is no such count.
+    """
+    return _filtered(genome, "high_pass", f_c, count)
+
+
+def _filtered(genome: Genome, name: str, f_c: float, count: str) -> Genome:
+    """``genome`` with ground where the filter called ``name`` lays it."""
     number = isinstance(f_c, Real) and not isinstance(f_c, bool)
     if not number or not f_c >= 0:
         raise GenomeError(
-            f"f_c = {shown(f_c)}", "calls, 0 or more", "give for example 10; see usage(genome)"
+            setting("f_c", f_c), "calls, 0 or more", "give for example 10; see usage(genome)"
         )
     if count not in COUNTS:
         raise GenomeError(
-            f"count = {shown(count)}",
+            setting("count", count),
             f"one of {', '.join(COUNTS)}",
             near_miss(str(count), COUNTS) or "leave it out for pixels",
         )
-    bare = getattr(usage(genome), count) > f_c
+    calls = getattr(usage(genome), count)
+    bare = calls > f_c if name == "low_pass" else calls < f_c
     if not bare.any():
         return genome
     ground = Condensation(np.zeros(bare.shape, np.float32), bare)
-    made = {**genome.made, "low_pass": {"f_c": float(f_c), "count": count}}
+    made = {**genome.made, name: {"f_c": float(f_c), "count": count}}
     return genome.replace(condensation=merged([genome.condensation, ground]), made=made)
 
 
-__all__ = ["COUNTS", "Usage", "low_pass", "usage"]
+__all__ = ["COUNTS", "Usage", "high_pass", "low_pass", "usage"]

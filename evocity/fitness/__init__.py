@@ -19,7 +19,9 @@
 - `openness`: how open ground is: `street_width`, `open_space_connectivity`, `courtyard_index`,
   `sky_view_factor`
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
-- `heredity`: what a child keeps of its parents: `integrity`, `heritability`
+- `fabric`: how far buildings are from those of other cities: `fabric_distance`, of a `Reference`
+- `heredity`: what a child keeps: `integrity`, of its sources' buildings (`whole_buildings` says
+  which); `heritability`, of the map that was meant
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
 
 A measure of one's own is a function with one decorator:
@@ -42,8 +44,9 @@ from evocity.fitness.directions import (
     alignment_neighbours,
     orientation_order,
 )
+from evocity.fitness.fabric import fabric_distance
 from evocity.fitness.goals import GOALS, Objective
-from evocity.fitness.heredity import heritability, integrity
+from evocity.fitness.heredity import heritability, integrity, whole_buildings
 from evocity.fitness.measure import EXTRAS, Family, Measure, Undefined
 from evocity.fitness.openness import (
     courtyard_index,
@@ -52,6 +55,7 @@ from evocity.fitness.openness import (
     street_width,
 )
 from evocity.fitness.order import alignment, alignment_global
+from evocity.fitness.reference import Reference
 from evocity.fitness.registry import (
     fitness,
     get,
@@ -95,6 +99,7 @@ __all__ = [
     "Family",
     "Measure",
     "Objective",
+    "Reference",
     "SizeFit",
     "Undefined",
     "Wanted",
@@ -113,6 +118,7 @@ __all__ = [
     "crumbs",
     "elongation",
     "eri",
+    "fabric_distance",
     "fit_sizes",
     "fitness",
     "fsi",
@@ -139,4 +145,5 @@ __all__ = [
     "sky_view_factor",
     "storeys",
     "street_width",
+    "whole_buildings",
 ]

@@ -114,30 +114,98 @@ def pool_rows(fields, window, pooled):
 
 
 @kernel
-def mark_whole(starts, members, labels, stones, columns, order, first, last, laid, width, whole):
-    """whole[p, t] = True where pixel t of range block p of a child belongs to a building of a
-    parent that came whole.
+def trace_copies(top, left, side, row, column, turn, affine, labels, first, table, copies, shown):
+    """Which copy of which building each pixel of a map shows that is laid of stones of a city.
 
-    Building b stands on the parent's lifs members[starts[b] : starts[b + 1]], and its pixels are
-    those of ``labels`` (n, B²) that are b + 1. ``stones`` (n,) are the parent's, ``laid`` the
-    child's, whose rows are ``columns`` and ``width`` range blocks wide; order[first[b] : last[b]]
-    are the places in the child where the stone of its first lifs lies.
+    The squares of ``side`` px at (top, left) of the map show those at (row, column) of the city
+    under the isometries ``turn``; ``affine`` is `isometries.AFFINE`. ``labels`` (H, W) are the
+    city's buildings, 0 where there is none. Pixels that show one building under one isometry and
+    one translation are a copy of it: ``copies`` (5, room) gets of each the isometry, the
+    translation (rows, columns), the building, and how many pixels show it; ``shown``, of the map's
+    size, at each of these pixels, the copy's number and ``first``, numbers from 1.
+
+    ``table`` finds copies again: zeros, a power of two of them, more than room. Returns how many
+    copies there are, or -1 if there is no room for them.
     """
-    for b in range(starts.size - 1):
-        origin = members[starts[b]]
-        for k in range(first[b], last[b]):
-            down = order[k] // width - origin // columns
-            across = order[k] % width - origin % columns
-            complete = True
-            for m in members[starts[b] : starts[b + 1]]:
-                i, j = m // columns + down, m % columns + across
-                inside = 0 <= j < width and 0 <= i * width + j < laid.size
-                if not inside or laid[i * width + j] != stones[m]:
-                    complete = False
-                    break
-            if not complete:
-                continue
-            for m in members[starts[b] : starts[b + 1]]:
-                place = (m // columns + down) * width + m % columns + across
-                for t in range(labels.shape[1]):
-                    whole[place, t] |= labels[m, t] == b + 1
+    room, mask = copies.shape[1], np.int64(table.size - 1)
+    count = 0
+    for k in range(side.size):
+        a, s = affine[turn[k]], side[k]
+        # pixel (i, j) of the map shows (down + a[2] i + a[4] j, across + a[3] i + a[5] j)
+        down = row[k] + a[0] * (s - 1) - a[2] * top[k] - a[4] * left[k]
+        across = column[k] + a[1] * (s - 1) - a[3] * top[k] - a[5] * left[k]
+        building, copy = 0, 0
+        for i in range(top[k], top[k] + s):
+            for j in range(left[k], left[k] + s):
+                b = labels[down + a[2] * i + a[4] * j, across + a[3] * i + a[5] * j]
+                if b == 0:
+                    continue
+                if b != building:
+                    mixed = ((down * 65_599 + across) * 8 + turn[k]) * 1_000_003 + b
+                    at = (mixed * -7_046_029_254_386_353_131 >> 32) & mask  # 2⁶⁴ / golden ratio
+                    while table[at] != 0:
+                        c = table[at] - 1
+                        if (
+                            copies[3, c] == b
+                            and copies[1, c] == down
+                            and copies[2, c] == across
+                            and copies[0, c] == turn[k]
+                        ):
+                            break
+                        at = (at + 1) & mask
+                    if table[at] == 0:
+                        if count == room:
+                            return -1
+                        copies[0, count], copies[1, count] = turn[k], down
+                        copies[2, count], copies[3, count] = across, b
+                        copies[4, count] = 0
+                        count += 1
+                        table[at] = count
+                    building, copy = b, table[at]
+                copies[4, copy - 1] += 1
+                shown[i, j] = first + copy
+    return count
+
+
+@kernel
+def distances(x, y, ends, same, sums):
+    """Sums over all pairs of a column of ``x`` (F, n) and one of ``y`` (F, m) of the Euclidean
+    distance: sums[0] counts rows 0 : ends[0], sums[k] those and ends[k − 1] : ends[k].
+
+    If they are the ``same``, each pair of different columns counts once. In float32.
+    """
+    near, far = np.empty(y.shape[1], np.float32), np.empty(y.shape[1], np.float32)
+    totals = np.zeros((ends.size, y.shape[1]), np.float32)
+    for i in range(x.shape[1]):
+        count = np.uintp(i if same else y.shape[1])
+        near[:] = np.float32(0)
+        for row in range(ends[0]):
+            here, there = x[row, i], y[row]
+            for j in range(count):
+                near[j] += (here - there[j]) ** 2
+        total = totals[0]
+        for j in range(count):
+            total[j] += np.sqrt(near[j])
+        for k in range(1, ends.size):
+            far[:] = near
+            for row in range(ends[k - 1], ends[k]):
+                here, there = x[row, i], y[row]
+                for j in range(count):
+                    far[j] += (here - there[j]) ** 2
+            total = totals[k]
+            for j in range(count):
+                total[j] += np.sqrt(far[j])
+    for k in range(ends.size):
+        sums[k] = 0.0
+        for j in range(np.uintp(y.shape[1])):
+            sums[k] += totals[k, j]
+
+
+@kernel
+def off_squared(labels, heights, means, squares):
+    """squares[i] += Σ (h − means[i])² over the pixels of building i + 1."""
+    for y in range(np.uintp(labels.shape[0])):
+        for x in range(np.uintp(labels.shape[1])):
+            i = np.uintp(labels[y, x] - 1)
+            if labels[y, x]:
+                squares[i] += (heights[y, x] - means[i]) ** 2

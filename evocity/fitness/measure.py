@@ -5,21 +5,26 @@ import functools
 import hashlib
 import inspect
 import math
+import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, FitnessError, near_miss, told
+from evocity.fitness.reference import Reference, maps_of
 from evocity.genome import Genome
 
 #: What a measure may ask for, besides the city, by naming an argument so.
-EXTRAS = ("genome", "parents")
+EXTRAS = ("reference", "genome", "parents", "sources")
+_LACKING = {
+    "reference": "give the city to compare with: reference=CITY; in a recipe reference = [CITY]; "
+    "evocity score --reference CITY",
+}
 
 
 class Undefined(float):
@@ -51,18 +56,20 @@ class Measure:
     name : the function's name: how recipes, logs and tables call the measure. One of several
         numbers of a function is called function.number.
     function : the plain function, ``function(city) -> float``; it may take the arguments
-        ``genome`` and ``parents`` too.
+        ``reference``, ``genome``, ``parents`` and ``sources`` too.
     goal : "max" or "min", its own default; None if it takes a target, or a city to be like.
     unit : the unit of the number; "" for a pure number.
     range : lowest and highest value; ``inf`` where there is no bound.
     doc : the function's documentation.
     file : the file that declares it.
     line : the line in that file.
-    needs : which of `EXTRAS` the function takes.
+    needs : which of `EXTRAS` the function cannot do without.
+    takes : which of them it takes; those not in ``needs`` have a default value.
     number : which of the function's several numbers this is; None if it returns but one.
     origin : where it comes from: "evocity", a plugin's package and version, a file, or
         "this session".
     beside : files that its file imports from its own folder, part of its source.
+    reference : what it compares with unless told otherwise, see `bound`; None for nothing.
     """
 
     name: str
@@ -77,6 +84,8 @@ class Measure:
     number: str | None = None
     origin: str = "this session"
     beside: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+    reference: Reference | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "__doc__", self.doc)
@@ -84,13 +93,19 @@ class Measure:
     def __call__(
         self,
         city: CityMap,
+        *given,
+        reference: Reference | CityMap | Sequence | None = None,
         genome: Genome | None = None,
         parents: Sequence[Genome] | None = None,
+        sources: Sequence[CityMap] | None = None,
     ) -> float:
         """The number, of ``city``.
 
-        genome : the code that was decoded to ``city``; parents : the genomes it was bred from,
-        the genome itself for one that was not bred. Only measures that take them need them.
+        reference : what to compare with: a map, a list of maps, or of (map, weight). genome : the
+        code that was decoded to ``city``; parents : the genomes it was bred from, the genome
+        itself for one that was not bred; sources : the maps of the cities it is made of, under
+        the names it has for them. Only measures that take them need them; in this order those it
+        takes may be ``given`` without their names.
         """
         if not isinstance(city, CityMap):
             raise FitnessError(
@@ -98,16 +113,32 @@ class Measure:
                 "a CityMap",
                 "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)",
             )
-        extras = {"genome": genome, "parents": parents}
+        extras = {"reference": reference, "genome": genome, "parents": parents, "sources": sources}
+        order = [*self.takes, *(one for one in EXTRAS if one not in self.takes)]
+        if len(given) > len(order):
+            raise FitnessError(
+                f"{self.name} with {len(given)} arguments besides the city",
+                f"at most {len(order)}: {', '.join(order)}",
+                "leave the others out",
+            )
+        extras |= dict(zip(order, given, strict=False))
+        if "reference" in self.takes:
+            told_now = extras["reference"]
+            extras["reference"] = self.reference if told_now is None else Reference.of(told_now)
+        if "sources" in self.takes and extras["sources"] is not None:
+            extras["sources"] = maps_of(extras["sources"])
         lacking = [need for need in self.needs if extras[need] is None]
         if lacking:
             raise FitnessError(
                 f"{self.name} of {city.name} without its {' and '.join(lacking)}",
                 f"{self.name}(city, {', '.join(f'{need}={need}' for need in self.needs)})",
-                "measure an individual of a run: evocity score RUN --id N",
+                _LACKING.get(
+                    lacking[0], "measure an individual of a run: evocity score RUN --id N"
+                ),
             )
         try:
-            value = self.function(city, **{need: extras[need] for need in self.needs})
+            known = {one: extras[one] for one in self.takes if extras[one] is not None}
+            value = self.function(city, **known)
         except EvocityError:
             raise
         except (Exception, SystemExit) as error:
@@ -127,6 +158,14 @@ class Measure:
                 if not math.isinf(number):
                     return number
         raise self._no_number(value, city.name)
+
+    def bound(self, reference: Reference | CityMap | Sequence) -> "Measure":
+        """The same measure, which compares with ``reference`` unless told otherwise; itself, if it
+        compares with nothing."""
+        if "reference" not in self.takes:
+            return self
+        needs = tuple(need for need in self.needs if need != "reference")
+        return replace(self, reference=Reference.of(reference), needs=needs)
 
     def _picked(self, values):
         if isinstance(values, Mapping) and self.number in values:
@@ -168,17 +207,21 @@ class Measure:
 class Several:
     """A function of several numbers, called once a map for all of them.
 
-    What it returned is kept as long as the map lives, for one genome and one list of parents.
+    What it returned is kept as long as the map lives, for one reference, one genome, one list of
+    parents and one of sources.
     """
 
     def __init__(self, function: Callable[..., Mapping[str, float]], numbers: Sequence[str]):
         functools.update_wrapper(self, function)
         self._function, self._numbers = function, numbers
-        self._known: WeakKeyDictionary[CityMap, tuple] = WeakKeyDictionary()
+        self._known: weakref.WeakKeyDictionary[CityMap, tuple] = weakref.WeakKeyDictionary()
 
     def __call__(self, city: CityMap, **extras) -> Mapping[str, float]:
-        parents = extras.get("parents") or ()
-        asked = [extras.get("genome"), *parents]
+        parents, sources = (extras.get(one) or () for one in ("parents", "sources"))
+        reference = extras.get("reference")
+        # held weakly, for the city may be of it, or one of the sources
+        compared = None if reference is None else weakref.ref(reference)
+        asked = [compared, extras.get("genome"), *parents, *map(weakref.ref, sources)]
         given, values = self._known.get(city, (None, None))
         same = given is not None and len(given) == len(asked)
         if not same or any(a is not b for a, b in zip(given, asked, strict=True)):
@@ -198,7 +241,8 @@ class Several:
 @dataclass(frozen=True)
 class Family:
     """Several measures that one function returns: ``family(city)`` gives them by their numbers'
-    names; each of ``measures`` is a `Measure` of its own, called function.number."""
+    names; each of ``measures`` is a `Measure` of its own, called function.number, but for one
+    whose number has the function's own name, which is called by that alone."""
 
     name: str
     measures: tuple[Measure, ...]

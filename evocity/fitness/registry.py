@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import ModuleType
 
 from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.fitness.measure import (
@@ -26,7 +25,7 @@ from evocity.fitness.measure import (
     line_in,
     shown,
 )
-from evocity.fitness.shipping import Shipment, alike, plain, shipment
+from evocity.fitness.reference import Reference
 from evocity.fitness.siblings import importing_from
 from evocity.plugins import load_plugins, origin_of
 
@@ -52,8 +51,9 @@ def fitness(
 ) -> Callable[[Callable], Measure | Family]:
     """Decorator that makes a `Measure` of a function of a city map, under its name.
 
-    The function takes the city, and if it names them so, ``genome`` (the code that was decoded)
-    and ``parents`` (the genomes it was bred from).
+    The function takes the city, and if it names them so, ``reference`` (a `Reference`, the cities
+    it is compared with), ``genome`` (the code that was decoded) and ``parents`` (the genomes it
+    was bred from); those with a default value it gets where they are known.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def fitness(
     range : lowest and highest value it can take.
     numbers : names, if the function returns several numbers, as a mapping from each name; it
         becomes a `Family` of measures called function.number. goal, unit and range are then
-        those of all, or mappings from a number's name.
+        those of all, or mappings from a number's name. A first number with the function's own
+        name is the one meant by that name alone: the decorator then returns that `Measure`.
 
     Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
     is taken.
@@ -90,12 +91,12 @@ def fitness(
             )
 
     def declare(function: Callable) -> Measure | Family:
-        needs = _check_function(function)
+        needs, takes = _check_function(function)
         name, called = function.__name__, Several(function, several) if several else function
         file = function.__code__.co_filename
         found = [
             Measure(
-                name=name if number is None else f"{name}.{number}",
+                name=name if number in (None, name) else f"{name}.{number}",
                 function=called,
                 goal=goal,
                 unit=unit,
@@ -104,6 +105,7 @@ def fitness(
                 file=file,
                 line=function.__code__.co_firstlineno,
                 needs=needs,
+                takes=takes,
                 number=number,
                 origin="evocity" if file.startswith(_PACKAGE) else "this session",
             )
@@ -114,7 +116,7 @@ def fitness(
             _add(_table, found, taken=_table)
         else:
             collected.extend(found)
-        return Family(name, tuple(found)) if several else found[0]
+        return Family(name, tuple(found)) if several and several[0] != name else found[0]
 
     return declare
 
@@ -133,8 +135,9 @@ def get(name: str) -> Measure:
 
 def named(name: str) -> list[Measure]:
     """The measure called ``name``, or all those of the function so called that returns several
-    numbers. Raises `FitnessError` as `get` does."""
-    return family_of(name, measures()) or [get(name)]
+    numbers, none of them of its own name. Raises `FitnessError` as `get` does."""
+    found = measures()
+    return [m for m in found if m.name == name] or family_of(name, found) or [get(name)]
 
 
 def family_of(name: str, among: Sequence[Measure]) -> list[Measure]:
@@ -149,67 +152,7 @@ def measures() -> list[Measure]:
     return [known[name] for name in sorted(known)]
 
 
-def shipped(measures: Sequence[Measure]) -> tuple[Shipment, ...]:
-    """What worker processes must be given of those ``measures`` that they do not find by name or
-    file: those declared in this session, in a notebook's cell, a script, a module of the user's.
-
-    Raises `FitnessError` if one cannot be sent.
-    """
-    together: dict[FunctionType, list[Measure]] = {}
-    for one in measures:
-        if one.origin == "this session":
-            together.setdefault(plain(one.function), []).append(one)
-    packed = tuple(shipment(found) for found in together.values())
-    for function, one in zip(together, packed, strict=True):
-        _check_shipped(function, one)
-    return packed
-
-
-def _check_shipped(function: FunctionType, packed: Shipment) -> None:
-    """Raise `FitnessError` if what was packed does not become the ``function`` again."""
-    try:
-        again = plain(unpacked(packed)[0].function)
-    except Exception as error:
-        why = told(error)
-    else:
-        if again is function or alike(again.__code__, function.__code__):
-            return
-        why = "it has changed since it was read"
-    raise FitnessError(
-        f"the source of {function.__name__} ({function.__code__.co_filename}) does not make the "
-        f"measure again, as worker processes must: {why}",
-        "a measure whose source is as it was when it was declared",
-        f"put it into a file, {function.__name__}.py, and name that in the recipe as file; or "
-        "search with workers=0, in this process",
-    )
-
-
-def unpacked(packed: Shipment) -> list[Measure]:
-    """The measures that were packed, in this process; `get` does not know them by name."""
-    if packed.place is not None:
-        module, name = packed.place
-        found = getattr(import_module(module), name)
-        return list(found.measures) if isinstance(found, Family) else [found]
-    module = ModuleType(f"evocity_session_{packed.pieces[-1].name}")
-    for name, (home, what) in packed.imports.items():
-        imported = import_module(home)
-        module.__dict__[name] = getattr(imported, what) if what else imported
-    for name, value in packed.values.items():
-        if isinstance(value, Shipment):
-            found = unpacked(value)
-            several = found[0].number is not None
-            value = Family(found[0].name.partition(".")[0], tuple(found)) if several else found[0]
-        module.__dict__[name] = value
-    for piece in packed.pieces:
-        text = "\n" * (piece.line - 1) + piece.text  # errors tell the lines of the user's source
-        _execute(text, piece.file, module, piece.flags)
-    function = module.__dict__[packed.pieces[-1].name]
-    numbers = [one["number"] for one in packed.told if one["number"] is not None]
-    called = Several(function, numbers) if numbers else function
-    return [Measure(function=called, **one) for one in packed.told]
-
-
-def _execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:
+def execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:
     """Run the user's own ``source`` in ``module``."""
     code = compile(source, file, "exec", flags, dont_inherit=True)
     exec(code, module.__dict__)
@@ -220,14 +163,17 @@ def file_of(name: str) -> str | None:
     return _from_files[name].file if name in _from_files else None
 
 
-def found_again(name: str, file: str | None) -> Measure:
-    """The measure called ``name``, in another process: from its ``file`` if it has one."""
-    return get(name) if file is None else {m.name: m for m in load_file(file)}[name]
+def found_again(name: str, file: str | None, reference: Reference | None = None) -> Measure:
+    """The measure called ``name``, in another process: from its ``file`` if it has one; bound to
+    its ``reference``."""
+    found = get(name) if file is None else {m.name: m for m in load_file(file)}[name]
+    return found if reference is None else found.bound(reference)
 
 
 def _as_named(measure: Measure):
-    """To another process goes the name, and the file to load there, never the function."""
-    return found_again, (measure.name, file_of(measure.name))
+    """To another process goes the name, the file to load there, and what it compares with, never
+    the function."""
+    return found_again, (measure.name, file_of(measure.name), measure.reference)
 
 
 copyreg.pickle(Measure, _as_named)
@@ -280,7 +226,7 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
             _collected() as found,
             contextlib.redirect_stdout(sys.stderr),
         ):
-            _execute(content, str(path), module)
+            execute(content, str(path), module)
         # a measure that the file imports is its helper
         found = [one for one in found if Path(one.file) not in imported]
         if not found:
@@ -355,8 +301,8 @@ def _origin(measure: Measure) -> tuple[str, str]:
     return measure.function.__module__, measure.function.__qualname__
 
 
-def _check_function(function) -> tuple[str, ...]:
-    """Which of `EXTRAS` the ``function`` takes."""
+def _check_function(function) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Which of `EXTRAS` the ``function`` needs, and which it takes."""
     if not inspect.isfunction(function) or not function.__name__.isidentifier():
         raise FitnessError(
             f"@evocity.fitness(...) above {shown(function)}",
@@ -364,17 +310,19 @@ def _check_function(function) -> tuple[str, ...]:
             f"write {_HOW_TO_DECLARE}",
         )
     signature = inspect.signature(function)
-    needs = tuple(name for name in EXTRAS if name in list(signature.parameters)[1:])
+    given = dict(list(signature.parameters.items())[1:])
+    takes = tuple(name for name in EXTRAS if name in given)
+    needs = tuple(name for name in takes if given[name].default is inspect.Parameter.empty)
     try:
-        signature.bind("city", **dict.fromkeys(needs))
+        signature.bind("city", **dict.fromkeys(takes))
     except TypeError as error:
         raise FitnessError(
             f"{function.__name__}{signature}: {error}",
             f"a function of the city map: def {function.__name__}(city):, which may ask for "
-            f"{' and '.join(EXTRAS)} besides",
+            f"{', '.join(EXTRAS)} besides",
             "take these alone; give other parameters default values",
         ) from None
-    return needs
+    return needs, takes
 
 
 def _checked_names(numbers: Sequence[str]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from importlib import import_module
 from importlib.util import find_spec
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -20,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from evocity.errors import FitnessError, told
-from evocity.fitness.measure import Family, Measure
+from evocity.fitness.measure import Family, Measure, Several
+from evocity.fitness.registry import execute
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, np.dtype)
 #: Of a code's flags, those that `from __future__` sets and compile takes.
@@ -81,6 +83,66 @@ def shipment(measures: Sequence[Measure]) -> Shipment:
             "workers=0, in this process",
         ) from None
     return Shipment(described, place, packing.imports, packing.values, tuple(packing.pieces))
+
+
+def shipped(measures: Sequence[Measure]) -> tuple[Shipment, ...]:
+    """What worker processes must be given of those ``measures`` that they do not find by name or
+    file: those declared in this session, in a notebook's cell, a script, a module of the user's.
+
+    Raises `FitnessError` if one cannot be sent.
+    """
+    together: dict[FunctionType, list[Measure]] = {}
+    for one in measures:
+        if one.origin == "this session":
+            together.setdefault(plain(one.function), []).append(one)
+    packed = tuple(shipment(found) for found in together.values())
+    for function, one in zip(together, packed, strict=True):
+        _check_shipped(function, one)
+    return packed
+
+
+def _check_shipped(function: FunctionType, packed: Shipment) -> None:
+    """Raise `FitnessError` if what was packed does not become the ``function`` again."""
+    try:
+        again = plain(unpacked(packed)[0].function)
+    except Exception as error:
+        why = told(error)
+    else:
+        if again is function or alike(again.__code__, function.__code__):
+            return
+        why = "it has changed since it was read"
+    raise FitnessError(
+        f"the source of {function.__name__} ({function.__code__.co_filename}) does not make the "
+        f"measure again, as worker processes must: {why}",
+        "a measure whose source is as it was when it was declared",
+        f"put it into a file, {function.__name__}.py, and name that in the recipe as file; or "
+        "search with workers=0, in this process",
+    )
+
+
+def unpacked(packed: Shipment) -> list[Measure]:
+    """The measures that were packed, in this process; `get` does not know them by name."""
+    if packed.place is not None:
+        module, name = packed.place
+        found = getattr(import_module(module), name)
+        return list(found.measures) if isinstance(found, Family) else [found]
+    module = ModuleType(f"evocity_session_{packed.pieces[-1].name}")
+    for name, (home, what) in packed.imports.items():
+        imported = import_module(home)
+        module.__dict__[name] = getattr(imported, what) if what else imported
+    for name, value in packed.values.items():
+        if isinstance(value, Shipment):
+            found = unpacked(value)
+            several = found[0].number is not None
+            value = Family(found[0].name.partition(".")[0], tuple(found)) if several else found[0]
+        module.__dict__[name] = value
+    for piece in packed.pieces:
+        text = "\n" * (piece.line - 1) + piece.text  # errors tell the lines of the user's source
+        execute(text, piece.file, module, piece.flags)
+    function = module.__dict__[packed.pieces[-1].name]
+    numbers = [one["number"] for one in packed.told if one["number"] is not None]
+    called = Several(function, numbers) if numbers else function
+    return [Measure(function=called, **one) for one in packed.told]
 
 
 def plain(function: Callable) -> FunctionType:
@@ -235,4 +297,4 @@ def _is_plain(value: Any) -> bool:
     return isinstance(value, _PLAIN) and type(value).__module__ in ("builtins", "numpy")
 
 
-__all__ = ["Piece", "Shipment", "alike", "plain", "shipment"]
+__all__ = ["Piece", "Shipment", "shipment", "shipped", "unpacked"]

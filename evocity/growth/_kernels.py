@@ -1,9 +1,13 @@
-"""Compiled loops of growth. Slow twins stand in tests/naive.py.
+"""Compiled loops of growth, in one file, since those that lay call all others. Slow twins stand in
+tests/naive.py.
 
-A fabric is an array of *stones*, int32, one a range block: 8·lifs + isometry of the lifs of the
-original laid there, −1 where nothing stands yet. A *place* is a rectangle of blocks, a
-*candidate* a rectangle of the original's blocks of that size under an isometry: (isometry, row,
-column of its north-west block in the original). ``lays`` is `evocity.growth.LAYS`.
+Fabric and originals are cut into square *cells* of ``cell`` px. A fabric is an array of *stones*,
+int32, one a cell: 8·index + isometry of the original's cell laid there, −1 where nothing stands
+yet; the cells of all originals are counted through, row by row, one original after the other. So
+are their heights, ``brought``. A *place* is a rectangle of cells, a *candidate* a rectangle of an
+original's cells of that size under an isometry: (original, isometry, row, column of its north-west
+cell). ``sides``, int64 ``(originals, 3)``, holds rows, columns and first cell of each original;
+``lays`` is `evocity.growth.LAYS`.
 """
 
 import numpy as np
@@ -16,6 +20,10 @@ WINDOW = 64
 #: window of `WINDOW` holds one of them, wherever it lies.
 APART = 8
 ANCHORED = WINDOW - APART + 1
+
+#: Anchors are numbered row by row, so many a row.
+ACROSS = 1 << 31
+
 
 # Entries of the table of windows: nothing, gone again, at several anchors.
 FREE, GONE, MANY = -1, -2, -3
@@ -34,57 +42,64 @@ _AKIN = 1e12
 
 
 @kernel
-def fabric_window(stones, heights, lays, block, top, left, out):
+def origin(stone, sides):
+    """Where a stone comes from, as the candidate of one cell."""
+    index, one = stone >> 3, 0
+    while one + 1 < sides.shape[0] and index >= sides[one + 1, 2]:
+        one += 1
+    row, column = divmod(index - sides[one, 2], sides[one, 1])
+    return one, stone & 7, row, column
+
+
+@kernel
+def fabric_window(stones, brought, sides, lays, cell, top, left, out):
     """out = the fabric's heights from pixel (top, left) on; −1 where nothing stands."""
-    columns = heights.shape[1] // block
     high, wide = out.shape
-    for row in range(top // block, (top + high + block - 1) // block):
-        y, i0 = row * block - top, max(top - row * block, 0)
-        i1 = min(block, high - y)
-        for column in range(left // block, (left + wide + block - 1) // block):
-            x, j0 = column * block - left, max(left - column * block, 0)
-            j1 = min(block, wide - x)
+    for row in range(top // cell, (top + high + cell - 1) // cell):
+        y, i0 = row * cell - top, max(top - row * cell, 0)
+        i1 = min(cell, high - y)
+        for column in range(left // cell, (left + wide + cell - 1) // cell):
+            x, j0 = column * cell - left, max(left - column * cell, 0)
+            j1 = min(cell, wide - x)
             stone = stones[row, column]
             if stone < 0:
                 out[y + i0 : y + i1, x + j0 : x + j1] = -1
                 continue
-            lay = lays[stone & 7]
-            north = (stone >> 3) // columns * block + lay[0] * (block - 1)
-            west = (stone >> 3) % columns * block + lay[1] * (block - 1)
+            first, down, along = strides(origin(stone, sides), 1, 1, cell, sides, lays)
             for i in range(i0, i1):
                 for j in range(j0, j1):
-                    v, u = north + lay[2] * i + lay[4] * j, west + lay[3] * i + lay[5] * j
-                    out[y + i, x + j] = heights[v, u]
+                    out[y + i, x + j] = brought[first + i * down + j * along]
 
 
 @kernel
-def candidate(draw, isos, tall, wide, rows, columns, lays):
-    """The candidate that a random whole ``draw`` means for a place of tall × wide blocks."""
+def candidate(draw, one, isos, tall, wide, sides, lays):
+    """The candidate of original ``one`` that a random whole ``draw`` means for a place of
+    tall × wide cells."""
     iso = isos[(draw & 7) % isos.size]
     if lays[iso, 2] == 0:  # it lays rows of the original as columns
         tall, wide = wide, tall
-    row, column = divmod(
-        (draw >> 3) % ((rows - tall + 1) * (columns - wide + 1)), columns - wide + 1
-    )
-    return iso, row, column
+    across = sides[one, 1] - wide + 1
+    row, column = divmod((draw >> 3) % ((sides[one, 0] - tall + 1) * across), across)
+    return one, iso, row, column
 
 
 @kernel
-def strides(chosen, tall, wide, block, width, lays):
-    """Where a candidate's pixel (y, x) lies in the original's heights, rows of ``width`` one
-    after another: at first + y·down + x·along. With ``block`` 1, the same of its blocks."""
-    iso, row, column = chosen
+def strides(chosen, tall, wide, cell, sides, lays):
+    """Where a candidate's pixel (y, x) lies in what is ``brought``: at first + y·down + x·along.
+    With ``cell`` 1, the same of its cells in their count."""
+    one, iso, row, column = chosen
     lay = lays[iso]
     if lay[2] == 0:
         tall, wide = wide, tall
-    first = (row * block + lay[0] * (tall * block - 1)) * width
-    first += column * block + lay[1] * (wide * block - 1)
+    width = sides[one, 1] * cell
+    first = (row * cell + lay[0] * (tall * cell - 1)) * width
+    first += column * cell + lay[1] * (wide * cell - 1) + sides[one, 2] * cell * cell
     return first, lay[2] * width + lay[3], lay[4] * width + lay[5]
 
 
 @kernel
-def overlap_cost(stand, standing, brought, at, block, limit):
-    """Σ |brought − stand| over the pixels of the blocks ``standing``; given up above ``limit``.
+def overlap_cost(stand, standing, brought, at, cell, limit):
+    """Σ |brought − stand| over the pixels of the cells ``standing``; given up above ``limit``.
 
     at : `strides` of what is brought."""
     first, down, along = at
@@ -92,9 +107,9 @@ def overlap_cost(stand, standing, brought, at, block, limit):
     for i in range(standing.shape[0]):
         for j in range(standing.shape[1]):
             if standing[i, j]:
-                for y in range(i * block, (i + 1) * block):
+                for y in range(i * cell, (i + 1) * cell):
                     line = 0.0  # a sum of its own, so that lines need not wait for each other
-                    for x in range(j * block, (j + 1) * block):
+                    for x in range(j * cell, (j + 1) * cell):
                         line += abs(brought[first + y * down + x * along] - stand[y, x])
                     total += line
         if total > limit:
@@ -103,18 +118,18 @@ def overlap_cost(stand, standing, brought, at, block, limit):
 
 
 @kernel
-def edge_steps(stand, standing, brought, at, block):
-    """Σ |brought − stand| along the north, south, west and east edge of each block ``standing``."""
+def edge_steps(stand, standing, brought, at, cell):
+    """Σ |brought − stand| along the north, south, west and east edge of each cell ``standing``."""
     first, down, along = at
     tall, wide = standing.shape
     steps = np.zeros((tall, wide, 4))
-    last = block - 1
+    last = cell - 1
     for i in range(tall):
         for j in range(wide):
             if not standing[i, j]:
                 continue
-            y, x = i * block, j * block
-            for k in range(block):
+            y, x = i * cell, j * cell
+            for k in range(cell):
                 north_west = first + y * down + x * along
                 edge = north_west + k * along
                 steps[i, j, 0] += abs(brought[edge] - stand[y, x + k])
@@ -127,7 +142,7 @@ def edge_steps(stand, standing, brought, at, block):
 
 @kernel
 def between(steps, standing, i, j, p, q, side):
-    """Step across the edge ``side`` of block (i, j), which block (p, q) shares: the mean of what
+    """Step across the edge ``side`` of cell (i, j), which cell (p, q) shares: the mean of what
     is known of both."""
     other = side ^ 1
     if standing[i, j] and standing[p, q]:
@@ -137,19 +152,19 @@ def between(steps, standing, i, j, p, q, side):
 
 @kernel
 def least_cut(costs, rims, must, never, laid):
-    """Cut a place in blocks that are laid and blocks that stay, at the least cost.
+    """Cut a place in cells that are laid and cells that stay, at the least cost.
 
-    costs[i, j, s] : of a cut along the south (s = 0) or east (s = 1) edge of block (i, j).
-    rims[i, j] : of laying block (i, j) beside what stands outside the place.
-    must, never : blocks that are laid, blocks that stay, whatever it costs.
-    laid : filled with the blocks to lay, as many as equal cost allows.
+    costs[i, j, s] : of a cut along the south (s = 0) or east (s = 1) edge of cell (i, j).
+    rims[i, j] : of laying cell (i, j) beside what stands outside the place.
+    must, never : cells that are laid, cells that stay, whatever it costs.
+    laid : filled with the cells to lay, as many as equal cost allows.
 
     The least cut is the largest flow from what stays to what is laid (Ford & Fulkerson 1956), in
     whole units: a search finds shortest ways to all ends at once, and each is filled up.
     """
     tall, wide = must.shape
     count = tall * wide
-    room = np.zeros((count, 4), np.int64)  # to the block in the south, north, east, west
+    room = np.zeros((count, 4), np.int64)  # to the cell in the south, north, east, west
     step = np.array([wide, -wide, 1, -1])
     inward, outward = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for i in range(tall):
@@ -205,8 +220,8 @@ def least_cut(costs, rims, must, never, laid):
 
 
 @kernel
-def outline(stones, place, standing, never, steps, block, laid):
-    """Choose the blocks of a group to lay, by the least cut, and return the mean step along its
+def outline(stones, place, standing, never, steps, cell, laid):
+    """Choose the cells of a group to lay, by the least cut, and return the mean step along its
     outline, metres a pixel; 0 if it has none. ``steps`` as of `edge_steps`; ``laid`` is filled."""
     top, left, tall, wide = place
     costs, rims = np.zeros((tall, wide, 2)), np.zeros((tall, wide))
@@ -238,7 +253,7 @@ def outline(stones, place, standing, never, steps, block, laid):
             if laid[i, j]:
                 total += rims[i, j]
                 edges += touching[i, j]
-    return total / (edges * block) if edges else 0.0
+    return total / (edges * cell) if edges else 0.0
 
 
 # -- windows that must not come twice ---------------------------------------------------------
@@ -424,24 +439,28 @@ def common_windows(values, found, common, allowed):
 
 @kernel
 def lay_groups(
-    stones, original, heights, lays, isos, block, places, draws, tolerance, kept,
-    uses, common, allowed, coarse, fine, steps, twice,
+    stones, original, brought, sides, lays, isos, cell, places, owners, draws, tolerance, kept,
+    uses, surplus, common, allowed, coarse, fine, corner, steps, twice,
 ):  # fmt: skip
-    """Lay one group at each place (top, left, tall, wide, in blocks), in this order.
+    """Lay one group at each place (top, left, tall, wide, in cells), in this order.
 
     stones : int32 ``(rows, columns)``, changed in place.
-    original : (top, left, bottom, right) of the original in it, blocks, which stays as it is.
-    heights : float32 ``(H, W)``, the original's.
+    original : (top, left, bottom, right), cells, of what stays as it is; it may lie outside.
     isos : the isometries groups may be laid under.
+    owners : int64 ``(places,)``, which original each group comes from.
     draws : int64 ``(places, n)``, 0 or more: the candidates, see `candidate`.
     tolerance : S, metres.
     kept : outlines are cut for so many candidates at a time, the best by their overlap first.
-    uses : int64, how often each lifs of the original stands in the fabric; changed in place.
-    common, allowed : sorted keys of the windows that the original itself repeats, of side
+    uses : int64, how often each cell of the originals stands in the fabric; changed in place.
+    surplus : float64, by how much the built share of each cell exceeds its original's. Of what
+        stands in ``stones`` its sum is kept small.
+    common, allowed : sorted keys of the windows that the originals themselves repeat, of side
         `ANCHORED` and of side `WINDOW`.
     coarse : keys and anchors of the windows of side `ANCHORED`, at every `APART` pixels.
     fine : the same of windows of side `WINDOW` that hold a common one, at every pixel. Both
         tables are changed in place, and must have room.
+    corner : (row, column) of the north-west pixel of ``stones``, multiples of `APART`: anchors
+        are counted from there.
     steps : filled with the mean step along each outline; NaN where nothing was bare.
     twice : filled with whether each group makes a window come twice.
 
@@ -451,11 +470,11 @@ def lay_groups(
 
     Returns by how many entries the tables grew.
     """
-    rows, columns = heights.shape[0] // block, heights.shape[1] // block
-    brought = heights.ravel()
-    width = stones.shape[1] * block
-    across = (width + APART - 1) // APART
     grown, fine_grown = 0, 0
+    owed = 0.0
+    for stone in stones.flat:
+        if stone >= 0:
+            owed += surplus[stone >> 3]
     for n in range(places.shape[0]):
         top, left, tall, wide = places[n]
         standing = stones[top : top + tall, left : left + wide] >= 0
@@ -467,40 +486,48 @@ def lay_groups(
             max(original[0] - top, 0) : max(original[2] - top, 0),
             max(original[1] - left, 0) : max(original[3] - left, 0),
         ] = True
-        stand = np.empty((tall * block, wide * block), np.float32)
-        fabric_window(stones, heights, lays, block, top * block, left * block, stand)
+        stand = np.empty((tall * cell, wide * cell), np.float32)
+        fabric_window(stones, brought, sides, lays, cell, top * cell, left * cell, stand)
 
+        one = owners[n]
         order = by_overlap(
-            stones, places[n], stand, standing, brought, draws[n], isos, block, columns, lays
+            stones, places[n], stand, standing, brought, one, draws[n], isos, cell, sides, lays
         )
         # what stands around: windows that touch the place reach so far
-        box = (top * block, left * block, (top + tall) * block, (left + wide) * block)
+        box = (top * cell, left * cell, (top + tall) * cell, (left + wide) * cell)
         y0, x0 = max(box[0] - WINDOW + 1, 0), max(box[1] - WINDOW + 1, 0)
-        y1 = min(box[2] + WINDOW - 1, stones.shape[0] * block)
-        x1 = min(box[3] + WINDOW - 1, stones.shape[1] * block)
+        y1 = min(box[2] + WINDOW - 1, stones.shape[0] * cell)
+        x1 = min(box[3] + WINDOW - 1, stones.shape[1] * cell)
         around = np.empty((y1 - y0, x1 - x0), np.float32)
-        fabric_window(stones, heights, lays, block, y0, x0, around)
+        fabric_window(stones, brought, sides, lays, cell, y0, x0, around)
         inner = around[box[0] - y0 : box[2] - y0, box[1] - x0 : box[3] - x0]
         before = window_keys(around, ANCHORED)
         fine_before = common_windows(around, before, common, allowed)
         now, fine_now = before, fine_before
+        y0, x0 = y0 + corner[0], x0 + corner[1]
+        box = (box[0] + corner[0], box[1] + corner[1], box[2] + corner[0], box[3] + corner[1])
 
-        mean_use = uses.sum() / uses.size
+        count = sides[one, 0] * sides[one, 1]
+        mean_use = uses[sides[one, 2] : sides[one, 2] + count].sum() / count
         cuts = np.zeros((order.size, tall, wide), np.bool_)
         outlines, scores = np.empty(order.size), np.empty(order.size)
+        changes = np.empty(order.size)
         found, tried, unseamed = -1, 0, False
         while found < 0:
             if tried < order.size:  # the next few, the best of the admissible first
                 first, last = tried, min(tried + kept, order.size)
                 for c in range(first, last):
-                    chosen = candidate(draws[n, order[c]], isos, tall, wide, rows, columns, lays)
-                    at = strides(chosen, tall, wide, block, heights.shape[1], lays)
-                    at_edges = edge_steps(stand, standing, brought, at, block)
+                    chosen = candidate(draws[n, order[c]], one, isos, tall, wide, sides, lays)
+                    at = strides(chosen, tall, wide, cell, sides, lays)
+                    at_edges = edge_steps(stand, standing, brought, at, cell)
                     outlines[c] = outline(
-                        stones, places[n], standing, never, at_edges, block, cuts[c]
+                        stones, places[n], standing, never, at_edges, cell, cuts[c]
                     )
-                    use = laid_use(uses, cuts[c], chosen, columns, lays)
-                    scores[c] = outlines[c] + tolerance / 6 * use / mean_use
+                    use, changes[c] = laid_use(
+                        stones, places[n], uses, surplus, cuts[c], chosen, sides, lays
+                    )
+                    uneven = use / mean_use / 6 + abs(owed + changes[c]) / (2 * cuts[c].sum())
+                    scores[c] = outlines[c] + tolerance * uneven
                     if outlines[c] > tolerance:
                         scores[c] = np.inf
                 trial = first + np.argsort(scores[first:last], kind="mergesort")
@@ -514,40 +541,39 @@ def lay_groups(
             for c in trial:
                 if scores[c] == np.inf:
                     break
-                chosen = candidate(draws[n, order[c]], isos, tall, wide, rows, columns, lays)
-                at = strides(chosen, tall, wide, block, heights.shape[1], lays)
-                lay_pixels(inner, stand, cuts[c], brought, at, block)
+                chosen = candidate(draws[n, order[c]], one, isos, tall, wide, sides, lays)
+                at = strides(chosen, tall, wide, cell, sides, lays)
+                lay_pixels(inner, stand, cuts[c], brought, at, cell)
                 now = window_keys(around, ANCHORED)
                 fine_now = common_windows(around, now, common, allowed)
                 if twice[n] or not (
-                    comes_twice(*coarse, now, common, ANCHORED, y0, x0, APART, across, box)
-                    or comes_twice(*fine, fine_now, allowed, WINDOW, y0, x0, 1, width, box)
+                    comes_twice(*coarse, now, common, ANCHORED, y0, x0, APART, ACROSS, box)
+                    or comes_twice(*fine, fine_now, allowed, WINDOW, y0, x0, 1, ACROSS, box)
                 ):
                     found = c
                     break
-        chosen = candidate(draws[n, order[found]], isos, tall, wide, rows, columns, lays)
-        lay_stones(stones, uses, top, left, cuts[found], chosen, columns, lays)
-        forget(*coarse, before, now, y0, x0, APART, across)
-        forget(*fine, fine_before, fine_now, y0, x0, 1, width)
-        grown += remember_all(*coarse, now, y0, x0, APART, across)
-        fine_grown += remember_all(*fine, fine_now, y0, x0, 1, width)
+        chosen = candidate(draws[n, order[found]], one, isos, tall, wide, sides, lays)
+        owed += changes[found]
+        lay_stones(stones, uses, top, left, cuts[found], chosen, sides, lays)
+        forget(*coarse, before, now, y0, x0, APART, ACROSS)
+        forget(*fine, fine_before, fine_now, y0, x0, 1, ACROSS)
+        grown += remember_all(*coarse, now, y0, x0, APART, ACROSS)
+        fine_grown += remember_all(*fine, fine_now, y0, x0, 1, ACROSS)
         steps[n] = outlines[found]
     return grown, fine_grown
 
 
 @kernel
-def by_overlap(stones, place, stand, standing, brought, draws, isos, block, columns, lays):
+def by_overlap(stones, place, stand, standing, brought, one, draws, isos, cell, sides, lays):
     """The candidates (indices) by what they differ, in sum, from all that stands. Those akin to
     a stone of the place come after the others, those that go on where one comes from last."""
     tall, wide = place[2:]
-    width = columns * block
-    rows = brought.size // (width * block)
     costs, least = np.empty(draws.size), np.inf
     for k in range(draws.size):
-        chosen = candidate(draws[k], isos, tall, wide, rows, columns, lays)
-        kin = kinship(stones, place, chosen, columns, lays)
-        at = strides(chosen, tall, wide, block, width, lays)
-        costs[k] = overlap_cost(stand, standing, brought, at, block, 2 * least)
+        chosen = candidate(draws[k], one, isos, tall, wide, sides, lays)
+        kin = kinship(stones, place, chosen, sides, lays)
+        at = strides(chosen, tall, wide, cell, sides, lays)
+        costs[k] = overlap_cost(stand, standing, brought, at, cell, 2 * least)
         if kin:
             costs[k] += kin * _AKIN
         else:
@@ -556,64 +582,74 @@ def by_overlap(stones, place, stand, standing, brought, draws, isos, block, colu
 
 
 @kernel
-def kinship(stones, place, chosen, columns, lays):
+def kinship(stones, place, chosen, sides, lays):
     """2 if a candidate goes on where a stone of the place comes from, bringing that very stone;
     1 if it brings a stone that stands in the place otherwise, mirrored or moved; else 0."""
     top, left, tall, wide = place
-    first, down, along = strides(chosen, tall, wide, 1, columns, lays)
-    row, column = chosen[1:]
-    if lays[chosen[0], 2] == 0:
+    first, down, along = strides(chosen, tall, wide, 1, sides, lays)
+    one, iso, row, column = chosen
+    if lays[iso, 2] == 0:
         deep, broad = wide, tall
     else:
         deep, broad = tall, wide
+    start, columns = sides[one, 2], sides[one, 1]
+    end = start + sides[one, 0] * columns
     kin = 0
     for i in range(tall):
         for j in range(wide):
             stone = stones[top + i, left + j]
             if stone < 0:
                 continue
-            if stone == 8 * (first + i * down + j * along) + chosen[0]:
+            if stone == 8 * (first + i * down + j * along) + iso:
                 return 2
-            y, x = (stone >> 3) // columns - row, (stone >> 3) % columns - column
-            if 0 <= y < deep and 0 <= x < broad:
-                kin = 1
+            index = stone >> 3
+            if start <= index < end:
+                y, x = (index - start) // columns - row, (index - start) % columns - column
+                if 0 <= y < deep and 0 <= x < broad:
+                    kin = 1
     return kin
 
 
 @kernel
-def laid_use(uses, laid, chosen, columns, lays):
-    """How often the lifs that a candidate would lay stand in the fabric, on average."""
-    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, columns, lays)
-    total, count = 0, 0
+def laid_use(stones, place, uses, surplus, laid, chosen, sides, lays):
+    """How often the cells that a candidate would lay stand in the fabric, on average; and by how
+    much it would change the sum of what stands in ``surplus``."""
+    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, sides, lays)
+    total, count, change = 0, 0, 0.0
     for i in range(laid.shape[0]):
         for j in range(laid.shape[1]):
             if laid[i, j]:
-                total += uses[first + i * down + j * along]
+                index = first + i * down + j * along
+                total += uses[index]
                 count += 1
-    return total / count
+                change += surplus[index]
+                stone = stones[place[0] + i, place[1] + j]
+                if stone >= 0:
+                    change -= surplus[stone >> 3]
+    return total / count, change
 
 
 @kernel
-def lay_pixels(target, stand, laid, brought, at, block):
+def lay_pixels(target, stand, laid, brought, at, cell):
     """target = what is ``brought`` where ``laid``, else what stands."""
     first, down, along = at
     for y in range(target.shape[0]):
         for x in range(target.shape[1]):
-            if laid[y // block, x // block]:
+            if laid[y // cell, x // cell]:
                 target[y, x] = brought[first + y * down + x * along]
             else:
                 target[y, x] = stand[y, x]
 
 
 @kernel
-def lay_stones(stones, uses, top, left, laid, chosen, columns, lays):
-    """Lay a candidate's lifs, and count them."""
-    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, columns, lays)
+def lay_stones(stones, uses, top, left, laid, chosen, sides, lays):
+    """Lay a candidate's cells, and count them."""
+    first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, sides, lays)
     for i in range(laid.shape[0]):
         for j in range(laid.shape[1]):
             if laid[i, j]:
-                lifs = first + i * down + j * along
+                index = first + i * down + j * along
                 if stones[top + i, left + j] >= 0:
                     uses[stones[top + i, left + j] >> 3] -= 1
-                uses[lifs] += 1
-                stones[top + i, left + j] = 8 * lifs + chosen[0]
+                uses[index] += 1
+                stones[top + i, left + j] = 8 * index + chosen[1]

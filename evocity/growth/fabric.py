@@ -1,200 +1,269 @@
 """`Growth`: what was grown, as heights of any window, as a map, as a genome."""
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from evocity import isometries
-from evocity.citymap import CityMap
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.condensation import Condensation
-from evocity.errors import OperatorError
-from evocity.genome import Genome
-from evocity.growth._kernels import fabric_window
+from evocity.errors import OperatorError, setting
+from evocity.genome import Genome, merged_cities
+from evocity.growth._kernels import WINDOW, window_keys
+from evocity.growth.lifs import lifs_laid
+from evocity.growth.plane import Plane
 from evocity.operators.repair import collage_repair
-from evocity.pavement import Pavement
 
-
-def _lays() -> np.ndarray:
-    table = np.empty((isometries.COUNT, 6), np.int64)
-    for row, sources in zip(table, isometries.sources(2), strict=True):
-        corner, east, south, _ = (np.array(divmod(int(flat), 2)) for flat in sources)
-        row[:] = [*corner, *(south - corner), *(east - corner)]
-    table.setflags(write=False)
-    return table
-
-
-#: How each isometry lays a rectangle: int64 ``(8, 6)``. Its target's north-west pixel comes from
-#: the source's first (0) or last (1) row and column; then (rows, columns) to go in the source for
-#: a step south in the target, and for one east.
-LAYS = _lays()
+#: Rows and columns of an endless fabric are counted so far, pixels.
+FARTHEST = 1 << 50
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """A fabric grown from an original, as `grow` returns it.
+    """An endless fabric grown from one or several originals, as `grow` returns it.
 
-    It holds no heights but the original's: four bytes a range block say what stands there, and
-    any window is drawn from that. So it can be far larger than what memory holds as a map.
+    What stands at a place is a function of the seed and of the place alone. A window is laid
+    when it is asked for, in any order and in any process; what was laid last is kept.
 
-    original : the genome it grew from.
-    heights : float32, the original's decoded map.
-    pavement : of the whole fabric.
-    corner : (row, column) of the original's north-west range block in it.
-    stones : int32 ``(rows, columns)``: 8·lifs + isometry of the lifs of the original that is
-        laid at each range block.
-    steps : float64, mean step along the outline of each group laid, metres.
-    made : how it came about: parameters, and what was reached.
+    originals : the genomes it grows from. The first stands in it; of all, groups are laid.
+    plane : what stands where.
+    shape : (H, W) in pixels of the map it is written as: a rectangle of the fabric.
+    place : (row, column) of the first original's north-west pixel, counted, as all rows and
+        columns are, from the north-west pixel of that rectangle.
+    made : how it came about: parameters.
     """
 
-    original: Genome
-    heights: np.ndarray
-    pavement: Pavement
-    corner: tuple[int, int]
-    stones: np.ndarray
-    steps: np.ndarray
+    originals: tuple[Genome, ...]
+    plane: Plane
+    shape: tuple[int, int]
+    place: tuple[int, int]
     made: Mapping
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """(H, W) in pixels."""
-        return self.pavement.height, self.pavement.width
+    def cell(self) -> int:
+        """Side of the squares that are laid, pixels."""
+        return self.plane.cell
 
     @property
     def metres_per_pixel(self) -> float:
-        return self.original.metres_per_pixel
+        return self.originals[0].metres_per_pixel
 
     @property
     def name(self) -> str:
-        return f"{' × '.join(self.original.cities)}, grown"
+        return f"{' × '.join(self._cities[0])}, grown"
 
     @property
     def attribution(self) -> str:
-        return self.original.attribution
+        return self._cities[2]
+
+    @property
+    def _cities(self):
+        return merged_cities(self.originals)
 
     @property
     def crs(self) -> str | None:
-        return self.original.crs
+        return self.originals[0].crs
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """North-west corner: such that the original lies where it lay."""
-        if self.original.origin is None:
-            return None
-        x, y = self.original.origin
-        down, along = (side * self.pavement.block * self.metres_per_pixel for side in self.corner)
-        return x - along, y + down
+        """North-west corner of the map: such that the first original lies where it lay."""
+        return self._origin_of(0, 0)
+
+    def at(self, top: int, left: int, height: int, width: int) -> "Growth":
+        """The same fabric with another rectangle to be written; rows and columns are counted
+        from its north-west pixel (top, left)."""
+        top, left, height, width = _rectangle(top, left, height, width, whole=True)
+        place = self.place[0] - top, self.place[1] - left
+        return dataclasses.replace(self, shape=(height, width), place=place)
 
     def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
-        """Float32 ``(height, width)`` heights, metres, from pixel (top, left) on.
+        """Float32 ``(height, width)`` heights, metres, from pixel (top, left) on, wherever that
+        lies; rows and columns may be negative."""
+        top, left, height, width = _rectangle(top, left, height, width)
+        return self.plane.window(top - self.place[0], left - self.place[1], height, width)
 
-        Raises `OperatorError` if the window reaches beyond the fabric.
-        """
-        tall, wide = self.shape
-        if min(top, left, height, width) < 0 or top + height > tall or left + width > wide:
-            raise OperatorError(
-                f"a window of {height} × {width} px at row {top}, column {left}",
-                f"one inside the fabric of {tall} × {wide} px",
-                "ask for windows that end at its border",
-            )
-        out = np.empty((height, width), np.float32)
-        block = self.pavement.block
-        fabric_window(self.stones, self.heights, LAYS, block, top, left, out)
-        return out
-
-    def city(self) -> CityMap:
-        """The whole fabric as a map: four bytes a pixel, and as much again for each view."""
+    def city(
+        self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
+    ) -> CityMap:
+        """A rectangle as a map: four bytes a pixel, and as much again for each view. The whole
+        map, if nothing is given."""
+        top, left, height, width = self._rectangle(top, left, height, width, whole=True)
         return CityMap(
-            self.window(0, 0, *self.shape),
+            self.window(top, left, height, width),
             self.metres_per_pixel,
             name=self.name,
             attribution=self.attribution,
-            origin=self.origin,
+            origin=self._origin_of(top, left),
             crs=self.crs,
         )
 
+    def sources(
+        self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
+    ) -> dict[str, np.ndarray]:
+        """What stands where: of each cell of a rectangle, which ``original``, which ``row`` and
+        ``column`` of its cells, and under which isometry ``iso``; int64 ``(rows, columns)`` each.
+
+        Raises `OperatorError` for a rectangle that does not begin and end between two cells.
+        """
+        rectangle = self._rectangle(top, left, height, width)
+        first, west, bottom, right = self._cells(*rectangle)
+        stones = self.plane.stones(first, west, bottom, right).astype(np.int64)
+        sides, index = self.plane.sides, stones >> 3
+        one = np.searchsorted(sides[:, 2], index, side="right") - 1
+        row, column = np.divmod(index - sides[one, 2], sides[one, 1])
+        return {"original": one, "row": row, "column": column, "iso": stones & 7}
+
+    def account(
+        self,
+        top: int = 0,
+        left: int = 0,
+        height: int | None = None,
+        width: int | None = None,
+        *,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict:
+        """How well it was laid, over the tiles that a rectangle touches: ``groups``, their number;
+        ``step``, the mean step along their outlines, metres; ``forced``, how many were laid
+        without an admissible candidate (the least step was taken); ``repeated``, how many make
+        a window of 64 px come twice among those known (every candidate did). ``progress`` is
+        called with (done, total), counted in tiles."""
+        top, left, height, width = self._rectangle(top, left, height, width)
+        top, left = top - self.place[0], left - self.place[1]
+        ends = -(-(top + height) // self.cell), -(-(left + width) // self.cell)
+        return self.plane.account(top // self.cell, left // self.cell, *ends, progress)
+
+    def repeats(
+        self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
+    ) -> int:
+        """How many windows of 64 × 64 px stand in a rectangle more than once, counted once each,
+        and those left out that the originals repeat themselves. It takes some 24 bytes a pixel."""
+        top, left, height, width = self._rectangle(top, left, height, width)
+        keys = window_keys(self.window(top, left, height, width), WINDOW).ravel()
+        keys.sort()
+        twice = np.unique(keys[1:][keys[1:] == keys[:-1]])
+        return int((~np.isin(twice, self.plane.windows.allowed)).sum())
+
     def genome(
         self,
+        top: int = 0,
+        left: int = 0,
+        height: int | None = None,
+        width: int | None = None,
         *,
         repair: float | None = 0.5,
         reach: int | None = 24,
         domains: Sequence[int] = (2,),
     ) -> Genome:
-        """The fabric as a genome: its lifs stand in their groups, domain blocks carried along.
+        """A rectangle as a genome: its lifs stand in their groups, domain blocks carried along.
 
         A domain block keeps its place beside its range block, turned with the group; where
-        the group's border or the fabric's cuts it off, what it covers is another city than it
+        the group's border or the rectangle's cuts it off, what it covers is another city than it
         was, and the block crumbles. Collage repair then brings the blocks that decode further
         than ``repair`` metres (root mean square) from `window` back to it, searching in
         ``domains`` within ``reach``, as for every operator; None leaves them.
 
-        ``parent`` and ``source`` are those of the original's lifs. What the original condenses
-        is condensed in its place alone. The whole map is decoded and searched: some 170 bytes
-        a pixel.
+        ``parent`` and ``source`` are those of the originals' lifs. What the first original
+        condenses is condensed in its place alone. The rectangle is decoded and searched whole:
+        some 170 bytes a pixel.
+
+        Raises `OperatorError` for a rectangle that does not begin and end between two cells, and
+        for originals whose range blocks are not of one side that divides the cell.
         """
-        one, pavement = self.original, self.pavement
-        lifs, iso = self.stones.ravel() >> 3, (self.stones & 7).ravel()
-        x, y, dx, dy = self._carried(lifs, iso)
-        turned = isometries.COMPOSITION[iso, one.iso[lifs]]
-        turned = isometries.COMPOSITION[turned, isometries.INVERSE[iso]]
-        genome = Genome(
-            pavement,
-            sigma=one.sigma[lifs],
-            beta=one.beta[lifs],
-            x=x,
-            y=y,
-            dx=dx,
-            dy=dy,
-            iso=np.where(one.uniform[lifs], 0, turned).astype(np.uint8),
-            parent=one.parent[lifs],
-            source=one.source[lifs],
-            metres_per_pixel=one.metres_per_pixel,
-            cities=one.cities,
-            sigma_max=one.sigma_max,
-            attribution=one.attribution,
-            origin=self.origin,
-            crs=one.crs,
-            made=self.made,
-            condensation=self._condensation(),
-        )
+        rectangle = self._rectangle(top, left, height, width, whole=True)
+        stands = self.sources(*rectangle)
+        made = {**self.made, **self.account(*rectangle)}
+        made["corner"] = [
+            (at - by) // self.cell for at, by in zip(self.place, rectangle, strict=False)
+        ]
+        genome = lifs_laid(
+            self.originals, self.cell,
+            stands["original"], stands["row"], stands["column"], stands["iso"],
+        ).replace(
+            origin=self._origin_of(*rectangle[:2]),
+            crs=self.crs,
+            made=made,
+            condensation=self._condensation(*rectangle),
+        )  # fmt: skip
         if repair is None:
             return genome
-        intended = self.window(0, 0, *self.shape)
+        intended = self.window(*rectangle)
         genome, repaired = collage_repair(
             genome, intended, threshold=repair, reach=reach, domains=domains
         )
-        return genome.replace(made={**self.made, "repaired": repaired})
+        return genome.replace(made={**made, "repaired": repaired})
 
-    def _carried(self, lifs: np.ndarray, iso: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Domain blocks ``(x, y, dx, dy)`` of the lifs laid, where their groups bring them;
-        moved inside the fabric if they would reach beyond."""
-        one, block = self.original, self.pavement.block
-        corner_y, corner_x = (corner[lifs].astype(np.int64) for corner in one.pavement.corners)
-        top, left = (corner.astype(np.int64) for corner in self.pavement.corners)
-        origin_y, origin_x, down_y, down_x, along_y, along_x = LAYS[iso].T
-        # from the source's pixel that the target's north-west one shows, to the domain's two ends
-        from_y, from_x = corner_y + origin_y * (block - 1), corner_x + origin_x * (block - 1)
-        tall, wide = one.dy[lifs].astype(np.int64), one.dx[lifs].astype(np.int64)
-        near_y, near_x = one.y[lifs] - from_y, one.x[lifs] - from_x
-        far_y, far_x = near_y + tall - 1, near_x + wide - 1
-        y = top + np.minimum(near_y * down_y + near_x * down_x, far_y * down_y + far_x * down_x)
-        x = left + np.minimum(
-            near_y * along_y + near_x * along_x, far_y * along_y + far_x * along_x
-        )
-        swapped = down_y == 0
-        dy, dx = np.where(swapped, wide, tall), np.where(swapped, tall, wide)
-        y, x = (
-            np.where(one.uniform[lifs], 0, np.clip(corner, 0, side - extent))
-            for corner, extent, side in ((y, dy, self.shape[0]), (x, dx, self.shape[1]))
-        )
-        return tuple(column.astype(np.int16) for column in (x, y, dx, dy))
+    def _rectangle(self, top, left, height, width, whole=False) -> tuple[int, int, int, int]:
+        height = self.shape[0] if height is None else height
+        width = self.shape[1] if width is None else width
+        return _rectangle(top, left, height, width, whole)
 
-    def _condensation(self) -> Condensation | None:
-        """The original's layer, in its place."""
-        layer = self.original.condensation
-        if layer is None or layer.shape == self.shape:
+    def _cells(self, top: int, left: int, height: int, width: int) -> tuple[int, int, int, int]:
+        """The cells of a rectangle, from the first original's on: top, left, bottom, right."""
+        cell, (y, x) = self.cell, self.place
+        if (top - y) % cell or (left - x) % cell or height % cell or width % cell:
+            rows, columns = (f"{at % cell} + n · {cell}" for at in (y, x))
+            raise OperatorError(
+                f"growth: a rectangle of {height} × {width} px at row {top}, column {left}",
+                f"one of whole cells: sides that are multiples of {cell} px, row {rows}, "
+                f"column {columns}",
+                "choose such sides and such a place",
+            )
+        top, left = (top - y) // cell, (left - x) // cell
+        return top, left, top + height // cell, left + width // cell
+
+    def _origin_of(self, top: int, left: int) -> tuple[float, float] | None:
+        """The place on Earth of a pixel's north-west corner."""
+        if self.originals[0].origin is None:
+            return None
+        x, y = self.originals[0].origin
+        down, along = (
+            (at - by) * self.metres_per_pixel
+            for at, by in zip(self.place, (top, left), strict=True)
+        )
+        return x - along, y + down
+
+    def _condensation(self, top: int, left: int, height: int, width: int) -> Condensation | None:
+        """What of the first original's layer lies in a rectangle, in its place."""
+        layer = self.originals[0].condensation
+        if layer is None:
+            return None
+        y, x = self.place[0] - top, self.place[1] - left
+        if (y, x, height, width) == (0, 0, *layer.shape):
             return layer
-        raster = np.full(self.shape, np.nan, np.float32)
-        top, left = (side * self.pavement.block for side in self.corner)
-        raster[top : top + layer.shape[0], left : left + layer.shape[1]] = layer.raster
-        return Condensation.from_raster(raster)
+        raster = np.full((height, width), np.nan, np.float32)
+        within = raster[
+            max(y, 0) : max(y + layer.shape[0], 0), max(x, 0) : max(x + layer.shape[1], 0)
+        ]
+        v, u = max(-y, 0), max(-x, 0)
+        within[:] = layer.raster[v : v + within.shape[0], u : u + within.shape[1]]
+        return None if np.isnan(raster).all() else Condensation.from_raster(raster)
+
+
+def _rectangle(top, left, height, width, whole=False) -> tuple[int, int, int, int]:
+    """A rectangle of the plane, or `OperatorError`; ``whole``: it becomes a map."""
+    faults = {}
+    for name, at in {"top": top, "left": left}.items():
+        if not is_whole(at) or abs(at) > FARTHEST:
+            faults[setting(name, at)] = f"{name} a whole number, at most 2⁵⁰ from 0"
+    for name, side in {"height": height, "width": width}.items():
+        if not is_whole(side) or not whole <= side <= MAX_SIDE:
+            faults[setting(name, side)] = f"{name} {int(whole)} to {MAX_SIDE}"
+    if faults:
+        raise OperatorError(
+            f"growth: {', '.join(faults)}",
+            f"pixels: {', '.join(faults.values())}",
+            "ask for another rectangle; several that meet fit each other",
+        )
+    if height * width > MAX_PIXELS:
+        raise OperatorError(
+            f"growth: {setting('height', height)}, {setting('width', width)}: "
+            f"{height * width / 1e6:.0f} million px",
+            f"at most {MAX_PIXELS // 10**6} million, about 11 500 × 11 500",
+            "ask for several rectangles that meet: they fit each other",
+        )
+    return int(top), int(left), int(height), int(width)
+
+
+def is_whole(value) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)

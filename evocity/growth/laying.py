@@ -1,270 +1,289 @@
-"""`grow`: which groups of lifs are laid where."""
+"""`grow`: what a fabric is to be grown from, and how."""
 
-import itertools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from evocity import isometries
-from evocity.citymap import MAX_PIXELS, MAX_SIDE
 from evocity.coding.decode import decode
-from evocity.errors import OperatorError, shown
+from evocity.errors import OperatorError, setting, shown
 from evocity.genome import Genome
-from evocity.growth._kernels import ANCHORED, WINDOW, lay_groups
-from evocity.growth.fabric import LAYS, Growth
-from evocity.growth.windows import Windows
-from evocity.pavement import Pavement
+from evocity.growth.fabric import FARTHEST, Growth, is_whole
+from evocity.growth.lattice import (
+    LEAST_LARGEST,
+    MAX_CELL,
+    MAX_GROUP,
+    MIN_CELL,
+    MIN_GROUP,
+    TILE,
+    Lattice,
+)
+from evocity.growth.plane import Plane
+from evocity.growth.shares import Share, Shares
 
-#: Largest side of a group, pixels: what a group repeats is smaller than a window of `WINDOW`.
-MAX_GROUP = ANCHORED - 1
-#: Smallest side of a group, range blocks: a rim on either side to be cut in, and a core.
-MIN_GROUP = 3
-
-# Outlines are cut for so many of the candidates at a time; places are laid so many at a time.
-_KEPT, _BATCH = 20, 32
+#: Side of a cell, metres, where nothing else is said.
+CELL = 8.0
 
 
 def grow(
-    genome: Genome,
-    height: int,
-    width: int,
-    rng: np.random.Generator,
+    genome: Genome | Sequence[Genome],
+    height: int | None = None,
+    width: int | None = None,
+    rng: np.random.Generator | None = None,
     *,
     corner: tuple[int, int] | None = None,
-    size_min: int | None = None,
-    size_max: int | None = None,
+    share: Share | None = None,
+    share_over: tuple[int, int, int, int] | None = None,
+    cell: int | None = None,
+    side_min: float | None = None,
+    side_max: float | None = None,
     tolerance: float = 6.0,
     candidates: int = 600,
     turned: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    size_min: int | None = None,
+    size_max: int | None = None,
 ) -> Growth:
-    """Lay groups of a genome's lifs beyond its extent, into a fabric of any size.
+    """Lay groups of a genome's fabric beyond its extent, into a fabric without end.
 
-    The original stays as it is, and the fabric grows around it, place by place (Marsault 2005
-    §4.2). A group is a rectangle of the original's range blocks, laid under one of the 8
-    isometries, that laps over what stands by a rim. Of the candidates drawn, those that differ
-    least from what stands are cut out along the least step (a least cut of the blocks: Kwatra
-    et al. 2003, Graphcut textures), which mostly follows streets. A candidate is admissible as in
-    `PavementFusion`: where along this outline, what it brings and what stands there differ by
-    at most ``tolerance`` metres on average. Of the admissible, the one of little step whose
-    lifs were laid least is taken, so that all of the original has its share; those that go on
-    where a neighbour came from only if all others fail; and none that would make two windows
-    of 64 × 64 px alike, but those that the original itself repeats.
+    The original stays as it is, and the fabric grows around it (Marsault 2005 §4.2), laid when
+    a window of it is asked for. A group is a rectangle of cells of the original's decoded map, laid
+    under one of the 8 isometries, that laps over what stands by a rim. Of the candidates drawn,
+    those that differ least from what stands are cut out along the least step (a least cut of the
+    cells: Kwatra et al. 2003, Graphcut textures), which mostly follows streets. A candidate is
+    admissible as in `PavementFusion`: where along this outline, what it brings and what stands
+    there differ by at most ``tolerance`` metres on average. Of the admissible, the one of little
+    step whose cells were laid least is taken, so that all of the original has its share; those
+    that go on where a neighbour came from only if all others fail; and none that would make two
+    windows of 64 × 64 px alike, of those in its tile, but those that the original itself repeats.
+
+    What stands at a place is a function of the generator's first draw and of the place: the plane
+    is laid in tiles of some 128 px, in phases of which each knows a bounded neighbourhood, see
+    `evocity.growth.lattice`. ``height``, ``width`` and ``corner`` say which rectangle of it is
+    written, and change nothing in it.
 
     Parameters
     ----------
-    genome : the original: 3 × 3 range blocks or more, of at most 18 px.
-    height, width : of the fabric, px: multiples of B, not less than the original's.
-    rng : draws the places and the candidates.
-    corner : (row, column), in range blocks, of the original's north-west block in the fabric;
-        None for the middle.
-    size_min, size_max : sides of the groups, rims included, in range blocks: 3 or more, at most
-        56 px, and no more than the original has. None: the largest that leave a choice, and
-        half of that.
+    genome : the original, or several of one pixel size. The first stands in the fabric; groups
+        are laid of all, by their ``share``. Each is of 6 × 6 cells or more.
+    height, width : of the rectangle that is written, px; None for the first original's.
+    rng : the seed of all that is drawn is drawn from it.
+    corner : (row, column), in cells, of the first original's north-west cell in that rectangle;
+        None for the middle (of several: the middle of the west edge).
+    share : which original groups come from. None for a ramp across the rectangle, from the first
+        original in the west to the last in the east; else the share of the second of two, 0 to 1,
+        or one number an original: as it is, as an array laid over the rectangle (``(h, w)``, or
+        one such an original), whose edges go on beyond it, or as a function of the pixel's
+        (row, column) in it, which must always say the same of the same pixel.
+    share_over : (top, left, height, width) of the rectangle that the ramp or the array lies over,
+        px, in rows and columns of the one that is written; None for that one itself.
+    cell : side of the squares that groups are cut from and cut along, px, 2 to 11: a divisor of
+        the originals' sides. None: a side of about 8 m; where range blocks are uniform, one that
+        they divide, if there is one.
+    side_min, side_max : sides of the groups, rims included, metres, rounded to cells: 3 cells or
+        more, the larger 5 or more; at most 56 px, and less than the originals have. None: the
+        largest that leave a choice, and half of that.
     tolerance : S, metres.
     candidates : how many are drawn for each group, 1 or more.
     turned : whether groups may be turned and mirrored; else streets keep their directions.
-    progress : called with (done, total), counted in places.
-
-    Returns
-    -------
-    Growth : ``made`` tells the number of groups, the mean ``step`` along their outlines, how
-        many were laid without an admissible candidate (``forced``: the least step was taken),
-        and how many make windows of 64 px come twice (``repeated``: every candidate did).
+    size_min, size_max : deprecated, the same as ``side_min`` and ``side_max`` in range blocks, for
+        uniform pavements.
 
     Raises
     ------
     OperatorError : a parameter is out of its range; GenomeError : the code diverges.
     """
-    _check_call(genome, rng, tolerance, candidates)
-    p = genome.pavement
-    pavement = _pavement(p, height, width)
-    row, column = _corner(p, pavement, corner)
-    size_min, size_max = _sizes(p, size_min, size_max)
-    heights = decode(genome).city.heights + np.float32(0)  # no −0: it would not be like 0
-    stones = np.full((pavement.rows, pavement.columns), -1, np.int32)
-    own = np.arange(len(p), dtype=np.int32).reshape(p.rows, p.columns)
-    stones[row : row + p.rows, column : column + p.columns] = 8 * own
-    original = (row, column, row + p.rows, column + p.columns)
-    places = _places(pavement, original, size_min, size_max, rng)
-    isos = np.arange(isometries.COUNT if turned else 1)
-    windows = Windows(heights, isos, (row * p.block, column * p.block), pavement.width)
-    uses = np.ones(len(p), np.int64)
-    steps, twice = np.empty(len(places)), np.empty(len(places), bool)
-    for start in range(0, len(places), _BATCH):
-        some = slice(start, start + _BATCH)
-        count = len(places[some])
-        draws = rng.integers(0, 1 << 62, (count, candidates))
-        windows.make_room(count)
-        grown = lay_groups(
-            stones, original, heights, LAYS, isos, p.block, places[some], draws, float(tolerance),
-            _KEPT, uses, windows.common, windows.allowed, windows.coarse, windows.fine,
-            steps[some], twice[some],
-        )  # fmt: skip
-        windows.filled = [old + new for old, new in zip(windows.filled, grown, strict=True)]
-        if progress is not None:
-            progress(start + count, len(places))
-    steps = steps[np.isfinite(steps)]
+    originals = _originals(genome)
+    _check_call(rng, tolerance, candidates)
+    cell = _cell(originals, cell)
+    shortest = min(min(p.height, p.width) // cell for p in (one.pavement for one in originals))
+    sides = _sides(originals, cell, shortest, side_min, side_max, size_min, size_max)
+    p = originals[0].pavement
+    shape = (p.height if height is None else height), (p.width if width is None else width)
+    place = _place(p, shape, corner, cell, len(originals))
+    lattice = Lattice(p.height // cell, p.width // cell, TILE // cell, *sides)
+    shares = Shares(len(originals), share, *_over(share_over, shape, place))
+    metres = [side * cell * originals[0].metres_per_pixel for side in sides]
+    seed = int(rng.integers(0, 1 << 63))
+    plane = Plane(
+        [decode(one).city.heights for one in originals], cell, lattice, shares, seed,
+        tolerance=float(tolerance), candidates=int(candidates), turned=bool(turned),
+    )  # fmt: skip
     made = {
         "operator": "growth",
-        "corner": [row, column],
-        "size_min": size_min,
-        "size_max": size_max,
+        "seed": seed,
+        "corner": [at // cell for at in place],
+        "cell": cell,
+        "side_min": metres[0],
+        "side_max": metres[1],
         "tolerance": float(tolerance),
         "candidates": int(candidates),
         "turned": bool(turned),
-        "groups": steps.size,
-        "step": round(float(steps.mean()), 4) if steps.size else 0.0,
-        "forced": int((steps > tolerance).sum()),
-        "repeated": int(twice.sum()),
     }
-    stones.setflags(write=False)
-    return Growth(genome, heights, pavement, (row, column), stones, steps, made)
+    if len(originals) > 1:
+        made["share"] = shares.told
+    return Growth(originals, plane, shape, place, made).at(0, 0, *shape)
 
 
-def _places(
-    pavement: Pavement,
-    original: tuple[int, int, int, int],
-    size_min: int,
-    size_max: int,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Places of groups, int64 ``(n, 4)``: top, left, tall, wide, in blocks, in order of laying.
-
-    Cores of drawn sides tile the fabric in bands, each lapped over its neighbours by a rim. They
-    go away from the original, to the south-east, the south-west and the north, so that what
-    stands always lies behind.
-    """
-    rim = (size_min + 1) // 4
-    shortest, longest = size_min - 2 * rim, size_max - 2 * rim
-    row, column = original[:2]
-    rows, columns = pavement.rows, pavement.columns
-
-    def spans(first: int, last: int) -> list[tuple[int, int]]:
-        ends = [first]
-        while ends[-1] < last:
-            ends.append(min(last, ends[-1] + int(rng.integers(shortest, longest + 1))))
-        return list(itertools.pairwise(ends))
-
-    bands = [
-        *((band, spans(column, columns)) for band in spans(row, rows)),
-        *((band, spans(0, column)[::-1]) for band in spans(row, rows)),
-        *((band, spans(0, columns)) for band in spans(0, row)[::-1]),
-    ]
-    places = []
-    for (top, bottom), cores in bands:
-        top, bottom = max(top - rim, 0), min(bottom + rim, rows)
-        for left, right in cores:
-            left, right = max(left - rim, 0), min(right + rim, columns)
-            if not (
-                original[0] <= top
-                and original[1] <= left
-                and bottom <= original[2]
-                and right <= original[3]
-            ):
-                places.append((top, left, bottom - top, right - left))
-    return np.array(places, np.int64).reshape(-1, 4)
+def _originals(genome) -> tuple[Genome, ...]:
+    several = (genome,) if isinstance(genome, Genome) else genome
+    if not isinstance(several, Sequence) or not several or isinstance(several, str):
+        several = (genome,)
+    wrong = [one for one in several if not isinstance(one, Genome)]
+    if wrong:
+        raise OperatorError(
+            f"growth: a {type(wrong[0]).__name__} to grow",
+            "a Genome, or several",
+            "encode a map first: evocity.encode(city).genome",
+        )
+    pixels = sorted({one.metres_per_pixel for one in several})
+    if len(pixels) > 1:
+        raise OperatorError(
+            f"growth: genomes of {' and '.join(f'{side:g}' for side in pixels)} m a pixel",
+            "genomes of one pixel size",
+            "read the maps again with the same metres_per_pixel",
+        )
+    return tuple(several)
 
 
-def _check_call(genome, rng, tolerance, candidates) -> None:
+def _check_call(rng, tolerance, candidates) -> None:
     if not isinstance(rng, np.random.Generator):
         raise OperatorError(
             f"growth: rng = {shown(rng)}",
             "a NumPy Generator",
             "pass numpy.random.default_rng(seed)",
         )
-    if not isinstance(genome, Genome):
-        raise OperatorError(
-            f"growth: a {type(genome).__name__} to grow",
-            "a Genome",
-            "encode a map first: evocity.encode(city).genome",
-        )
-    p = genome.pavement
-    if MIN_GROUP * p.block > MAX_GROUP or min(p.rows, p.columns) < MIN_GROUP:
-        raise OperatorError(
-            f"growth: {p.rows} × {p.columns} range blocks of {p.block} px",
-            f"{MIN_GROUP} × {MIN_GROUP} range blocks or more, of at most {MAX_GROUP // MIN_GROUP} "
-            f"px: groups of {MIN_GROUP} must be smaller than a window of {WINDOW} px",
-            "encode the map again with block=4",
-        )
     if not (isinstance(tolerance, int | float) and tolerance >= 0):  # NaN is not
         raise OperatorError(
-            f"growth: tolerance = {shown(tolerance)}", "0 m or more", "leave it out for 6 m"
+            f"growth: {setting('tolerance', tolerance)}", "0 m or more", "leave it out for 6 m"
         )
-    if not _whole(candidates) or not 1 <= candidates <= 1 << 20:
+    if not is_whole(candidates) or not 1 <= candidates <= 1 << 20:
         raise OperatorError(
-            f"growth: candidates = {shown(candidates)}",
+            f"growth: {setting('candidates', candidates)}",
             "a whole number, 1 to 1048576",
             "leave it out for 600",
         )
 
 
-def _pavement(p: Pavement, height: int, width: int) -> Pavement:
-    """The fabric's pavement, or `OperatorError`."""
-    sides = {"height": (height, p.height), "width": (width, p.width)}
-    faults = {}
-    for name, (side, least) in sides.items():
-        if not _whole(side) or side % p.block or not least <= side <= MAX_SIDE:
-            near = _near(side, p.block, least) if _whole(side) else f"{least} or more"
-            faults[f"{name} = {shown(side)}"] = f"{name} {near}"
-    if faults:
+def _cell(originals: Sequence[Genome], cell) -> int:
+    """Side of a cell, px, or `OperatorError`."""
+    common = math.gcd(
+        *(side for one in originals for side in (one.pavement.height, one.pavement.width))
+    )
+    shortest = min(min(one.pavement.height, one.pavement.width) for one in originals)
+    fit = [
+        side
+        for side in range(MIN_CELL, MAX_CELL + 1)
+        if common % side == 0 and shortest // side > LEAST_LARGEST
+    ]
+    if cell is None and fit:
+        wanted = CELL / originals[0].metres_per_pixel
+        blocks = {_block_of(one) for one in originals}
+        whole = [side for side in fit if all(block and side % block == 0 for block in blocks)]
+        return min(whole or fit, key=lambda side: abs(math.log(side / wanted)))
+    if not is_whole(cell) or cell not in fit:
+        found = " and ".join(f"{one.pavement.height} × {one.pavement.width}" for one in originals)
         raise OperatorError(
-            f"growth: {', '.join(faults)}",
-            f"multiples of {p.block} px, from the original's {p.height} × {p.width} to {MAX_SIDE}: "
-            + ", ".join(faults.values()),
-            "choose one of these sizes",
-        )
-    if height * width > MAX_PIXELS:
-        raise OperatorError(
-            f"growth: height = {height}, width = {width}: {height * width / 1e6:.0f} million px",
-            f"at most {MAX_PIXELS // 10**6} million, about 11 500 × 11 500",
-            "choose a smaller size",
-        )
-    return Pavement(int(height), int(width), p.block)
+            f"growth: {setting('cell', cell)}, maps of {found} px" if cell is not None
+            else f"growth: maps of {found} px",
+            f"a divisor of the sides, one of {', '.join(map(str, fit))} px" if fit
+            else f"{LEAST_LARGEST + 1} × {LEAST_LARGEST + 1} cells or more of "
+            f"{MIN_CELL} to {MAX_CELL} px, whole ones",
+            "choose one of these, or leave cell out" if fit
+            else "crop the maps, or read them larger",
+        )  # fmt: skip
+    return int(cell)
 
 
-def _near(side: int, block: int, least: int) -> str:
-    """The sizes nearest to ``side`` that would do, in words."""
-    low, high = max(side // block * block, least), max(-(-side // block) * block, least)
-    most = MAX_SIDE // block * block
-    return " or ".join(dict.fromkeys(str(min(one, most)) for one in (low, high)))
+def _block_of(genome: Genome) -> int | None:
+    """Side of the range blocks, px, if they are all of one."""
+    return genome.pavement.block if genome.pavement.uniform else None
 
 
-def _corner(p: Pavement, pavement: Pavement, corner) -> tuple[int, int]:
-    free = pavement.rows - p.rows, pavement.columns - p.columns
-    if corner is None:
-        return free[0] // 2, free[1] // 2
-    if (
-        not isinstance(corner, Sequence)
-        or len(corner) != 2
-        or not all(_whole(at) and 0 <= at <= most for at, most in zip(corner, free, strict=True))
-    ):
-        raise OperatorError(
-            f"growth: corner = {shown(corner)}",
-            f"(row, column) in range blocks, rows 0 to {free[0]}, columns 0 to {free[1]}",
-            "leave it out for the middle",
-        )
-    return int(corner[0]), int(corner[1])
-
-
-def _sizes(p: Pavement, size_min, size_max) -> tuple[int, int]:
-    """Sides of the groups, in blocks, or `OperatorError`."""
-    most = min(MAX_GROUP // p.block, p.rows, p.columns)
-    given = {"size_min": size_min, "size_max": size_max}
-    wrong = {k: v for k, v in given.items() if v is not None and not _whole(v)}
-    if not wrong:
-        usual = min(most, max(min(p.rows, p.columns) // 2, MIN_GROUP))
-        largest = max(usual, size_min or 0) if size_max is None else size_max
-        smallest = max(MIN_GROUP, largest // 2 + 1) if size_min is None else size_min
-        if MIN_GROUP <= smallest <= largest <= most:
-            return int(smallest), int(largest)
-        wrong = {k: v for k, v in given.items() if v is not None}
+def _sides(
+    originals, cell: int, shortest: int, side_min, side_max, size_min, size_max
+) -> tuple[int, int]:
+    """Sides of the groups, in cells, or `OperatorError`."""
+    most = min(MAX_GROUP // cell, shortest - 1)
+    metre = 1 / (cell * originals[0].metres_per_pixel)
+    bounds, given = {}, {}
+    for name, side, size in (("min", side_min, size_min), ("max", side_max, size_max)):
+        if side is not None and size is not None:
+            raise OperatorError(
+                f"growth: {setting(f'side_{name}', side)} and {setting(f'size_{name}', size)}",
+                "one of them: both are the same bound, in metres and in range blocks",
+                f"leave size_{name} out",
+            )
+        if side is not None:
+            given[f"side_{name}"] = side
+            real = isinstance(side, int | float) and not isinstance(side, bool)
+            bounds[name] = round(side * metre) if real and math.isfinite(side) else -1
+        elif size is not None:
+            given[f"size_{name}"] = size
+            bounds[name] = _in_cells(originals, f"size_{name}", size, cell)
+    usual = min(most, max(shortest // 2, LEAST_LARGEST))
+    largest = bounds.get("max", max(usual, bounds.get("min", 0)))
+    smallest = bounds.get("min", max(MIN_GROUP, largest // 2 + 1))
+    if MIN_GROUP <= smallest <= largest <= most and largest >= LEAST_LARGEST:
+        return smallest, largest
+    in_metres = [f"{side / metre:g}" for side in (MIN_GROUP, most, LEAST_LARGEST)]
     raise OperatorError(
-        "growth: " + ", ".join(f"{key} = {shown(value)}" for key, value in wrong.items()),
-        f"{MIN_GROUP} to {most} range blocks of {p.block} px, size_min at most size_max",
+        "growth: " + ", ".join(setting(key, value) for key, value in given.items()),
+        f"{in_metres[0]} to {in_metres[1]} m, {MIN_GROUP} to {most} cells of {cell} px, "
+        f"the smaller at most the larger, which is {in_metres[2]} m or more",
         "change them, or leave them out",
     )
 
 
-def _whole(value) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+def _in_cells(originals, name: str, size, cell: int) -> int:
+    """A size in range blocks as one in cells."""
+    blocks = {_block_of(one) for one in originals}
+    block = blocks.pop()
+    if blocks or block is None:
+        raise OperatorError(
+            f"growth: {setting(name, size)} in range blocks, which are of several sides",
+            f"{name.replace('size', 'side')}, in metres",
+            f"leave {name} out",
+        )
+    if not is_whole(size):
+        return -1
+    return round(size * block / cell)
+
+
+def _over(over, shape, place) -> tuple[tuple[int, int], tuple[int, int]]:
+    """(height, width) of what a share lies over, and the first original's corner in it."""
+    if over is None:
+        return shape, place
+    if (
+        not isinstance(over, Sequence)
+        or len(over) != 4
+        or not all(is_whole(part) and abs(part) <= FARTHEST for part in over)
+        or min(over[2:]) < 1
+    ):
+        raise OperatorError(
+            f"growth: {setting('share_over', over)}",
+            "(top, left, height, width) in pixels, whole numbers, height and width 1 or more",
+            "leave it out for the map that is written",
+        )
+    return tuple(over[2:]), (place[0] - over[0], place[1] - over[1])
+
+
+def _place(p, shape, corner, cell: int, count: int) -> tuple[int, int]:
+    """(row, column) of the first original's north-west pixel in the rectangle."""
+    if corner is None:
+        free = (
+            side - own if is_whole(side) else 0
+            for side, own in zip(shape, (p.height, p.width), strict=True)
+        )
+        row, column = (side // cell // 2 for side in free)
+        return row * cell, column * cell if count == 1 else 0
+    if (
+        not isinstance(corner, Sequence)
+        or len(corner) != 2
+        or not all(is_whole(at) and abs(at) < 1 << 40 for at in corner)
+    ):
+        raise OperatorError(
+            f"growth: {setting('corner', corner)}",
+            f"(row, column) in cells of {cell} px, whole numbers",
+            "leave it out for the middle",
+        )
+    return int(corner[0]) * cell, int(corner[1]) * cell

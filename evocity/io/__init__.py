@@ -8,7 +8,8 @@
 - `burning`, `resampling`: footprints and rasters on square pixels
 - `condensing`: what of a map decoding shall keep, by masks and footprints
 - `bundled`: the districts that come with evocity
-- `writing`: `write_map`, `write_field`, `write_shares`, `write_windows`, and the tables of writers
+- `writing`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_windows`, and the
+  tables of writers
 - `polygons`: the writers of footprints, GeoPackage and GeoJSON
 """
 
@@ -18,10 +19,12 @@ from evocity.io.reading import READERS, name_of, plugin_warnings, read_map, read
 from evocity.io.sources import Footprints, Grid, Reader, Request
 from evocity.io.writing import (
     FIELD_WRITERS,
+    LEAVES_WRITERS,
     SHARES_WRITERS,
     WINDOW_WRITERS,
     WRITERS,
     write_field,
+    write_leaves,
     write_map,
     write_shares,
     write_windows,
@@ -29,6 +32,7 @@ from evocity.io.writing import (
 
 __all__ = [
     "FIELD_WRITERS",
+    "LEAVES_WRITERS",
     "READERS",
     "SHARES_WRITERS",
     "WINDOW_WRITERS",
@@ -46,6 +50,7 @@ __all__ = [
     "readers",
     "suffixes",
     "write_field",
+    "write_leaves",
     "write_map",
     "write_shares",
     "write_windows",

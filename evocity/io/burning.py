@@ -11,7 +11,7 @@ from pyproj.exceptions import ProjError
 from rasterio.features import rasterize
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.io.heights import RULES, height_of, is_building
 from evocity.io.projection import (
     WGS84,
@@ -263,9 +263,9 @@ def _local_center(
     """The middle of the window, metres, of footprints that lie nowhere on Earth."""
     if request.center is not None:
         raise MapError(
-            f"{name} has no place on Earth, yet center={request.center} is asked for",
-            "a file with a reference system, or no center=",
-            "leave center= out: the window then lies about the middle",
+            f"{name} has no place on Earth, yet {keyword('center', request.center)} is asked for",
+            f"a file with a reference system, or no {keyword('center')}",
+            f"leave {keyword('center')} out: the window then lies about the middle",
         )
     if any(axis.unit_conversion_factor != 1.0 for axis in footprints.crs.axis_info):
         raise MapError(
@@ -280,7 +280,7 @@ def _nothing_about(name: str, center: tuple[float, float], side: float) -> MapEr
     return MapError(
         f"{name}: no building in the {side:g} m about x = {center[0]:g}, y = {center[1]:g}",
         "a window with buildings",
-        "pass more pixels=, or a larger metres_per_pixel=",
+        f"pass more {keyword('pixels')}, or a larger {keyword('metres_per_pixel')}",
     )
 
 
@@ -293,7 +293,7 @@ def _nothing_there(
         f"{name}: no building in the {side:g} m about {center[0]:g}, {center[1]:g}",
         f"a window among its {len(places.boxes)} buildings, which lie from longitude {west:.5f} "
         f"to {east:.5f} and latitude {south:.5f} to {north:.5f}",
-        f"pass another center=, for example center=({lon}, {lat})",
+        f"pass another {keyword('center')}, for example {keyword('center', (lon, lat))}",
     )
 
 

@@ -11,7 +11,7 @@ from rasterio._err import CPLE_BaseError  # what some properties of a dataset ra
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.io.projection import flat
 from evocity.io.sources import Grid, Request, check_size
 
@@ -85,10 +85,11 @@ def read_png(path: Path, request: Request) -> Grid:
             "export it again; it may have been cut off",
         ) from error
     if request.height_scale is None:
+        scale = float(f"{50 / max(1, int(levels.max())):.4g}")
         raise MapError(
             f"{path.name}: grey levels 0 to {levels.max()} without a height scale",
-            "height_scale=, the metres of one grey level",
-            f"pass it, for example height_scale={50 / max(1, int(levels.max())):.4g} if the "
+            f"{keyword('height_scale')}, the metres of one grey level",
+            f"pass it, for example {keyword('height_scale', scale)} if the "
             "highest level means 50 m",
         )
     return Grid(levels.astype(np.float32) * np.float32(request.height_scale))

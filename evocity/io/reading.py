@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from evocity.citymap import MAX_SIDE, CityMap
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword, setting
 from evocity.io import bundled
 from evocity.io.burning import burnt
 from evocity.io.geojson import read_json
@@ -235,9 +235,9 @@ def _check_options(path: Path, suffix: str, reader: Reader, request: Request) ->
         if getattr(request, option) is not None and option not in reader.takes:
             takers = [s for s in READERS if option in READERS[s].takes]
             raise MapError(
-                f"{path.name}: {option}= means nothing for {suffix}",
-                f"{option}= only with {_listed(takers)}",
-                f"leave {option}= out",
+                f"{path.name}: {keyword(option)} means nothing for {suffix}",
+                f"{keyword(option)} only with {_listed(takers)}",
+                f"leave {keyword(option)} out",
             )
 
 
@@ -277,9 +277,9 @@ def _count(pixels: object) -> int | None:
     whole = isinstance(pixels, numbers.Integral) and not isinstance(pixels, bool)
     if not whole or not 1 <= pixels <= MAX_SIDE:
         raise MapError(
-            f"pixels = {pixels!r}",
+            setting("pixels", pixels),
             f"a whole number from 1 to {MAX_SIDE}",
-            "give the side of the square window in pixels, for example pixels=256",
+            f"give the side of the square window in pixels, for example {keyword('pixels', 256)}",
         )
     return int(pixels)
 
@@ -290,9 +290,9 @@ def _positive(option: str, value: object) -> float | None:
     number = isinstance(value, numbers.Real) and not isinstance(value, bool)
     if not number or not (math.isfinite(value) and value > 0):
         raise MapError(
-            f"{option} = {value!r}",
+            setting(option, value),
             "a positive number of metres",
-            f"correct {option}=, or leave it out",
+            f"correct {keyword(option)}, or leave it out",
         )
     return float(value)
 
@@ -307,9 +307,9 @@ def _place(center: object) -> tuple[float, float] | None:
     except (TypeError, ValueError):
         pass
     raise MapError(
-        f"center = {center!r}",
+        setting("center", center),
         "(longitude, latitude) in degrees, longitude first, within ±180 and ±90",
-        "give the place as two numbers, for example center=(4.8344, 45.7685)",
+        "give the place as two numbers, for example " + keyword("center", (4.8344, 45.7685)),
     )
 
 

@@ -16,7 +16,7 @@ from rasterio.transform import array_bounds
 from rasterio.warp import reproject, transform_bounds
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.io.projection import (
     WGS84,
     code_of,
@@ -71,14 +71,14 @@ def _unplaced(grid: Grid, request: Request, name: str) -> CityMap:
     if side is None:
         raise MapError(
             f"{name} does not say how large its pixels are",
-            "metres_per_pixel=, the side of one pixel in metres",
-            "pass it, for example metres_per_pixel=2.0",
+            f"{keyword('metres_per_pixel')}, the side of one pixel in metres",
+            f"pass it, for example {keyword('metres_per_pixel', 2.0)}",
         )
     if request.center is not None:
         raise MapError(
-            f"{name} has no place on Earth, yet center={request.center} is asked for",
-            "a file with a reference system, or no center=",
-            "leave center= out: pixels= then cuts around the middle",
+            f"{name} has no place on Earth, yet {keyword('center', request.center)} is asked for",
+            f"a file with a reference system, or no {keyword('center')}",
+            f"leave {keyword('center')} out: {keyword('pixels')} then cuts around the middle",
         )
     rows, columns = grid.heights.shape
     pixels = request.pixels
@@ -192,7 +192,8 @@ def _too_large(name: str, asked: str, there: str) -> MapError:
     return MapError(
         f"{name}: a window of {asked} reaches beyond the raster",
         f"a window inside it; the raster has {there}",
-        "pass fewer pixels=, a smaller metres_per_pixel=, or a center= further inside",
+        f"pass fewer {keyword('pixels')}, a smaller {keyword('metres_per_pixel')}, or a "
+        f"{keyword('center')} further inside",
     )
 
 

@@ -14,7 +14,7 @@ from affine import Affine
 from pyproj import CRS
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,8 @@ def check_size(name: str, height: int, width: int) -> None:
         raise MapError(
             f"{name}: {height} × {width} pixels",
             f"at most {MAX_SIDE} pixels a side and {MAX_PIXELS // 10**6} million in all",
-            "cut out a smaller window, or make it coarser, with pixels= and metres_per_pixel= "
+            f"cut out a smaller window, or make it coarser, with {keyword('pixels')} and "
+            f"{keyword('metres_per_pixel')} "
             "for footprints or with gdal_translate for a raster",
         )
 

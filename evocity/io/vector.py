@@ -18,7 +18,7 @@ from pyogrio.errors import CRSError, DataLayerError, DataSourceError, FieldError
 from pyproj import CRS
 from pyproj.exceptions import CRSError as BadCRS
 
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.io.heights import BUILDING_FIELDS, plain_name
 from evocity.io.polygons import CENTER_TAG
 from evocity.io.projection import crs_named, flat, is_metric
@@ -120,7 +120,7 @@ def _which_layer(path: Path, found: str, names: list[str]) -> MapError:
     return MapError(
         f"{path.name} has {found}",
         f"one layer of building footprints; there are: {', '.join(names) or 'none'}",
-        "name the layer with layer=",
+        f"name the layer with {keyword('layer')}",
     )
 
 

@@ -1,4 +1,4 @@
-"""`write_map`, `write_field`, `write_shares`: rasters, pictures, footprints, whole or not."""
+"""`write_map` and its like: rasters, pictures, footprints, whole or not."""
 
 import contextlib
 import functools
@@ -22,6 +22,7 @@ from evocity.io.polygons import write_geojson, write_geopackage
 from evocity.io.raster import PIXEL_TAG
 from evocity.io.sources import north_up
 from evocity.pictures.field import Field, Shares
+from evocity.pictures.leaves import CLOSEST, Leaves, render_leaves
 from evocity.pictures.picture import render, render_field, render_shares
 
 # A picture's map is drawn at least this large, pixels.
@@ -81,6 +82,12 @@ def write_shares(shares: Shares, path: str | os.PathLike) -> None:
     as `write_map`.
     """
     _write(shares, path, SHARES_WRITERS)
+
+
+def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
+    """Write a map with the borders of its range blocks as a picture, ``.png``. Raises as
+    `write_map`."""
+    _write(leaves, path, LEAVES_WRITERS)
 
 
 class Windowed(Protocol):
@@ -174,17 +181,15 @@ def _write(
 
 
 def _write_geotiff(city: CityMap, path: Path) -> None:
-    _write_band(city, city.heights, "height above ground", "metre", path)
+    with _band(city, "height above ground", "metre", path) as target:
+        target.write(city.heights, 1)
 
 
 def _write_field_geotiff(field: Field, path: Path) -> None:
-    _write_band(field.city, field.values, field.title, field.unit, path)
-
-
-def _write_band(city: CityMap, values: np.ndarray, title: str, unit: str, path: Path) -> None:
-    """Float32 ``values`` on the grid of ``city``."""
-    with _band(city, title, unit, path) as target:
-        target.write(values.astype(np.float32, copy=False), 1)
+    values = field.values.astype(np.float32, copy=False)
+    layout = {"nodata": np.nan} if np.isnan(values).any() else {}
+    with _band(field.city, field.title, field.unit, path, **layout) as target:
+        target.write(values, 1)
 
 
 @contextlib.contextmanager
@@ -249,6 +254,12 @@ def _write_shares_png(shares: Shares, path: Path) -> None:
     _save_picture(picture, shares.city, f"{shares.city.name}: {shares.title}", path)
 
 
+def _write_leaves_png(leaves: Leaves, path: Path) -> None:
+    city = leaves.city
+    picture = render_leaves(leaves, zoom=max(CLOSEST, _picture_zoom(city)))
+    _save_picture(picture, city, f"{city.name}: {leaves.title}", path)
+
+
 def _picture_zoom(city: CityMap) -> int:
     return max(1, -(-_PICTURE_SIDE // max(city.shape)))
 
@@ -301,13 +312,18 @@ FIELD_WRITERS = {
 #: The same of shares.
 SHARES_WRITERS = {".png": _write_shares_png, ".npy": _write_shares_npy}
 
+#: The same of range blocks.
+LEAVES_WRITERS = {".png": _write_leaves_png}
+
 __all__ = [
     "FIELD_WRITERS",
+    "LEAVES_WRITERS",
     "SHARES_WRITERS",
     "WINDOW_WRITERS",
     "WRITERS",
     "Windowed",
     "write_field",
+    "write_leaves",
     "write_map",
     "write_shares",
     "write_windows",

@@ -12,10 +12,10 @@ gene_copy          genes of one parent copied to other places
 gene_exchange      genes of one parent exchanged
 block_exchange     macro-blocks of one parent exchanged
 relocation         groups of lifs of one parent moved, their domains with them
-growth             a fabric of any size, of one parent
 repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
-groups, footings   groups of lifs, and what stands on them
+grid               the cells that crossings follow, sizes in metres
+groups, footings   groups of cells, and what stands on them
 pairing            which block of another city is likest
 shares             how much of a child is whose
 parameters         what their parameters may be

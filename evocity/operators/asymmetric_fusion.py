@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.coding.decode import decode
-from evocity.genome import Genome, merged_cities
-from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.pairing import modulated
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.genome import Genome, laid
+from evocity.operators.crossing import Draft, Drafting, raw_heights
+from evocity.operators.grid import common_grid
+from evocity.operators.pairing import mosaic_of, paired_pieces, pairing
+from evocity.operators.parameters import Check
 
 
 @dataclass(frozen=True)
@@ -40,27 +40,19 @@ class AsymmetricFusion(Drafting):
 
     isometries: bool = False
     alike: float = 0.01
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
 
     name = "asymmetric_fusion"
     parents = (2, 2)
 
-    def __post_init__(self):
-        check_parameters(self, {"alike": (lambda rms: rms >= 0, "0 m or more"), **repair_checks()})
+    def _checks(self) -> dict[str, Check]:
+        return {"alike": (lambda rms: rms >= 0, "0 m or more")}
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        first, second = parents
-        maps = [decode(parent).city.heights for parent in parents]
-        child, mosaic = modulated(first, second, maps, isometries=self.isometries, alike=self.alike)
-        cities, pointers, attribution = merged_cities([first, child])
-        child = child.replace(
-            parent=pointers[1],
-            cities=cities,
-            attribution=attribution,
-            sigma_max=max(first.sigma_max, second.sigma_max),
-        )
+        grid = common_grid(self.name, parents)
+        maps = [raw_heights(parent) for parent in parents]
+        index, iso = pairing(grid, parents[1], maps, isometries=self.isometries, alike=self.alike)
+        mosaic = mosaic_of(grid, maps[1], index, iso)
+        child = laid(parents, paired_pieces(grid, 1, index, iso)).genome
         distance = np.sqrt(np.mean((mosaic - maps[0]) ** 2, dtype=np.float64))
         made = {
             "isometries": self.isometries,

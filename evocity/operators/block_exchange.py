@@ -7,8 +7,16 @@ import numpy as np
 
 from evocity.genome import Genome
 from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.groups import Rearrangement, macro_block, macro_block_checks
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.operators.groups import (
+    Rearrangement,
+    macro_block,
+    macro_block_checks,
+    macro_block_sides,
+)
+from evocity.operators.parameters import Check
+
+#: The least and the largest side of macro-blocks unless told, metres.
+_SPAN = 16.0, 64.0
 
 
 @dataclass(frozen=True)
@@ -22,7 +30,8 @@ class BlockExchange(Drafting):
 
     Parameters
     ----------
-    size_min, size_max : sides of the macro-blocks, in range blocks, 1 or more; drawn evenly.
+    side_min, side_max : sides of the macro-blocks, metres, drawn evenly; None for 16 and 64.
+    size_min, size_max : the same in range blocks, 1 or more, of uniform pavements; deprecated.
     count : exchanges. A macro-block without an admissible partner is drawn again, 63 times at
         most: see ``made["exchanged"]``.
     tolerance : metres; None for any.
@@ -33,26 +42,26 @@ class BlockExchange(Drafting):
         decoded map with the macro-blocks exchanged.
     """
 
-    size_min: int = 2
-    size_max: int = 8
+    side_min: float | None = None
+    side_max: float | None = None
     count: int = 4
     tolerance: float | None = 6.0
     change: float = 2.0
     choice: int = 60
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    size_min: int | None = None
+    size_max: int | None = None
 
     name = "block_exchange"
     parents = (1, 1)
 
-    def __post_init__(self):
-        check_parameters(self, {**macro_block_checks(self), **repair_checks()})
+    def _checks(self) -> dict[str, Check]:
+        return macro_block_checks(self, _SPAN[0])
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        moves = Rearrangement(parents[0])
+        moves = Rearrangement(parents[0], self.name)
+        sizes = macro_block_sides(self, moves.grid, parents, *_SPAN)
         exchanged = moves.rearrange(
-            lambda: macro_block(moves.pavement, self.size_min, self.size_max, rng),
+            lambda: macro_block(moves.grid, *sizes, rng),
             self.count,
             rng,
             tolerance=self.tolerance,

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evocity.condensation import merged
+from evocity.coding.decoded import decoded
+from evocity.condensation import merged as merged_layers
 from evocity.errors import OperatorError, shown
-from evocity.genome import FIELDS, Genome, merged_cities
+from evocity.genome import Genome, Pieces, laid, merged
+from evocity.operators.parameters import Check, check_parameters, repair_checks
 from evocity.operators.repair import collage_repair
+from evocity.pavement import Pavement
 
 
 def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) -> None:
-    """Raise `OperatorError` unless the number of parents suits ``operator``, all share pavement
-    and pixel size, and ``rng`` can be drawn from.
-
-    Where the operator has an attribute ``any_partition`` that is true, their range blocks may
-    differ in size."""
+    """Raise `OperatorError` unless the number of parents suits ``operator``, all share map size
+    and pixel size, and ``rng`` can be drawn from."""
     name, (fewest, most) = operator.name, operator.parents
     if not isinstance(rng, np.random.Generator):
         raise OperatorError(
@@ -53,35 +53,27 @@ def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) ->
     first = parents[0]
     for other in parents[1:]:
         p, q = first.pavement, other.pavement
-        apart = (p.height, p.width) != (q.height, q.width) or (
-            p.block != q.block and not getattr(operator, "any_partition", False)
-        )
+        apart = (p.height, p.width) != (q.height, q.width)
         if apart or other.metres_per_pixel != first.metres_per_pixel:
             raise OperatorError(
-                f"{name}: parents of {p.height} × {p.width} px, B = {p.block}, "
-                f"{first.metres_per_pixel:g} m and {q.height} × {q.width} px, B = {q.block}, "
-                f"{other.metres_per_pixel:g} m",
-                "parents on one pavement",
-                "read the maps with the same pixels and metres_per_pixel, encode with one block",
+                f"{name}: parents of {p.height} × {p.width} px, {first.metres_per_pixel:g} m and "
+                f"{q.height} × {q.width} px, {other.metres_per_pixel:g} m",
+                "parents on one grid of pixels",
+                "read the maps with the same pixels and metres_per_pixel",
             )
 
 
-def assembled(parents: Sequence[Genome], owner: np.ndarray) -> Genome:
-    """A child whose lifs i is that of ``parents[owner[i]]``; owner is ``(n,)``."""
-    cities, pointers, attribution = merged_cities(parents)
-    each = np.arange(owner.size)
-    columns = {
-        name: np.stack([getattr(parent, name) for parent in parents])[owner, each]
-        for name in FIELDS
-        if name != "parent"
-    }
-    return parents[0].replace(
-        **columns,
-        parent=np.stack(pointers)[owner, each],
-        cities=cities,
-        attribution=attribution,
-        sigma_max=max(parent.sigma_max for parent in parents),
-    )
+def assembled(parents: Sequence[Genome], owner: np.ndarray, grid: Pavement) -> Genome:
+    """A child that has in cell i of the ``grid`` what ``parents[owner[i]]`` has there; owner is
+    ``(n,)``. Range blocks are split where the owner changes within."""
+    owner = owner.reshape(grid.rows, grid.columns)
+    return laid(parents, Pieces.in_place(owner, grid.block)).genome
+
+
+def raw_heights(genome: Genome) -> np.ndarray:
+    """What a genome decodes to, float32 ``(H, W)``, metres, its roofs not settled: what breeding
+    cuts and lays, so that a child of one parent is meant to be what that is."""
+    return np.maximum(decoded(genome).attractor, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +83,39 @@ class Draft:
     genome : the lifs, crossed.
     intended : float32 ``(H, W)``, metres: the map the operator means to lay.
     made : how it came about, for the genome's ``made``; the operator's name is added.
+    most : range blocks that continue each other are merged to this side at most, px; None for
+        the coarsest of the parents.
     """
 
     genome: Genome
     intended: np.ndarray
     made: Mapping
+    most: int | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
 class Drafting:
     """An operator that drafts its child, which is then repaired if wanted.
 
-    A subclass is a frozen dataclass with ``name``, ``parents``, the parameters ``repair``,
-    ``reach`` and ``domains`` (and its own), and a method ``_draft(parents, rng) -> Draft``.
+    A subclass is a frozen dataclass with ``name``, ``parents``, parameters of its own, their checks
+    in ``_checks()`` (see `check_parameters`), and a method ``_draft(parents, rng) -> Draft``.
+
+    Parameters
+    ----------
+    repair : blocks that decode further than this (root mean square, metres) from the map that is
+        meant to be laid are matched again; None as in the papers, with their crumbling.
+    reach, domains : where repair searches, as in `evocity.encode`.
     """
+
+    repair: float | None = 0.5
+    reach: int | None = 24
+    domains: Sequence[int] = (2,)
+
+    def __post_init__(self):
+        check_parameters(self, {**self._checks(), **repair_checks()})
+
+    def _checks(self) -> dict[str, Check]:
+        return {}
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         """A child of ``parents``; its ``made`` tells how it came about.
@@ -111,7 +123,8 @@ class Drafting:
         Raises `OperatorError` if the parents do not suit the operator or one another.
         """
         draft = self.draft(parents, rng)
-        child, made = draft.genome, {"operator": self.name, **draft.made}
+        most = draft.most or max(parent.pavement.coarsest for parent in parents)
+        child, made = merged(draft.genome, most), {"operator": self.name, **draft.made}
         if self.repair is not None:
             child, made["repaired"] = collage_repair(
                 child,
@@ -120,6 +133,7 @@ class Drafting:
                 reach=self.reach,
                 domains=self.domains,
             )
+            child = merged(child, most)
         return child.replace(made=made)
 
     def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
@@ -128,7 +142,7 @@ class Drafting:
         What the parents condense stands in both; where several cover, what the first does.
         """
         check_call(self, parents, rng)
-        kept = merged(parent.condensation for parent in parents)
+        kept = merged_layers(parent.condensation for parent in parents)
         if kept is None:
             return self._draft(parents, rng)
         # laid in all parents first, so that outlines and buildings are those that will stand

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.citymap import MAX_SIDE
 from evocity.genome import Genome
 from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.grid import in_cells, side_checks
 from evocity.operators.groups import Rearrangement, cells, corners, move_checks, square
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.operators.parameters import Check
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class GeneCopy(Drafting):
     ----------
     rate : share of the groups that a copy replaces, 0…1. One without an admissible model stays:
         see ``made["copied"]``.
-    group : side of a group, in range blocks; 1 copies lifs by lifs.
+    group_side : side of a group, metres; None for 32.
+    group : the same in range blocks, of uniform pavements; 1 copies lifs by lifs. Deprecated.
     tolerance : metres; None for any.
     change : metres; 0 passes over only what would change nothing.
     choice : of so many admissible models, drawn at random, the one whose outline differs least
@@ -36,35 +37,30 @@ class GeneCopy(Drafting):
     """
 
     rate: float = 0.05
-    group: int = 4
+    group_side: float | None = None
     tolerance: float | None = 6.0
     change: float = 1.0
     choice: int = 8
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    group: int | None = None
 
     name = "gene_copy"
     parents = (1, 1)
 
-    def __post_init__(self):
-        check_parameters(
-            self,
-            {
-                "rate": (lambda rate: 0 <= rate <= 1, "0…1"),
-                "group": (lambda side: 1 <= side <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
-                **move_checks(),
-                **repair_checks(),
-            },
-        )
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "rate": (lambda rate: 0 <= rate <= 1, "0…1"),
+            **side_checks(self, "group"),
+            **move_checks(),
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        moves = Rearrangement(parents[0])
-        ends, side = cells(moves.pavement, self.group, rng)
+        moves = Rearrangement(parents[0], self.name)
+        side = in_cells(self.name, "group", self.group_side, self.group, 32.0, moves.grid, parents)
+        ends, side = cells(moves.grid, side, rng)
         group = square(side)
         copied = 0
         for end in ends[rng.random(len(ends)) < self.rate]:
-            starts = corners(moves.pavement, group, rng)
+            starts = corners(moves.grid, group, rng)
             found = moves.best(
                 group,
                 starts,

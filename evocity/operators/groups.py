@@ -1,15 +1,16 @@
 """Groups of lifs taken to other places of one map: which groups, where to, and what goes along."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
-from evocity.coding.decode import decode
-from evocity.genome import FIELDS, Genome
+from evocity.citymap import MAX_PIXELS, CityMap
+from evocity.genome import Genome, Pieces, laid
 from evocity.operators._kernels import best_move, grown, outline_sides
-from evocity.operators.crossing import Draft
+from evocity.operators.crossing import Draft, raw_heights
 from evocity.operators.footings import Footings, footings_of
+from evocity.operators.grid import common_grid, in_cells, span_checks
+from evocity.operators.parameters import Check, at_fault
 from evocity.pavement import Pavement
 
 #: Groups drawn until one has a place to go to.
@@ -17,28 +18,28 @@ _TRIES = 64
 
 
 def square(size: int) -> np.ndarray:
-    """The blocks of a macro-block, ``(2, size²)``: rows and columns from its corner."""
+    """The cells of a macro-block, ``(2, size²)``: rows and columns from its corner."""
     return np.stack(np.divmod(np.arange(size * size), size))
 
 
 def macro_block(
     pavement: Pavement, size_min: int, size_max: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A macro-block of random side and place: its blocks as `square` gives them, its corner."""
+    """A macro-block of random side and place: its cells as `square` gives them, its corner."""
     largest = min(size_max, pavement.rows, pavement.columns)
     size = int(rng.integers(min(size_min, largest), largest, endpoint=True))
     return square(size), rng.integers(0, (pavement.rows - size + 1, pavement.columns - size + 1))
 
 
 def corners(pavement: Pavement, group: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """All blocks (row, column), ``(m, 2)``, at which the corner of ``group`` may lie, shuffled."""
+    """All cells (row, column), ``(m, 2)``, at which the corner of ``group`` may lie, shuffled."""
     high, wide = (pavement.rows, pavement.columns) - group.max(axis=1)
     return np.stack(np.divmod(rng.permutation(high * wide), wide), axis=1)
 
 
 def cells(pavement: Pavement, side: int, rng: np.random.Generator) -> tuple[np.ndarray, int]:
     """Corners ``(m, 2)`` of the squares of a grid laid at a random offset, those that fit; and
-    their side, ``side`` or what the pavement has room for, in blocks."""
+    their side, ``side`` or what the pavement has room for, in cells."""
     side = min(side, pavement.rows, pavement.columns)
     down, along = rng.integers(0, side, 2)
     rows = np.arange(down, pavement.rows - side + 1, side)
@@ -46,7 +47,7 @@ def cells(pavement: Pavement, side: int, rng: np.random.Generator) -> tuple[np.n
     return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2), side
 
 
-def move_checks() -> dict[str, tuple[Callable[..., bool], str]]:
+def move_checks() -> dict[str, Check]:
     """Checks of the parameters of `Rearrangement.best`, for `check_parameters`."""
     return {
         "tolerance": (lambda step: step is None or step >= 0, "0 m or more, or none for any"),
@@ -55,55 +56,71 @@ def move_checks() -> dict[str, tuple[Callable[..., bool], str]]:
     }
 
 
-def macro_block_checks(operator) -> dict[str, tuple[Callable[..., bool], str]]:
-    """Checks of the parameters of `Rearrangement.rearrange` and `macro_block`."""
+def macro_block_checks(operator, smallest: float) -> dict[str, Check]:
+    """Checks of the parameters of `Rearrangement.rearrange` and `macro_block`; ``smallest`` as in
+    `macro_block_sides`."""
     return {
-        "size_min": (lambda size: 1 <= size <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
-        "size_max": (
-            lambda size: operator.size_min <= size <= MAX_SIDE,
-            f"size_min…{MAX_SIDE} blocks",
-        ),
+        **span_checks(operator, smallest),
         "count": (lambda count: 1 <= count <= 1000, "1…1000"),
         **move_checks(),
     }
 
 
-class Rearrangement:
-    """The lifs of one parent taken to other places, one group after another.
+def macro_block_sides(
+    operator, grid: Pavement, parents: Sequence[Genome], smallest: float, largest: float
+) -> tuple[int, int]:
+    """The least and the largest side of an ``operator``'s macro-blocks, in cells; ``smallest`` and
+    ``largest``, metres, unless it was told."""
+    low = in_cells(
+        operator.name, "size_min", operator.side_min, operator.size_min, smallest, grid, parents
+    )
+    high = in_cells(
+        operator.name, "size_max", operator.side_max, operator.size_max, largest, grid, parents
+    )
+    if low > high:
+        given = [key for key in ("side_max", "size_max") if getattr(operator, key) is not None]
+        if given:
+            found = f"{high} cells of {grid.block} px", f"no less than the least side, {low} cells"
+            raise at_fault(operator.name, {given[0]: found})
+    return low, max(low, high)
 
-    A group is given by its blocks ``(2, g)``, rows and columns from its corner, and moves from
-    a corner to another (row, column), in blocks.
+
+class Rearrangement:
+    """The fabric of one parent taken to other places, one group of cells after another.
+
+    A group is given by its cells ``(2, g)``, rows and columns from its corner, and moves from
+    a corner to another (row, column), in cells.
 
     Attributes
     ----------
-    pavement : that of the parent.
-    blocks : float32 ``(n, B, B)``, the map that is meant to be laid, cut along the pavement.
-    stone : ``(n,)``, which lifs of the parent stands at each place.
+    grid : the cells, n of them of side B, see `common_grid`.
+    blocks : float32 ``(n, B, B)``, the map that is meant to be laid, cut along the grid.
+    genome : the parent with its domain blocks carried along by the moves made so far, and its
+        lifs where these carried them; the cells ``stone`` of it stand in those of the grid.
     """
 
-    def __init__(self, parent: Genome):
-        self.pavement = parent.pavement
-        self.blocks = parent.pavement.blocks(decode(parent).city.heights).copy()
-        self.stone = np.arange(len(parent))
-        self._parent = parent
-        self._x, self._y = parent.x.copy(), parent.y.copy()
+    def __init__(self, parent: Genome, name: str):
+        self.grid = common_grid(name, [parent])
+        self.blocks = self.grid.blocks(raw_heights(parent)).copy()
+        self.genome = parent
+        self.stone = np.arange(len(self.grid))
         self._buildings: Footings | None = None
 
     def grown(
         self, group: np.ndarray, corner: np.ndarray, limit: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The blocks of a group and of all buildings it touches, and so on, so that none is cut,
-        as another group and its corner; no blocks where these are more than ``limit``."""
+        """The cells of a group and of all buildings it touches, and so on, so that none is cut,
+        as another group and its corner; no cells where these are more than ``limit``."""
         if self._buildings is None:
-            city = CityMap(self.pavement.raster(self.blocks), self._parent.metres_per_pixel)
-            self._buildings = footings_of(self.pavement, [city])
+            city = CityMap(self.grid.raster(self.blocks), self.genome.metres_per_pixel)
+            self._buildings = footings_of(self.grid, [city])
         whole = self._buildings.whole
         owner, kept = np.zeros(self.stone.size, np.int64), np.zeros(whole.size, bool)
-        seed, columns = self._places(group, corner), self.pavement.columns
+        seed, columns = self._places(group, corner), self.grid.columns
         places, _ = grown(seed, columns, owner, 0, self._buildings, whole, kept, 0.0, limit)
         if not places.size:
             return group[:, :0], corner
-        blocks = np.stack(np.divmod(places, self.pavement.columns))
+        blocks = np.stack(np.divmod(places, self.grid.columns))
         corner = blocks.min(axis=1)
         return blocks - corner[:, None], corner
 
@@ -129,7 +146,7 @@ class Rearrangement:
         starts, ends = (np.array(corner, order="C") for corner in pairs)
         found = best_move(
             self.blocks,
-            self.pavement.columns,
+            self.grid.columns,
             group,
             outline_sides(group),
             starts,
@@ -144,7 +161,7 @@ class Rearrangement:
     def elsewhere(self, group: np.ndarray, start: np.ndarray, rng) -> np.ndarray:
         """All corners, ``(m, 2)``, shuffled, at which ``group`` lies clear of where it is now."""
         tall, wide = group.max(axis=1) + 1
-        ends = corners(self.pavement, group, rng)
+        ends = corners(self.grid, group, rng)
         return ends[(np.abs(ends - start) >= (tall, wide)).any(axis=1)]
 
     def rearrange(
@@ -192,50 +209,65 @@ class Rearrangement:
         along with the copy if they are to be ``carried``."""
         here, there = self._places(group, start), self._places(group, end)
         self._buildings = None
-        for column in (self.blocks, self.stone, self._x, self._y):
+        for column in (self.blocks, self.stone):
             column[there] = column[here]
         if carried:
+            self._lay()
             follows = np.zeros(self.stone.size, bool)
             follows[there] = True
-            self._shift(follows & self._inside(here), start, end)
+            theirs = self.grid.raster(follows)[self.genome.pavement.corners]
+            self._shift(theirs & self._inside(here), start, end)
 
     def exchange(self, group: np.ndarray, start, end, *, carried: bool = False) -> None:
         """Exchange the groups at ``start`` and ``end``, clear of one another; domain blocks
         inside either, whosever they are, go along with it if they are to be ``carried``."""
         here, there = self._places(group, start), self._places(group, end)
         self._buildings = None
-        for column in (self.blocks, self.stone, self._x, self._y):
+        for column in (self.blocks, self.stone):
             column[here], column[there] = column[there], column[here]
         if carried:
+            self._lay()
             forth, back = self._inside(here), self._inside(there)
             self._shift(forth, start, end)
             self._shift(back, end, start)
 
     def draft(self, made: dict) -> Draft:
         """The child with all moves made."""
-        columns = {name: getattr(self._parent, name)[self.stone] for name in FIELDS}
-        child = self._parent.replace(**columns | {"x": self._x, "y": self._y})
-        return Draft(child, self.pavement.raster(self.blocks), made)
+        self._lay()
+        return Draft(self.genome, self.grid.raster(self.blocks), made)
+
+    def _lay(self) -> None:
+        """Bring the lifs to where the moves since the last call have carried them."""
+        places = np.arange(self.stone.size)
+        if np.array_equal(self.stone, places):
+            return
+        row, column = np.divmod(self.stone.reshape(self.grid.rows, -1), self.grid.columns)
+        nothing = np.zeros(row.shape, np.uint8)
+        pieces = Pieces(self.grid.block, nothing, row, column, nothing)
+        self.genome = laid([self.genome], pieces).genome
+        self.stone = places
 
     def _places(self, group: np.ndarray, corner) -> np.ndarray:
-        """Indices of the blocks of ``group`` at ``corner``."""
-        return (group[0] + corner[0]) * self.pavement.columns + group[1] + corner[1]
+        """Indices of the cells of ``group`` at ``corner``."""
+        return (group[0] + corner[0]) * self.grid.columns + group[1] + corner[1]
 
     def _inside(self, places: np.ndarray) -> np.ndarray:
-        """Bool ``(n,)``: lifs whose domain block lies wholly in the blocks ``places``."""
-        block, rows, columns = self.pavement.block, self.pavement.rows, self.pavement.columns
+        """Bool ``(n,)``: lifs whose domain block lies wholly in the cells ``places``."""
+        cell, rows, columns = self.grid.block, self.grid.rows, self.grid.columns
         summed = np.zeros((rows + 1, columns + 1), np.int64)
         summed[1:, 1:].flat[places] = 1
         summed = summed.cumsum(axis=0).cumsum(axis=1)
-        tall, wide = self._parent.dy[self.stone], self._parent.dx[self.stone]
-        top, left = self._y // block, self._x // block
-        bottom, right = -(-(self._y + tall) // block), -(-(self._x + wide) // block)
+        one = self.genome
+        top, left = one.y // cell, one.x // cell
+        bottom, right = -(-(one.y + one.dy) // cell), -(-(one.x + one.dx) // cell)
         within = summed[bottom, right] - summed[top, right]
         within += summed[top, left] - summed[bottom, left]
-        return (wide > 0) & (within == (bottom - top) * (right - left))
+        return (one.dx > 0) & (within == (bottom - top) * (right - left))
 
     def _shift(self, lifs: np.ndarray, start, end) -> None:
         """Move the domain blocks of ``lifs`` (bool ``(n,)``) as from ``start`` to ``end``."""
-        down, along = (np.subtract(end, start) * self.pavement.block).tolist()
-        self._y[lifs] += down
-        self._x[lifs] += along
+        down, along = (np.subtract(end, start) * self.grid.block).tolist()
+        y, x = self.genome.y.copy(), self.genome.x.copy()
+        y[lifs] += down
+        x[lifs] += along
+        self.genome = self.genome.replace(y=y, x=x)

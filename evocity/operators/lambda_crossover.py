@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from evocity.citymap import MAX_SIDE
-from evocity.coding.decode import decode
-from evocity.genome import FIELDS, Genome, merged_cities
-from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.parameters import check_parameters, repair_checks
-from evocity.pavement import Pavement
+from evocity.errors import GenomeError, OperatorError
+from evocity.genome import DOMAIN, FIELDS, Genome, descended, refined
+from evocity.operators.crossing import Draft, Drafting, assembled, raw_heights
+from evocity.operators.grid import common_grid, in_cells, side_checks
+from evocity.operators.parameters import Check
+from evocity.pavement import Pavement, common_refinement
+
+#: Size of the patches unless told, metres.
+GRAIN = 64.0
 
 
 @dataclass(frozen=True)
@@ -26,48 +29,45 @@ class LambdaCrossover(Drafting):
     share : mean of the λ_i, 0…1: share of the first parent. 0 and 1 give a parent back.
     blend : width of the seam in which λ_i runs from 0 to 1, as a share of all lifs. 0 is
         the exclusive choice λ_i ∈ {0, 1}; 1 interpolates everywhere.
-    grain : size of the patches, in range blocks, 1 or more.
+    grain_side : size of the patches, metres; None for 64.
+    grain : the same in range blocks, 1 or more, of uniform pavements; deprecated.
     repair, reach, domains : as in `PavementFusion`; what is meant to be laid is the mixture
         λ·A1 + (1 − λ)·A2 of the parents' decoded maps.
     """
 
     share: float = 0.5
     blend: float = 0.0
-    grain: int = 8
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    grain_side: float | None = None
+    grain: int | None = None
 
     name = "lambda_crossover"
     parents = (2, 2)
 
-    def __post_init__(self):
-        check_parameters(
-            self,
-            {
-                "share": (lambda share: 0 <= share <= 1, "0…1"),
-                "blend": (lambda width: 0 <= width <= 1, "0…1"),
-                "grain": (lambda size: 1 <= size <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
-                **repair_checks(),
-            },
-        )
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "share": (lambda share: 0 <= share <= 1, "0…1"),
+            "blend": (lambda width: 0 <= width <= 1, "0…1"),
+            **side_checks(self, "grain"),
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        pavement = parents[0].pavement
-        lambdas = lambda_field(pavement, self.share, self.blend, self.grain, rng)
-        child = interpolated(*parents, lambdas, rng.random(lambdas.size))
-        weight = pavement.raster(lambdas.astype(np.float32))
-        first, second = (decode(parent).city.heights for parent in parents)
-        made = {"share": self.share, "blend": self.blend, "grain": self.grain}
+        grid = common_grid(self.name, parents)
+        grain = in_cells(self.name, "grain", self.grain_side, self.grain, GRAIN, grid, parents)
+        lambdas = lambda_field(grid, self.share, self.blend, grain, rng)
+        child = interpolated(self.name, parents, grid, lambdas, rng)
+        weight = grid.raster(lambdas.astype(np.float32))
+        first, second = (raw_heights(parent) for parent in parents)
+        metres = grain * grid.block * parents[0].metres_per_pixel
+        made = {"share": self.share, "blend": self.blend, "grain_side": metres}
         return Draft(child, weight * first + (1 - weight) * second, made)
 
 
 def lambda_field(
-    pavement: Pavement, share: float, blend: float, grain: int, rng: np.random.Generator
+    grid: Pavement, share: float, blend: float, grain: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """One λ a lifs, ``(n,)``, of mean ``share``: a smooth random field, evened out so that any
-    share is met. ``blend`` and ``grain`` are those of `LambdaCrossover`."""
-    field = rng.random((pavement.rows, pavement.columns))
+    """One λ a cell of the ``grid``, ``(n,)``, of mean ``share``: a smooth random field, evened out
+    so that any share is met. ``blend`` is that of `LambdaCrossover`, ``grain`` in cells."""
+    field = rng.random((grid.rows, grid.columns))
     if grain > 1:
         field = ndimage.gaussian_filter(field, grain / 2, mode="reflect")
     rank = np.empty(field.size)
@@ -78,42 +78,58 @@ def lambda_field(
     return np.clip((cut - rank) / blend + 0.5, 0, 1)
 
 
-def interpolated(first: Genome, second: Genome, lambdas: np.ndarray, draws: np.ndarray) -> Genome:
-    """Lifs between those of two genomes of one pavement: λ of the first, 1 − λ of the second.
+def interpolated(
+    name: str,
+    parents: Sequence[Genome],
+    grid: Pavement,
+    lambdas: np.ndarray,
+    rng: np.random.Generator,
+) -> Genome:
+    """Lifs between those of two ``parents``: λ of the first, 1 − λ of the second, one λ a cell of
+    the ``grid``, ``(n,)``.
 
-    σ and β mix convexly; domain corners and extents too, rounded to legal values; the isometry,
-    whose group is not convex, is the first's where ``draws`` (0…1, ``(n,)``) < λ. A lifs
-    without a domain is taken as one of σ = 0 on the other's domain. Provenance follows the
-    larger λ. Where λ is 0 or 1 the lifs is its parent's, bit for bit.
+    Where λ is 0 or 1 the lifs are a parent's, bit for bit. Elsewhere both parents' are split to
+    what their range blocks and the cells have in common, and meet one by one: σ and β mix
+    convexly; domain corners and extents too, rounded to legal values; the isometry, whose group is
+    not convex, is the first's with the chance λ. A lifs without a domain is taken as one of σ = 0
+    on the other's domain. Provenance follows the larger λ, which stands in ``part``.
     """
-    cities, pointers, attribution = merged_cities([first, second])
+    if not ((lambdas > 0) & (lambdas < 1)).any():
+        return assembled(parents, np.where(lambdas >= 0.5, 0, 1), grid)
+    try:
+        common = common_refinement([grid, *(parent.pavement for parent in parents)])
+    except GenomeError as error:
+        raise OperatorError(f"{name}: {error.found}", error.expected, error.remedy) from None
+    top, left = common.corners
+    return mixed(*(refined(one, common) for one in parents), lambdas[grid.index[top, left]], rng)
+
+
+def mixed(first: Genome, second: Genome, lambdas: np.ndarray, rng: np.random.Generator) -> Genome:
+    """`interpolated` of two genomes of one pavement, with one λ a lifs, ``(n,)``."""
+    pointers, common = descended([first, second])
     ours, theirs = _columns(first, pointers[0]), _columns(second, pointers[1])
+    draws = rng.random(lambdas.size)
     between = (lambdas > 0) & (lambdas < 1)
-    mixed = _mixed(first, second, ours, theirs, lambdas, draws) if between.any() else {}
+    found = _mixed(first, second, ours, theirs, lambdas, draws) if between.any() else {}
     columns = {}
     for name, nucleotide in FIELDS.items():
         values = np.where(lambdas >= 0.5, ours[name], theirs[name])
-        if name in mixed:
-            values = np.where(between, mixed[name], values)
+        if name in found:
+            values = np.where(between, found[name], values)
         columns[name] = values.astype(nucleotide.dtype)
-    return first.replace(
-        **columns,
-        cities=cities,
-        attribution=attribution,
-        sigma_max=max(first.sigma_max, second.sigma_max),
-    )
+    return first.replace(**columns, **common)
 
 
-def _columns(genome: Genome, pointers: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: getattr(genome, name) for name in FIELDS} | {"parent": pointers}
+def _columns(genome: Genome, pointers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: getattr(genome, name) for name in FIELDS} | pointers
 
 
 def _mixed(first: Genome, second: Genome, ours, theirs, lambdas, draws) -> dict[str, np.ndarray]:
     """Nucleotides between those of two genomes, as `interpolated` tells, by name."""
-    pavement, block = first.pavement, first.pavement.block
+    pavement, block = first.pavement, first.pavement.side
     lone = {"ours": first.uniform & ~second.uniform, "theirs": second.uniform & ~first.uniform}
     mixed = {}
-    for name in ("sigma", "beta", "x", "y", "dx", "dy"):
+    for name in ("sigma", "beta", *DOMAIN):
         a, b = ours[name].astype(float), theirs[name].astype(float)
         if name not in ("sigma", "beta"):
             a, b = np.where(lone["ours"], b, a), np.where(lone["theirs"], a, b)
@@ -123,6 +139,10 @@ def _mixed(first: Genome, second: Genome, ours, theirs, lambdas, draws) -> dict[
         whole = np.clip(np.rint(mixed[extent] / block), 2, side // block) * block
         mixed[extent] = np.where(domain, whole, 0)
         mixed[corner] = np.clip(np.rint(mixed[corner]), 0, side - mixed[extent])
+    larger = lambdas >= 0.5
+    mixed["other"] = np.where(larger, theirs["parent"], ours["parent"])
+    one_city = ours["parent"] == theirs["parent"]
+    mixed["part"] = np.where(one_city, 1, np.where(larger, lambdas, 1 - lambdas))
     mixed["iso"] = np.where(
         lone["ours"] | (~lone["theirs"] & (draws >= lambdas)), theirs["iso"], ours["iso"]
     )

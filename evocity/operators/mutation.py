@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, MAX_SIDE
-from evocity.coding.decode import CollageMap, decode
-from evocity.genome import Genome
+from evocity.coding.decode import CollageMap
+from evocity.coding.decoded import decoded
+from evocity.genome import NUCLEOTIDES, Genome
 from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.operators.grid import common_grid, in_cells, side_checks
+from evocity.operators.parameters import Check
 
-_RATES = ("sigma", "beta", "x", "y", "dx", "dy", "iso")
+_RATES = tuple(NUCLEOTIDES)
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,13 @@ class Mutation(Drafting):
     ----------
     sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1: share of the groups in
         which it changes. Lifs without a domain change in β alone; bare ground stays.
-    group : side of a group, in range blocks; 1 mutates lifs by lifs.
+    group_side : side of a group, metres; None for 32. A lifs is of the group that holds the
+        middle of its range block.
+    group : the same in range blocks, of uniform pavements; 1 mutates lifs by lifs. Deprecated.
     sigma_step : standard deviation of the change of σ; the result is cut at ±sigma_max.
     beta_step : standard deviation of the change of β, metres.
     move : largest change of a domain's x or y, px.
-    stretch : largest change of an extent, in blocks.
+    stretch : largest change of an extent, in sides of the range block.
     repair, reach, domains : as in `PavementFusion`; what is meant to be laid is one step of
         the mutated code on the parent's decoded map, so that what did not mutate stays.
     """
@@ -41,41 +45,36 @@ class Mutation(Drafting):
     dx: float = 0.01
     dy: float = 0.01
     iso: float = 0.01
-    group: int = 4
+    group_side: float | None = None
     sigma_step: float = 0.2
     beta_step: float = 3.0
     move: int = 16
     stretch: int = 1
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    group: int | None = None
 
     name = "mutation"
     parents = (1, 1)
 
-    def __post_init__(self):
-        check_parameters(
-            self,
-            {
-                **dict.fromkeys(_RATES, (lambda rate: 0 <= rate <= 1, "0…1")),
-                "group": (lambda side: 1 <= side <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
-                "sigma_step": (lambda step: 0 <= step <= 1000, "0…1000"),
-                "beta_step": (lambda step: 0 <= step <= 1000, "0…1000 m"),
-                "move": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} px"),
-                "stretch": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} blocks"),
-                **repair_checks(),
-            },
-        )
+    def _checks(self) -> dict[str, Check]:
+        return {
+            **dict.fromkeys(_RATES, (lambda rate: 0 <= rate <= 1, "0…1")),
+            **side_checks(self, "group"),
+            "sigma_step": (lambda step: 0 <= step <= 1000, "0…1000"),
+            "beta_step": (lambda step: 0 <= step <= 1000, "0…1000 m"),
+            "move": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} px"),
+            "stretch": (lambda step: 0 <= step <= MAX_SIDE, f"0…{MAX_SIDE} range blocks"),
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         (parent,) = parents
         child, changed = self._mutated(parent, rng)
-        intended = np.maximum(CollageMap(child)(decode(parent).attractor), 0)
-        return Draft(child, intended, {"mutated": int(changed)})
+        intended = np.maximum(CollageMap(child)(decoded(parent).attractor), 0)
+        rates = {name: getattr(self, name) for name in _RATES}
+        return Draft(child, intended, {"mutated": int(changed), "rates": rates})
 
     def _mutated(self, parent: Genome, rng: np.random.Generator) -> tuple[Genome, int]:
-        pavement, block = parent.pavement, parent.pavement.block
-        group = self._groups(pavement, rng)
+        pavement, block = parent.pavement, parent.pavement.side
+        group = self._groups(parent, rng)
         count = int(group.max()) + 1
         columns = {name: getattr(parent, name).astype(float) for name in _RATES}
         domain = ~parent.uniform
@@ -86,13 +85,14 @@ class Mutation(Drafting):
             "beta": rng.normal(0, self.beta_step, count),
             "x": rng.integers(-self.move, self.move, count, endpoint=True),
             "y": rng.integers(-self.move, self.move, count, endpoint=True),
-            "dx": rng.integers(-self.stretch, self.stretch, count, endpoint=True) * block,
-            "dy": rng.integers(-self.stretch, self.stretch, count, endpoint=True) * block,
+            "dx": rng.integers(-self.stretch, self.stretch, count, endpoint=True),
+            "dy": rng.integers(-self.stretch, self.stretch, count, endpoint=True),
             "iso": rng.integers(1, 8, count),
         }
         for name, step in steps.items():
             hit = (rng.random(count) < getattr(self, name))[group] & able[name]
-            columns[name][hit] += step[group][hit]
+            unit = block[hit] if name in ("dx", "dy") else 1
+            columns[name][hit] += step[group][hit] * unit
         columns["iso"] %= 8
         columns["sigma"] = np.clip(columns["sigma"], -parent.sigma_max, parent.sigma_max)
         columns["beta"] = np.where(domain, columns["beta"], np.maximum(columns["beta"], 0))
@@ -106,9 +106,13 @@ class Mutation(Drafting):
         different = [columns[name] != getattr(parent, name) for name in _RATES]
         return parent.replace(**columns), np.logical_or.reduce(different).sum()
 
-    def _groups(self, pavement, rng) -> np.ndarray:
+    def _groups(self, parent: Genome, rng) -> np.ndarray:
         """Index of each lifs' group, ``(n,)``; the grid of groups is laid at a random offset."""
-        down, along = rng.integers(0, self.group, 2)
-        row = (np.arange(pavement.rows) + down) // self.group
-        column = (np.arange(pavement.columns) + along) // self.group
-        return (row[:, None] * (column[-1] + 1) + column).ravel()
+        grid = common_grid(self.name, [parent])
+        side = in_cells(self.name, "group", self.group_side, self.group, 32.0, grid, [parent])
+        down, along = rng.integers(0, side, 2)
+        top, left = parent.pavement.corners
+        half, cell = parent.pavement.side // 2, grid.block
+        row = ((top + half) // cell + down) // side
+        column = ((left + half) // cell + along) // side
+        return row * (grid.columns // side + 2) + column

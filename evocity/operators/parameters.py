@@ -10,10 +10,12 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from evocity.citymap import MAX_SIDE
-from evocity.errors import OperatorError, shown
+from evocity.errors import OperatorError, set_to, shown
 
 #: Parameter -> (what was found, what is allowed).
 Faults = dict[str, tuple[str, str]]
+#: A condition of a parameter's value, and in words what is allowed.
+Check = tuple[Callable[..., bool], str]
 
 _STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 _WORDS = {
@@ -38,7 +40,7 @@ def wrong_types(kind: type, parameters: Mapping[str, object]) -> Faults:
     }
 
 
-def check_parameters(operator, allowed: Mapping[str, tuple[Callable[..., bool], str]]) -> None:
+def check_parameters(operator, allowed: Mapping[str, Check]) -> None:
     """Raise one `OperatorError` with every parameter of wrong type or value.
 
     For ``__post_init__``. ``allowed`` maps a parameter to (condition of its value, what is
@@ -56,7 +58,7 @@ def check_parameters(operator, allowed: Mapping[str, tuple[Callable[..., bool], 
         raise at_fault(operator.name, faults)
 
 
-def repair_checks() -> dict[str, tuple[Callable[..., bool], str]]:
+def repair_checks() -> dict[str, Check]:
     """Checks of the three repair parameters every operator has, for `check_parameters`."""
     return {
         "repair": (lambda rms: rms is None or rms > 0, "above 0 m, or none for no repair"),
@@ -74,7 +76,7 @@ def repair_checks() -> dict[str, tuple[Callable[..., bool], str]]:
 def at_fault(name: str, faults: Faults, remedy: str = "change these parameters") -> OperatorError:
     """The error that tells ``faults`` of the operator ``name``."""
     error = OperatorError(
-        f"{name}: " + ", ".join(f"{key} = {found}" for key, (found, _) in faults.items()),
+        f"{name}: " + ", ".join(set_to(key, found) for key, (found, _) in faults.items()),
         ", ".join(f"{key} {told}" for key, (_, told) in faults.items()),
         remedy,
     )

@@ -7,10 +7,17 @@ import numpy as np
 
 from evocity.genome import Genome
 from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.groups import Rearrangement, macro_block, macro_block_checks
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.operators.groups import (
+    Rearrangement,
+    macro_block,
+    macro_block_checks,
+    macro_block_sides,
+)
+from evocity.operators.parameters import Check
 
 _MODES, _SHAPES = ("move", "copy"), ("square", "buildings")
+#: The least and the largest side of macro-blocks unless told, metres.
+_SPAN = 32.0, 128.0
 
 
 @dataclass(frozen=True)
@@ -28,8 +35,9 @@ class Relocation(Drafting):
         domain blocks inside either go along with it, also those that lifs elsewhere call.
         "copy" leaves the group where it is as well, and what gave way is lost.
     shape : "square" takes macro-blocks; "buildings" grows each over every building it would
-        cut and the courts these enclose, and takes none beyond ``size_max``² blocks.
-    size_min, size_max : sides of the macro-blocks, in range blocks, 1 or more; drawn evenly.
+        cut and the courts these enclose, and takes none beyond ``side_max``².
+    side_min, side_max : sides of the macro-blocks, metres, drawn evenly; None for 32 and 128.
+    size_min, size_max : the same in range blocks, 1 or more, of uniform pavements; deprecated.
     count : groups to relocate. One without an admissible place is drawn again, 63 times at
         most: see ``made["relocated"]``.
     tolerance : metres, at both places if they are exchanged; None for any.
@@ -42,38 +50,34 @@ class Relocation(Drafting):
 
     mode: str = "move"
     shape: str = "buildings"
-    size_min: int = 4
-    size_max: int = 16
+    side_min: float | None = None
+    side_max: float | None = None
     count: int = 2
     tolerance: float | None = 6.0
     change: float = 2.0
     choice: int = 60
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    size_min: int | None = None
+    size_max: int | None = None
 
     name = "relocation"
     parents = (1, 1)
 
-    def __post_init__(self):
-        check_parameters(
-            self,
-            {
-                "mode": (lambda mode: mode in _MODES, " or ".join(_MODES)),
-                "shape": (lambda shape: shape in _SHAPES, " or ".join(_SHAPES)),
-                **macro_block_checks(self),
-                **repair_checks(),
-            },
-        )
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "mode": (lambda mode: mode in _MODES, " or ".join(_MODES)),
+            "shape": (lambda shape: shape in _SHAPES, " or ".join(_SHAPES)),
+            **macro_block_checks(self, _SPAN[0]),
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        moves = Rearrangement(parents[0])
+        moves = Rearrangement(parents[0], self.name)
+        sizes = macro_block_sides(self, moves.grid, parents, *_SPAN)
 
         def draw() -> tuple[np.ndarray, np.ndarray]:
-            group, corner = macro_block(moves.pavement, self.size_min, self.size_max, rng)
+            group, corner = macro_block(moves.grid, *sizes, rng)
             if self.shape == "square":
                 return group, corner
-            return moves.grown(group, corner, self.size_max**2)
+            return moves.grown(group, corner, sizes[1] ** 2)
 
         relocated = moves.rearrange(
             draw,

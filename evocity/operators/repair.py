@@ -11,13 +11,17 @@ import numpy as np
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.encode import with_matches
 from evocity.coding.matching import best_matches
-from evocity.coding.matching.domains import domain_pools
+from evocity.coding.matching.domains import DomainPool, domain_pools
 from evocity.errors import GenomeError
-from evocity.genome import Genome
+from evocity.genome import Genome, split
+from evocity.pavement import Pavement, touched
 
 #: The cap on |σ| of what is matched again where the code has none below 1: a parent's steep lifs
 #: are tamed by its own fabric, and a child has another.
 _CONTRACTIVE = 0.9
+#: Range blocks of more than this, px, are split before they are matched again: of a large one that
+#: strays, most may be as it should.
+_GRAIN = 4
 
 
 def collage_repair(
@@ -29,7 +33,11 @@ def collage_repair(
     domains: Sequence[int] = (2,),
     rounds: int = 3,
 ) -> tuple[Genome, int]:
-    """Re-match the blocks of ``genome`` whose decoded content strays from ``intended``.
+    """Re-match the blocks of ``genome`` whose decoded content, before roofs are settled, strays
+    from ``intended``.
+
+    Leaves are split where they stray and matched in parts of 4 px; parts that no domain block
+    explains to within the threshold are split again, down to the genome's finest side.
 
     Parameters
     ----------
@@ -45,33 +53,82 @@ def collage_repair(
     The repaired genome (the same object if nothing strayed) and the number of lifs replaced.
     Parent and source of every lifs are kept: they name the stone the block should carry.
     """
-    pavement = genome.pavement
     if genome.condensation is not None:
         intended = genome.condensation.laid(intended)
-    wanted = pavement.blocks(intended)
-    pools = None
-    replaced = np.zeros(len(pavement), bool)
-    steepest = genome.sigma_max if genome.sigma_max < 1 else _CONTRACTIVE
+    matching = _Matching(genome, intended, threshold, reach, domains)
+    replaced = np.zeros(intended.shape, bool)
     # with a cap below 1 nothing can diverge; else the last round looks for that alone
     for turn in range(rounds + (genome.sigma_max >= 1)):
         decoded, steep = _decoded(genome, intended)
-        strayed = (pavement.blocks(decoded) - wanted) ** 2
-        wrong = (strayed.mean(axis=(1, 2)) > threshold**2) & ~replaced
-        bad = np.flatnonzero(steep | (wrong & (turn < rounds)))
-        if bad.size == 0:
+        where = genome.pavement.raster(steep)
+        if turn < rounds:
+            error = (decoded - intended) ** 2
+            where |= _strayed(genome.pavement, matching.grain, error, threshold) & ~replaced
+        if not where.any():
             break
-        if pools is None:
-            pools = list(domain_pools(intended, pavement.block, set(domains)))
-        matches = best_matches(
-            pools,
-            wanted[bad],
-            tuple(corner[bad] for corner in pavement.corners),
-            reach=reach,
-            sigma_max=steepest,
-        )
-        genome = with_matches(genome, bad, matches)
-        replaced[bad] = True
-    return genome, int(replaced.sum())
+        replaced |= where
+        genome = split(genome, matching.grain, where)
+        bad = _touched(genome.pavement, where)
+        while bad.size:
+            genome, bad = matching(genome, bad)
+            if bad.size:  # what no domain block of that side explains: by four smaller ones
+                here = np.zeros(len(genome), bool)
+                here[bad] = True
+                here = genome.pavement.raster(here)
+                genome = split(genome, int(genome.pavement.side[bad].max()) // 2, here)
+                bad = _touched(genome.pavement, here)
+    return genome, _touched(genome.pavement, replaced).size
+
+
+class _Matching:
+    """Matches lifs of one map again; of each side the domain blocks are folded once.
+
+    grain : larger range blocks are split to this side, px, before they are matched.
+    """
+
+    def __init__(self, genome: Genome, intended, threshold: float, reach, domains):
+        pavement = genome.pavement
+        self.finest, self.grain = pavement.finest, pavement.coarsest
+        while self.grain > max(_GRAIN, self.finest) and self.grain % 2 == 0:
+            self.grain //= 2
+        self._intended, self._threshold, self._domains = intended, threshold, set(domains)
+        steepest = genome.sigma_max if genome.sigma_max < 1 else _CONTRACTIVE
+        self._asked = {"reach": reach, "sigma_max": steepest}
+        self._pools: dict[int, list[DomainPool]] = {}
+
+    def __call__(self, genome: Genome, which: np.ndarray) -> tuple[Genome, np.ndarray]:
+        """``genome`` with the lifs ``which`` matched again; and which of them still stray, though
+        they could be split."""
+        pavement = genome.pavement
+        strayed = which[:0]
+        for side in np.unique(pavement.side[which]).tolist():
+            found = which[pavement.side[which] == side]
+            if side not in self._pools:
+                self._pools[side] = list(domain_pools(self._intended, side, self._domains))
+            corners = tuple(corner[found] for corner in pavement.corners)
+            blocks = pavement.squares(self._intended, found, side)
+            matches = best_matches(self._pools[side], blocks, corners, **self._asked)
+            genome = with_matches(genome, found, matches)
+            if side > self.finest:
+                left = matches.energy - matches.gain > (self._threshold * side) ** 2
+                strayed = np.concatenate([strayed, found[left]])
+        return genome, strayed
+
+
+def _strayed(pavement: Pavement, grain: int, error: np.ndarray, threshold: float) -> np.ndarray:
+    """Bool ``(H, W)``: range blocks, of larger ones than ``grain`` px the parts of that side, whose
+    mean squared ``error`` (H, W) is above the threshold."""
+    wrong = pavement.raster(pavement.sums(error) > threshold**2 * pavement.area)
+    if pavement.coarsest > grain:
+        parts = Pavement(pavement.height, pavement.width, grain)
+        bad = parts.raster(parts.sums(error) > threshold**2 * parts.area)
+        wrong = np.where(pavement.raster(pavement.side) > grain, bad, wrong)
+    return wrong
+
+
+def _touched(pavement: Pavement, where: np.ndarray) -> np.ndarray:
+    """Which range blocks hold a true pixel of ``where``."""
+    return np.flatnonzero(touched(where, *pavement.corners, pavement.side))
 
 
 def _decoded(genome: Genome, intended: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,6 +138,8 @@ def _decoded(genome: Genome, intended: np.ndarray) -> tuple[np.ndarray, np.ndarr
     stands for the decoded map, and the lifs that do not contract are to blame.
     """
     try:
-        return decode(genome, start=intended).city.heights, np.zeros(len(genome), bool)
+        return np.maximum(decode(genome, start=intended, settle=False).attractor, 0), np.zeros(
+            len(genome), bool
+        )
     except GenomeError:
         return CollageMap(genome)(intended), np.abs(genome.sigma) >= 1

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.citymap import MAX_SIDE
-from evocity.coding.decode import decode
-from evocity.genome import Genome
-from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.lambda_crossover import interpolated, lambda_field
-from evocity.operators.pairing import modulated
-from evocity.operators.parameters import check_parameters, repair_checks
+from evocity.genome import Genome, laid
+from evocity.operators.crossing import Draft, Drafting, raw_heights
+from evocity.operators.grid import common_grid, in_cells, side_checks
+from evocity.operators.lambda_crossover import GRAIN, interpolated, lambda_field
+from evocity.operators.pairing import mosaic_of, paired_pieces, pairing
+from evocity.operators.parameters import Check
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,8 @@ class SymmetricFusion(Drafting):
         `AsymmetricFusion`.
     choose : whether r takes one lifs of its pair or the other, in patches, with λ for their
         share of the map; else every lifs is λ·r12 + (1 − λ)·r21, as in `Interpolation`.
-    grain : size of the patches, in range blocks, 1 or more; 1 chooses lifs by lifs.
+    grain_side : size of the patches, metres; None for 64.
+    grain : the same in range blocks, of uniform pavements; 1 chooses lifs by lifs. Deprecated.
     isometries, alike : how blocks are paired, as in `AsymmetricFusion`.
     repair, reach, domains : as in `PavementFusion`; what is meant to be laid is the decoded
         content of r12 or r21, or λ of the one and 1 − λ of the other.
@@ -38,43 +38,45 @@ class SymmetricFusion(Drafting):
 
     share: float = 0.5
     choose: bool = True
-    grain: int = 8
+    grain_side: float | None = None
     isometries: bool = False
     alike: float = 0.01
-    repair: float | None = 0.5
-    reach: int | None = 24
-    domains: Sequence[int] = (2,)
+    grain: int | None = None
 
     name = "symmetric_fusion"
     parents = (2, 2)
 
-    def __post_init__(self):
-        check_parameters(
-            self,
-            {
-                "share": (lambda share: 0 <= share <= 1, "0…1"),
-                "grain": (lambda size: 1 <= size <= MAX_SIDE, f"1…{MAX_SIDE} blocks"),
-                "alike": (lambda rms: rms >= 0, "0 m or more"),
-                **repair_checks(),
-            },
-        )
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "share": (lambda share: 0 <= share <= 1, "0…1"),
+            **side_checks(self, "grain"),
+            "alike": (lambda rms: rms >= 0, "0 m or more"),
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         first, second = parents
-        pavement = first.pavement
-        maps = [decode(parent).city.heights for parent in parents]
+        grid = common_grid(self.name, parents)
+        maps = [raw_heights(parent) for parent in parents]
         if self.choose:
-            lambdas = lambda_field(pavement, self.share, 0.0, self.grain, rng)
+            grain = in_cells(self.name, "grain", self.grain_side, self.grain, GRAIN, grid, parents)
+            lambdas = lambda_field(grid, self.share, 0.0, grain, rng)
         else:
-            lambdas = np.full(len(pavement), self.share)
+            lambdas = np.full(len(grid), self.share)
         how = {"isometries": self.isometries, "alike": self.alike}
-        ours, our_mosaic = modulated(second, first, maps[::-1], **how, where=lambdas > 0)
-        theirs, their_mosaic = modulated(first, second, maps, **how, where=lambdas < 1)
-        child = interpolated(ours, theirs, lambdas, rng.random(lambdas.size))
-        weight = pavement.raster(lambdas.astype(np.float32))
-        made = {"share": self.share, "choose": self.choose, "grain": self.grain, **how}
-        return Draft(
-            child.replace(origin=first.origin, crs=first.crs),
-            weight * our_mosaic + (1 - weight) * their_mosaic,
-            made,
-        )
+        ours = pairing(grid, first, maps[::-1], **how, where=lambdas > 0)
+        theirs = pairing(grid, second, maps, **how, where=lambdas < 1)
+        weight = grid.raster(lambdas.astype(np.float32))
+        mosaics = [mosaic_of(grid, maps[0], *ours), mosaic_of(grid, maps[1], *theirs)]
+        made = {"share": self.share, "choose": self.choose, **how}
+        if self.choose:
+            one = lambdas >= 0.5
+            index, iso = (np.where(one, *both) for both in zip(ours, theirs, strict=True))
+            child = laid(parents, paired_pieces(grid, np.where(one, 0, 1), index, iso)).genome
+            made["grain_side"] = grain * grid.block * first.metres_per_pixel
+        else:
+            both = [
+                laid(parents, paired_pieces(grid, whose, *one)).genome
+                for whose, one in ((0, ours), (1, theirs))
+            ]
+            child = interpolated(self.name, both, grid, lambdas, rng)
+        return Draft(child, weight * mosaics[0] + (1 - weight) * mosaics[1], made)

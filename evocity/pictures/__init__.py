@@ -2,9 +2,19 @@
 
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
 - `picture`: a map, a field, or shares, as a picture
+- `leaves`: the range blocks of a code, over its map
 """
 
 from evocity.pictures.field import Field, Shares
+from evocity.pictures.leaves import Leaves, render_leaves
 from evocity.pictures.picture import render, render_field, render_shares
 
-__all__ = ["Field", "Shares", "render", "render_field", "render_shares"]
+__all__ = [
+    "Field",
+    "Leaves",
+    "Shares",
+    "render",
+    "render_field",
+    "render_leaves",
+    "render_shares",
+]

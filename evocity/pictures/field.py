@@ -13,7 +13,7 @@ class Field:
     """One number a pixel of a city.
 
     city : whose grid it is; its name and attribution go into every file and picture.
-    values : float32 ``(H, W)``, finite, 0 or more.
+    values : float32 ``(H, W)``, finite, 0 or more; NaN where there is no value.
     title : what the values are, a few words.
     symbol : the same for a colour scale.
     unit : of the values; "" for a plain number.

@@ -17,6 +17,8 @@ PAPER = (250, 248, 244)
 GROUND = (241, 238, 231)
 INK = (52, 48, 46)
 FAINT = (128, 121, 114)
+# Where a field has no value: grey, bluer than ground.
+NOTHING = (196, 202, 209)
 
 # From the lowest roof to the highest, each step as much darker as the one before (OKLab).
 _RAMP = ("#edd5ae", "#e8b682", "#de9262", "#cb6b54", "#a94a56", "#7c355c", "#4e2655", "#241741")
@@ -79,28 +81,38 @@ def render(
     """
     end = scale_end(city) if highest is None else float(highest)
     fabric = Image.fromarray(_shaded(city, end, zoom))
-    if not legend:
-        return fabric
+    return on_sheet(city, fabric, city.name, end, zoom) if legend else fabric
+
+
+def on_sheet(
+    city: CityMap, fabric: Image.Image, title: str, highest: float, zoom: int
+) -> Image.Image:
+    """A picture ``fabric`` of a map's heights, ``zoom`` times its size, with a title and the
+    legend of `render` for colours that end at ``highest`` metres."""
     roof = float(city.heights.max(initial=0))
-    note = f"up to {roof:.0f}" if roof > end else ""
-    scale = _Scale("height, m", end, lambda metres: ramp(metres, end), note)
-    return _sheet(city, fabric, city.name, scale, zoom)
+    note = f"up to {roof:.0f}" if roof > highest else ""
+    scale = _Scale("height, m", highest, lambda metres: ramp(metres, highest), note)
+    return _sheet(city, fabric, title, scale, zoom)
 
 
 def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     """Draw values on a city's grid: an even scale of colours from 0 to a round number above
-    nearly all of them, with the edges of roofs, and the legend of `render`."""
+    nearly all of them, with the edges of roofs, and the legend of `render`. Pixels without a
+    value (NaN) are `NOTHING`'s grey."""
     values = np.asarray(field.values, np.float32)
-    top = float(values.max(initial=0))
-    end = _rounded_up(float(np.quantile(values, 0.995)) or top)
+    known = values[~np.isnan(values)]
+    top = float(known.max(initial=0))
+    end = _rounded_up(float(np.quantile(known, 0.995) if known.size else 0) or top)
     pixels = values.repeat(zoom, axis=0).repeat(zoom, axis=1)
     colours = _even(pixels, end)
     if zoom > 1:
         edges = _edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
         colours[edges] = np.round(colours[edges] * 0.78).astype(np.uint8)
-    note = f"up to {top:.3g}" if top > end else ""
+    notes = [f"up to {top:.3g}"] if top > end else []
+    if known.size < values.size:
+        notes.append("grey: none")
     unit = f"{field.symbol}, {field.unit}" if field.unit else field.symbol
-    scale = _Scale(unit, end, lambda shown: _even(shown, end), note)
+    scale = _Scale(unit, end, lambda shown: _even(shown, end), "\n".join(notes))
     title = f"{field.city.name}: {field.title}"
     return _sheet(field.city, Image.fromarray(colours), title, scale, zoom)
 
@@ -160,13 +172,16 @@ def _hues(count: int) -> np.ndarray:
 
 
 def _even(values: np.ndarray, end: float) -> np.ndarray:
-    """Colours of ``values`` ``(H, W)``, pale at 0, dark at ``end`` and above."""
+    """Colours of ``values`` ``(H, W)``, pale at 0, dark at ``end`` and above, grey where NaN."""
     stops = _oklab(np.array([GROUND, *(_rgb(text) for text in _RAMP)]) / 255)
     where = np.linspace(0, 1, len(stops))
     steps = np.linspace(0, 1, 1024)
     mixed = np.column_stack([np.interp(steps, where, channel) for channel in stops.T])
     table = np.round(_srgb(mixed) * 255).astype(np.uint8)
-    return table[np.round(np.clip(values / end, 0, 1) * 1023).astype(np.int16)]
+    shares = np.nan_to_num(np.clip(values / end, 0, 1))
+    colours = table[np.round(shares * 1023).astype(np.int16)]
+    colours[np.isnan(values)] = NOTHING
+    return colours
 
 
 def _rounded_up(value: float) -> float:
@@ -284,7 +299,9 @@ def _draw_colours(sheet, draw, place, scale: _Scale, font, small, size) -> None:
         draw.line((left + width, y, left + width + size // 3, y), FAINT)
         draw.text((left + 1.6 * width, y), f"{value:g}", INK, font, "lm")
     if scale.note and low - top - tall > 2 * size:
-        draw.text((left, top + tall + size // 2), scale.note, FAINT, small, "lt")
+        for number, line in enumerate(scale.note.splitlines()):
+            y = top + tall + size // 2 + number * int(1.25 * size)
+            draw.text((left, y), line, FAINT, small, "lt")
 
 
 def _key_rows(entries: _Entries, font, width: float) -> list[_Entries]:
@@ -393,4 +410,4 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-__all__ = ["ramp", "render", "render_field", "render_shares", "scale_end"]
+__all__ = ["on_sheet", "ramp", "render", "render_field", "render_shares", "scale_end"]

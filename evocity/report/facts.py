@@ -3,7 +3,7 @@
 import math
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,6 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import EvocityError, RunError
-from evocity.genome import Genome
 from evocity.search import Archive, archive
 from evocity.search.archiving import aims_of_run
 from evocity.search.recipe import RunSection
@@ -314,16 +313,21 @@ class Facts:
 
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
         births = self.run.individuals([row["id"] for row in rows])
-        others = [m for m in fitness.measures() if m.name not in self.run.header.measures]
-        asked = any("parents" in measure.needs for measure in others)
+        sources = [source.city for source in self.run.sources()]
+        reference = fitness.Reference.sources(sources)
+        others = [
+            measure.bound(reference)
+            for measure in fitness.measures()
+            if measure.name not in self.run.header.measures
+        ]
+        asked = any("parents" in measure.takes for measure in others)
         bred_from = self.run.parents(births) if asked else [()] * len(births)
-        count = len(self.run.header.cities)
         shown = []
         for row, birth, parents in zip(rows, births, bred_from, strict=True):
             city = decode(birth.genome).city
-            shares = np.bincount(birth.genome.parent, minlength=count) / len(birth.genome)
-            values = [(m.name, _measured(m, city, birth.genome, parents), m.unit) for m in others]
-            shown.append(Shown(birth, row["rank"], city, values, shares))
+            extras = {"genome": birth.genome, "parents": parents, "sources": sources}
+            values = [(m.name, _measured(m, city, extras), m.unit) for m in others]
+            shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))
         return shown
 
 
@@ -337,8 +341,8 @@ def _number(value) -> float | None:
         return None
 
 
-def _measured(measure, city: CityMap, genome: Genome, parents: Sequence[Genome]) -> float:
+def _measured(measure, city: CityMap, extras: Mapping) -> float:
     try:
-        return measure(city, genome=genome, parents=parents)
+        return measure(city, **extras)
     except EvocityError:  # not the run's measure: a report does not fail for it
         return math.nan

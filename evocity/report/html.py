@@ -87,6 +87,13 @@ def _page(facts: Facts) -> str:
     )
 
 
+def _sides(facts: Facts) -> str:
+    """The sides of the range blocks of the source cities' codes."""
+    pavements = [source.genome.pavement for source in facts.sources]
+    sides = {side for pavement in pavements for side in (pavement.finest, pavement.coarsest)}
+    return " to ".join(_text(side) for side in sorted({min(sides), max(sides)})) if sides else "?"
+
+
 def _text(value) -> str:
     """Whatever a stranger's run holds, as text of the page."""
     return escape(str(value))
@@ -115,7 +122,7 @@ def _summary(facts: Facts) -> str:
     state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
     return (
         f"<p>{_text(' × '.join(header.cities))}, {_text(header.width)} × {_text(header.height)} px "
-        f"of {header.metres_per_pixel:g} m, range blocks of {_text(header.block)} px</p>"
+        f"of {header.metres_per_pixel:g} m, range blocks of {_sides(facts)} px</p>"
         f'<dl class="figures">{items}</dl>{state}'
     )
 

@@ -4,31 +4,65 @@ import math
 
 from evocity import operators
 from evocity.citymap import MAX_SIDE
-from evocity.errors import OperatorError, shown, with_near_miss
-from evocity.search.recipe import MOST_PARENTS, OperatorEntry, operator_of
+from evocity.errors import GenomeError, OperatorError, shown, with_near_miss
+from evocity.operators.grid import METRES
+from evocity.pavement import read_sides
+from evocity.pavement.levels import USUAL
+from evocity.search.recipe import LARGEST_BLOCK, MOST_PARENTS, OperatorEntry, operator_of
 
 
 def across_sections(raw: dict) -> list[tuple[str, str, str]]:
     """Faults (key, found, allowed) between sections, as far as ``raw`` is well-formed."""
     faults = []
-    pixels, block, domains = (
-        _of(raw, "map", "pixels", 256),
-        _of(raw, "genome", "block", 4),
-        _of(raw, "genome", "domains", [2]),
-    )
-    sized = _whole(pixels) and _whole(block)
-    if sized and 0 < pixels <= MAX_SIDE and 1 < block <= MAX_SIDE:
-        if pixels % block:
-            low = pixels // block * block
-            fits = f"a multiple of genome.block = {block}, for example {low or block}"
+    pixels, domains = _of(raw, "map", "pixels", 256), _of(raw, "genome", "domains", [2])
+    block = _of(raw, "genome", "block", "{}-{}".format(*USUAL))
+    sides = _sides(block)
+    if sides and _whole(pixels) and 0 < pixels <= MAX_SIDE:
+        finest, root = sides[0], sides[-1]
+        if pixels % root:
+            low = pixels // root * root
+            of = f"{root}, the largest side of genome.block = {shown(block)}"
+            of = of if len(sides) > 1 else f"genome.block = {root}"
+            fits = f"a multiple of {of}, for example {low or root}"
             faults.append(("map.pixels", str(pixels), fits))
         listed = isinstance(domains, list) and domains and all(map(_whole, domains))
-        if listed and min(domains) * block > pixels:
-            found = f"{shown(domains)} · {block} px"
+        if listed and min(domains) * finest > pixels:
+            found = f"{shown(domains)} · {finest} px"
             faults.append(("genome.domains", found, f"domain blocks within {pixels} px"))
+        choices = [
+            key for key in ("lifs", "max_error") if _of(raw, "genome", key, None) is not None
+        ]
+        if choices and len(sides) == 1:
+            allowed = 'none where all range blocks have one side; or block = "2-16"'
+            faults.append(
+                (f"genome.{choices[0]}", shown(_of(raw, "genome", choices[0], 0)), allowed)
+            )
+        elif len(choices) == 2:
+            faults.append(("genome.max_error", "lifs as well", "lifs or max_error, not both"))
     entries = raw.get("operators")
     if isinstance(entries, dict):
         faults += _operator_faults(entries)
+        metres = _of(raw, "map", "metres_per_pixel", 2.0)
+        if len(sides) > 1 and isinstance(metres, int | float):
+            faults += _sizes_in_blocks(entries, metres)
+    return faults
+
+
+def _sizes_in_blocks(entries: dict, pixel: float) -> list[tuple[str, str, str]]:
+    """Faults of sizes in range blocks, which leaves of many sides give no meaning."""
+    faults, known = [], operators.operators()
+    for name, table in entries.items():
+        if name not in known or not isinstance(table, dict):
+            continue
+        accepted = operators.parameters_of(known[name])
+        for key, metric in METRES.items():
+            count = table.get(key)
+            if metric in accepted and _whole(count) and count > 0:
+                found = f"{count} range blocks, of many sides"
+                size = count * (4 * pixel) ** 2 if key == "limit" else count * 4 * pixel
+                unit = "m²" if key == "limit" else "m"
+                allowed = f"{metric} = {size:g} ({unit}, {count} range blocks of 4 px)"
+                faults.append((f"operators.{name}.{key}", found, allowed))
     return faults
 
 
@@ -80,6 +114,16 @@ def _entry_faults(name: str, kind: type, table: dict) -> list[tuple[str, str, st
 def _of(raw: dict, section: str, key: str, default):
     part = raw.get(section, {})
     return part.get(key, default) if isinstance(part, dict) else default
+
+
+def _sides(block) -> tuple[int, ...]:
+    """The sides that ``block`` names, the finest first; none if it is at fault."""
+    try:
+        sides = read_sides(str(block))
+    except GenomeError:
+        return ()
+    sides = (sides,) if isinstance(sides, int) else sides
+    return sides if sides[0] > 1 and sides[-1] <= LARGEST_BLOCK else ()
 
 
 def _whole(value) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
-from evocity.errors import RunError
+from evocity.errors import RunError, shown
 from evocity.fitness import Aims
 from evocity.search.breeding import Plan
 from evocity.search.evaluation import Here, Workers
@@ -94,7 +94,15 @@ def outcome_of(result, measures: Sequence[str]) -> Outcome:
             "tell one such result a genome",
         )
     wrong = [name for name in measures if not isinstance(result[name], Real)]
-    values = {name: float(result[name]) for name in measures if name not in wrong}
+    values = {name: _number(result[name]) for name in measures if name not in wrong}
     wrong += [name for name, value in values.items() if not math.isfinite(value)]
-    error = ", ".join(f"{name} is {result[name]!r}" for name in wrong)
+    error = ", ".join(f"{name} is {shown(result[name])}" for name in wrong)
     return Outcome("invalid" if wrong else "ok", error or None, values=values)
+
+
+def _number(value: Real) -> float:
+    """``value`` as a float: infinite where it is beyond all floats."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf

@@ -54,6 +54,7 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
     source has mutants alone.
     """
     count = len(sources)
+    crossing, changing = recipe.genome.kind.first
     pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
     plans = []
     for slot in range(recipe.run.population):
@@ -63,12 +64,12 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
             operator, parents = None, (slot,)
         elif pairs and turn % 3 < 2:
             fill = round(float(rng.uniform(0.1, 0.9)), 3)
-            operator = recipe.operator("pavement_fusion", fill=fill)
+            operator = recipe.operator(crossing, fill=fill)
             parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
             if getattr(operator, "void", False):
-                operator = recipe.operator("pavement_fusion", fill=fill, void=False)
+                operator = recipe.operator(crossing, fill=fill, void=False)
         else:
-            operator = recipe.operator("mutation")
+            operator = recipe.operator(changing)
             parents = ((turn // 3 if pairs else turn) % count,)
         genomes = tuple(sources[i] for i in parents)
         plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))

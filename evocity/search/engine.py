@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from evocity.errors import RecipeError, RunError
-from evocity.fitness.registry import shipped
+from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Individual, Plan, first_population, next_population
+from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.keeping import kept_by
@@ -132,6 +133,7 @@ class Search:
         search._first = taken.next
         search.notes = [taken.edited] if taken.edited else []
         try:
+            search._compile()
             search._start_pool()
             search._event("resume", generation=taken.next, changes=taken.changes)
         except BaseException:
@@ -222,6 +224,7 @@ class Search:
             self._writer.close()
 
     def _start(self) -> None:
+        self._compile()
         self._prepared = prepare(self.recipe, self._progress)
         self.notes += self._prepared.notes
         if self.out is not None:
@@ -239,11 +242,28 @@ class Search:
         self._start_pool()
         self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
+    @property
+    def _sides(self) -> int | tuple[int, int]:
+        """Of the range blocks, px: of a run of an older release its one."""
+        before = None if self._prepared is None else self._prepared.header.block
+        return before or self.recipe.genome.block
+
+    def _compile(self) -> None:
+        compile_once(self._sides, needed(self.recipe), self._tell)
+
+    def _tell(self, text: str) -> None:
+        if self._progress is not None:
+            self._progress(text)
+
     def _start_pool(self) -> None:
-        setup = dataclasses.replace(self._prepared.setup, shipped=self._shipped)
+        parts = tuple(needed(self.recipe))
+        setup = dataclasses.replace(
+            self._prepared.setup, shipped=self._shipped, sides=self._sides, parts=parts
+        )
         if self._worker_count == 0:
             self._pool = Here(setup)
         else:
+            self._tell(f"starting {self._worker_count} workers")
             timeout = self.recipe.evaluation.timeout
             self._pool = Workers(
                 setup, self._worker_count, timeout, lambda text: self._event("retry", reason=text)

@@ -15,6 +15,7 @@ from pebble import ProcessExpired, ProcessPool
 from evocity.errors import RunError
 from evocity.search import worker
 from evocity.search.evaluator import Evaluator, Outcome, Setup
+from evocity.search.warm import VARIABLE, sides_told
 
 #: Workers are single-threaded: their number, not BLAS, decides how many cores work.
 _ONE_THREAD = (
@@ -115,7 +116,7 @@ class Workers:
                 max_workers=self._count,
                 initializer=worker.install,
                 initargs=(self._setup,),
-                context=_context(),
+                context=_context(self._setup),
             )
         return self._pool
 
@@ -161,7 +162,7 @@ if "forkserver" in multiprocessing.get_all_start_methods():
         Process = _ForkedWorker
 
 
-def _context() -> context.BaseContext:
+def _context(setup: Setup) -> context.BaseContext:
     """A fork server with everything imported on Linux, so that a replaced worker starts at once.
 
     Returns when it has: an interrupt until then finds no pool half started.
@@ -169,9 +170,11 @@ def _context() -> context.BaseContext:
     if not sys.platform.startswith("linux"):
         return _SpawnContext()
     chosen = _ForkServerContext()
-    chosen.set_forkserver_preload(["evocity.search.warmed"])
+    chosen.set_forkserver_preload(["evocity.search.warm"])
+    os.environ[VARIABLE] = ",".join([sides_told(setup.sides), *setup.parts])
     with _deaf_to_ctrl_c():
         forkserver.ensure_running()
+    del os.environ[VARIABLE]
     first = chosen.Process(target=_nothing, daemon=True)
     first.start()
     first.join()

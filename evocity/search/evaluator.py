@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from evocity import fitness
-from evocity.coding import decoded
+from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
-from evocity.fitness import registry
-from evocity.fitness.shipping import Shipment
+from evocity.fitness.shipping import Shipment, unpacked
 from evocity.genome import Genome
+from evocity.pavement.levels import USUAL
 from evocity.search.door import admitted
 from evocity.store import Header
 
@@ -26,12 +26,19 @@ MOST_LETTERS = 2000
 class Setup:
     """What a worker must know. ``measures``: (name, file or None) in the recipe's order;
     ``condensation``: what is locked in every genome, or None; ``shipped``: measures of the user's
-    session, which another process does not know by name."""
+    session, which another process does not know by name; ``references``: what the measures that
+    compare cities compare with, by their names; ``sources``: the maps of the source cities, for
+    measures that ask for them; ``sides``, ``parts``: the kernels it calls, as
+    `evocity.search.warm` names them."""
 
     header: Header
     measures: tuple[tuple[str, str | None], ...]
     condensation: Condensation | None = None
     shipped: tuple[Shipment, ...] = ()
+    sides: int | tuple[int, int] = USUAL
+    parts: tuple[str, ...] = ()
+    references: Mapping[str, fitness.Reference] = field(default_factory=dict)
+    sources: tuple[CityMap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,13 +67,16 @@ class Evaluator:
 
     def __init__(self, setup: Setup):
         self.header, self.condensation = setup.header, setup.condensation
+        self.sources = setup.sources or None
         files = {file for _, file in setup.measures if file is not None}
         loaded = {file: {m.name: m for m in fitness.load_file(file)} for file in sorted(files)}
-        loaded[None] = {m.name: m for one in setup.shipped for m in registry.unpacked(one)}
+        loaded[None] = {m.name: m for one in setup.shipped for m in unpacked(one)}
         self.measures = {
             name: loaded[file][name] if file or name in loaded[None] else fitness.get(name)
             for name, file in setup.measures
         }
+        for name, reference in setup.references.items():
+            self.measures[name] = self.measures[name].bound(reference)
 
     def born(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
         """Bred and evaluated at once: what `evaluate` says of the child, its genome in
@@ -107,15 +117,14 @@ class Evaluator:
         def ended(status: str, error: str | None = None) -> Outcome:
             return Outcome(status, error, time.perf_counter() - start, values)
 
-        try:
-            decoding = decoded(genome)
-        except EvocityError as error:
-            return ended("invalid", told(error))
-        if not decoding.converged:
-            return ended("invalid", f"decoding did not converge: still {decoding.change:.3g} m")
+        expressed = self.header.chromosome.express(genome)
+        if expressed.city is None:
+            return ended("invalid", expressed.problem)
         for name, measure in self.measures.items():
             try:
-                value = measure(decoding.city, genome=genome, parents=parents)
+                value = measure(
+                    expressed.city, genome=genome, parents=parents, sources=self.sources
+                )
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", told(error))

@@ -50,7 +50,8 @@ def ranks_and_crowding(
 
 
 def not_dominated(losses: np.ndarray) -> np.ndarray:
-    """Bool: which rows of ``(n, m)`` losses no other dominates; of equal ones the first alone.
+    """Bool: which rows of ``(n, m)`` losses no other dominates. If several such rows are equal,
+    only the first of them counts.
 
     The first front of `ranks_and_crowding` without doubles, and for many rows far quicker.
     """

@@ -1,22 +1,22 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from evocity import fitness, io, store
 from evocity.citymap import CityMap, same_grid
-from evocity.coding import encode
 from evocity.condensation import Condensation
-from evocity.errors import MapError, RecipeError
+from evocity.errors import FitnessError, MapError, RecipeError
+from evocity.fitness.fabric import left_out
 from evocity.fitness.registry import file_of
-from evocity.operators.pavement_fusion import VOID
+from evocity.genome import VOID, joined
 from evocity.search.evaluator import Setup
 from evocity.search.keeping import Kept, beside_of, kept_by, relative
 from evocity.search.locking import locked_layer
 from evocity.search.recipe import FitnessEntry, Recipe
-from evocity.search.values import free_name, resolved
+from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source
 
 _PACKAGE = Path(fitness.__file__).parent.parent
@@ -35,6 +35,7 @@ class Prepared:
     header: Header
     condensation: Condensation | None = None
     notes: tuple[str, ...] = ()
+    references: Mapping[str, fitness.Reference] = field(default_factory=dict)
 
     @property
     def setup(self) -> Setup:
@@ -44,7 +45,14 @@ class Prepared:
             for entry in self.recipe.fitness
             for measure in entry.measures
         )
-        return Setup(self.header, measures, self.condensation)
+        asked = any("sources" in measure.takes for measure in self.recipe.measures)
+        return Setup(
+            self.header,
+            measures,
+            self.condensation,
+            references=self.references,
+            sources=tuple(source.city for source in self.sources) if asked else (),
+        )
 
 
 def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Prepared:
@@ -63,26 +71,18 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
         notes.append(f"{name}: {city.taken}")
     same_grid(cities)
+    references = references_of(recipe, cities, tell, notes.append)
     condensation, attribution = locked_layer(recipe, cities)
-    code = recipe.genome
-    genomes = []
+    kind, genomes = recipe.genome.kind, []
     for city in cities:
         tell(f"encoding {city.name}")
-        found = encode(
-            city,
-            block=code.block,
-            domains=tuple(code.domains),
-            reach=code.reach_pixels,
-            sigma_max=code.sigma_max,
-            condensation=condensation,
-            fit=code.fit,
-        )
-        genomes.append(found.genome)
+        genomes.append(kind.prepare(city, recipe.genome.coding, condensation))
     header = _header(recipe, cities, condensation, attribution)
-    adopted = [header.adopt(genome, condensation) for genome in genomes]
+    adopted = [kind.adopt(one, header, condensation) for one in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
     aims = aims_of(recipe, note=notes.append)
-    return Prepared(recipe, sources, aims, header, condensation, tuple(dict.fromkeys(notes)))
+    noted = tuple(dict.fromkeys(notes))
+    return Prepared(recipe, sources, aims, header, condensation, noted, references)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -94,6 +94,72 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
         metres_per_pixel=recipe.map.metres_per_pixel,
         **chosen,
     )
+
+
+def references_of(
+    recipe: Recipe,
+    cities: Sequence[CityMap],
+    tell: Callable[[str], None] | None = None,
+    note: Callable[[str], None] | None = None,
+) -> dict[str, fitness.Reference]:
+    """What the recipe's measures that compare cities compare with, by their names; ``cities``
+    are the run's sources. ``tell`` is told which features are left out, ``note`` what was taken
+    of the files of other cities.
+
+    Raises `FitnessError` if a reference has too few buildings.
+    """
+    tell, note = tell or (lambda text: None), note or (lambda text: None)
+    found: dict[str, fitness.Reference] = {}
+    made: dict[str | tuple[str, ...], fitness.Reference] = {}
+    for entry in recipe.fitness:
+        compared = entry.compared
+        if compared is None:
+            continue
+        if compared not in made:
+            made[compared] = (
+                fitness.Reference.sources(cities)
+                if compared == PARENTS
+                else fitness.Reference.of(
+                    [_city_named(recipe, name, cities, note) for name in compared]
+                )
+            )
+        for measure in entry.measures:
+            if "reference" not in measure.takes:
+                continue
+            found[measure.name] = made[compared]
+            if measure.name.partition(".")[0] == fitness.fabric_distance.name:
+                _tell_of_fabric(measure.name, made[compared], tell)
+    return found
+
+
+def _city_named(
+    recipe: Recipe, name: str, cities: Sequence[CityMap], note: Callable[[str], None]
+) -> CityMap:
+    """A source city by the ``name`` the recipe gives it, or another map."""
+    parent = recipe.parent_named(name)
+    for source, city in zip(recipe.parents, cities, strict=True):
+        if source is parent:
+            return city
+    city = read_parent(recipe, name)
+    note(f"{city.name}: {city.taken}")
+    return city
+
+
+def _tell_of_fabric(name: str, reference: fitness.Reference, tell: Callable[[str], None]) -> None:
+    try:
+        gone = left_out(reference)
+    except FitnessError as error:
+        raise FitnessError(
+            f"{name} has no meaning beside {_names(reference)}: {error.found}",
+            error.expected,
+            "name other cities as its reference",
+        ) from None
+    if gone:
+        tell(f"{name} leaves out {', '.join(gone)}: the same in all of {_names(reference)}")
+
+
+def _names(reference: fitness.Reference) -> str:
+    return ", ".join(city.name for city in reference.cities)
 
 
 def aims_of(
@@ -165,7 +231,9 @@ def provenance_of(
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
         "fitness": [
-            _wanted(recipe, entry, one, hashed) | _source_of(entry, one.measure, kept)
+            _wanted(recipe, entry, one, hashed)
+            | _source_of(entry, one.measure, kept)
+            | _compared(recipe, entry.compared)
             for entry, one in zip(entries, prepared.aims.wanted, strict=True)
         ],
         **locked,
@@ -203,6 +271,16 @@ def _source_of(entry: FitnessEntry, measure: fitness.Measure, kept: Kept) -> dic
         if measure.beside:
             about["beside"] = beside_of(measure)
     return about
+
+
+def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None) -> dict:
+    """What `provenance.json` tells of what a measure compares with; nothing if it does not."""
+    if reference is None:
+        return {}
+    if reference == PARENTS:
+        return {"reference": PARENTS}
+    maps = [_map_of(recipe, name) for name in reference]
+    return {"reference": {name: file_hash(recipe.folder, name) for name in maps}}
 
 
 def _map_of(recipe: Recipe, like: str) -> str:
@@ -243,17 +321,15 @@ def _header(
     if len(names) > 255:
         raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")
     told = [*(city.attribution for city in cities), attribution]  # of a layer's files last
-    lines = [line for several in told for line in several.split("; ") if line]
     places = {(city.origin, city.crs) for city in cities}
     origin, crs = places.pop() if len(places) == 1 else (None, None)
     return Header(
         height=cities[0].shape[0],
         width=cities[0].shape[1],
-        block=recipe.genome.block,
         metres_per_pixel=cities[0].metres_per_pixel,
         sigma_max=recipe.genome.sigma_max,
         cities=tuple(names),
-        attribution="; ".join(dict.fromkeys(lines)),
+        attribution=joined(told),
         origin=origin,
         crs=crs,
         seed=recipe.run.seed,
@@ -261,4 +337,5 @@ def _header(
         recipe_hash=store.hash_of_text(recipe.text),
         measures=tuple(measure.name for measure in recipe.measures),
         locked=None if condensation is None else condensation.digest,
+        settle=recipe.genome.settle,
     )

@@ -67,12 +67,14 @@ def recipe_of(
     overrides: Mapping[str, Any],
     name: str,
     kept: Mapping[str, str] | None = None,
+    defaults: Mapping[str, Any] | None = None,
 ) -> Recipe:
     """The recipe in ``text``, whose paths are relative to ``folder``; ``name`` for messages.
 
     ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, for a
     run that is taken up again: files of measures -> those to be executed in their place; the maps
-    need not be there any more, the run has its own.
+    need not be there any more, the run has its own. ``defaults`` map keys to what an older release
+    took where the recipe says nothing.
     """
     try:
         raw = tomllib.loads(text)
@@ -94,6 +96,10 @@ def recipe_of(
         section, entry = key.split(".")
         if isinstance(raw.setdefault(section, {}), dict):
             raw[section][entry] = value
+    for key, value in (defaults or {}).items():
+        section, entry = key.split(".")
+        if isinstance(raw.setdefault(section, {}), dict):
+            raw[section].setdefault(entry, value)
     faults = []
     recipe = None
     try:

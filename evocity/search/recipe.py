@@ -22,10 +22,15 @@ from pydantic import (
 from evocity import fitness, operators
 from evocity.citymap import MAX_SIDE
 from evocity.coding.matching import available_cores
-from evocity.errors import EvocityError, FitnessError, with_near_miss
+from evocity.errors import EvocityError, FitnessError, GenomeError, shown, with_near_miss
 from evocity.fitness import WEIGHTED, Constraint, Measure, Objective, load_file, named
 from evocity.fitness.registry import family_of
+from evocity.kinds import KINDS, Kind
+from evocity.pavement import read_sides
+from evocity.pavement.levels import USUAL
 from evocity.search.values import (
+    PARENTS,
+    Cities,
     CityName,
     FileName,
     Finite,
@@ -64,6 +69,8 @@ class MapSection(Section):
     metres_per_pixel: Positive = 2.0
 
 
+#: The largest side of range blocks, px.
+LARGEST_BLOCK = 64
 #: Cities of a recipe, and parents of one birth: `Genome` counts them in a byte.
 MOST_PARENTS = 256
 
@@ -79,23 +86,56 @@ class Parent(Section):
     height_scale: Positive | None = None
 
 
-class GenomeSection(Section):
-    """``[genome]``: how the sources are encoded. ``domains`` named twice count once; ``fit``: σ and
-    β are then refined until the decoded map is closest."""
+def _sides(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | str):
+        raise fault(shown(value), 'a side of range blocks such as 4, or a range such as "2-16"')
+    try:
+        sides = read_sides(str(value))
+    except GenomeError as error:
+        raise fault(shown(value), error.expected) from None
+    if not 2 <= (sides if isinstance(sides, int) else max(sides)) <= LARGEST_BLOCK:
+        raise fault(shown(value), f"2 to {LARGEST_BLOCK} px")
+    return sides
 
-    block: int = Field(4, ge=2, le=64)
+
+class GenomeSection(Section):
+    """``[genome]``: how the sources are encoded, see `evocity.encode`.
+
+    ``block`` is one side, or a range of sides such as "2-16" for leaves that follow the city, of
+    which ``lifs`` or ``max_error`` decides. ``domains`` named twice count once; ``fit``: σ and β
+    are then refined until the decoded map is closest; ``settle``: roofs are settled, of all that
+    is measured, shown and exported.
+    """
+
+    block: Annotated[int | tuple[int, int], BeforeValidator(_sides)] = USUAL
+    lifs: int | None = Field(None, ge=1)
+    max_error: float | None = Field(None, ge=0, allow_inf_nan=False)
     domains: Annotated[
         list[Annotated[int, Field(ge=2)]],
         Field(min_length=1),
         AfterValidator(lambda domains: list(dict.fromkeys(domains))),
     ] = [2]
     reach: Annotated[int, Field(ge=0, le=MAX_SIDE)] | Literal["all"] = 24
-    sigma_max: Annotated[float, Field(gt=0, lt=1)] = 0.9
-    fit: bool = False
+    sigma_max: float = Field(0.9, gt=0, le=1000, allow_inf_nan=False)
+    topological: float | None = Field(None, ge=0, le=1)
+    fit: bool = True
+    settle: bool = True
 
     @property
-    def reach_pixels(self) -> int | None:
-        return None if self.reach == "all" else self.reach
+    def kind(self) -> Kind:
+        """What chromosomes the run breeds."""
+        return KINDS["fabric"]
+
+    @property
+    def coding(self) -> dict[str, Any]:
+        """These keys as `evocity.encode` takes them."""
+        told = self.model_dump() | {"domains": tuple(self.domains)}
+        return told | {"reach": None if self.reach == "all" else self.reach}
+
+    @property
+    def root(self) -> int:
+        """The largest side of range blocks, px."""
+        return self.block if isinstance(self.block, int) else self.block[1]
 
 
 class OperatorEntry(BaseModel):
@@ -158,7 +198,8 @@ class FitnessEntry(Section):
 
     With ``min`` or ``max`` it is a constraint, and nothing else unless a goal, a target, a city
     to be like or a weight is given too. Measures with a ``weight``, or one ``objective``, are
-    summed.
+    summed. ``reference``: what measures that compare cities compare with: the run's source cities
+    ("parents", the default), or a tuple of cities.
     """
 
     name: str | None = None
@@ -166,6 +207,7 @@ class FitnessEntry(Section):
     goal: Literal["max", "min"] | None = None
     target: Finite | None = None
     like: CityName | None = None
+    reference: Cities = None
     min: Finite | None = None
     max: Finite | None = None
     weight: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
@@ -188,6 +230,11 @@ class FitnessEntry(Section):
                 needs = " and ".join(asking[0].needs)
                 raise fault(
                     f"like for {asking[0].name}, which asks for {needs}: a map has none", "a target"
+                )
+            if self.reference is not None and not any("reference" in m.takes for m in measures):
+                names = ", ".join(measure.name for measure in measures)
+                raise fault(
+                    f"reference for {names}, which compares with no city", "no reference here"
                 )
             for one in measures:
                 low, high = one.range
@@ -218,6 +265,12 @@ class FitnessEntry(Section):
         bounded = self.min is not None or self.max is not None
         keys = ("goal", "target", "like", "weight", "objective")
         return not bounded or any(getattr(self, key) is not None for key in keys)
+
+    @property
+    def compared(self) -> str | tuple[str, ...] | None:
+        """What its measures compare with: "parents", or cities; None if they do not."""
+        compares = any("reference" in measure.takes for measure in self.measures)
+        return (self.reference or PARENTS) if compares else None
 
     @property
     def total(self) -> str | None:
@@ -378,6 +431,6 @@ def operator_of(name: str, parameters: dict, genome: GenomeSection | None, **cha
     shared = {}
     if kind is not None and genome is not None:
         accepted = operators.parameters_of(kind)
-        common = {"reach": genome.reach_pixels, "domains": tuple(genome.domains)}
+        common = {key: genome.coding[key] for key in ("reach", "domains")}
         shared = {key: value for key, value in common.items() if key in accepted}
     return operators.make(name, **(shared | parameters | changes))

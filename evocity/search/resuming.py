@@ -10,9 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evocity import fitness, store
-from evocity.errors import EvocityError, FitnessError, RunError
+from evocity.errors import EvocityError, FitnessError, RunError, keyword
 from evocity.search.keeping import kept_by, replaced
-from evocity.search.preparation import Prepared, aims_of, file_hash, provenance_of
+from evocity.search.preparation import (
+    Prepared,
+    aims_of,
+    file_hash,
+    provenance_of,
+    references_of,
+)
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe, RunSection
 from evocity.search.values import resolved
@@ -20,6 +26,8 @@ from evocity.store import Birth, Run, RunWriter, Source, open_run
 
 #: A change of these may change the births; it is noted, not refused.
 _NOTED_VERSIONS = ("evocity", "numpy", "numba")
+#: What releases before leaves took where a recipe says nothing of it.
+_BEFORE_LEAVES = {"genome.block": 4, "genome.fit": False, "genome.settle": False}
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             raise RunError(
                 f"{run.path}: changed since the run began: {'; '.join(changes)}",
                 "the recipe, maps and measures it began with",
-                "undo the change, or confirm it with --accept-changes (accept_changes=True): "
+                f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
                 "the living then keep the values they were given",
             )
         recipe = _recipe(run, generations, copies)
@@ -63,13 +71,14 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             likes = [one for one in likes if _file_hash(recipe.folder, one["like"]) == "missing"]
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
+        references = references_of(recipe, [source.city for source in sources])
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
             f"{run.path}: provenance.json lacks a part ({error!r})",
             "a provenance as `evocity run` writes it",
             "bring the file back from a copy",
         ) from None
-    prepared = Prepared(recipe, sources, aims, run.header, run.condensation)
+    prepared = Prepared(recipe, sources, aims, run.header, run.condensation, references=references)
     edited = _edited(run)
     writer = RunWriter.reopen(path)
     try:
@@ -128,8 +137,9 @@ def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Rec
     overrides = dict(run.provenance["recipe"]["overrides"])
     if generations is not None:
         overrides["run.generations"] = generations
+    older = {} if run.header.block is None else _BEFORE_LEAVES
     name = f"{run.path}/recipe.toml"
-    return recipe_of(run.recipe_text, _folder(run), overrides, name, copies)
+    return recipe_of(run.recipe_text, _folder(run), overrides, name, copies, older)
 
 
 def _folder(run: Run) -> Path:
@@ -158,6 +168,14 @@ def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
         f"the map {like}, which cities shall be like"
         for like, before in likes.items()
         if _file_hash(folder, like) not in (before, "missing")
+    ]
+    compared = [one.get("reference") for one in provenance["fitness"]]
+    changes += [
+        f"the map {name}, which cities are compared with"
+        for maps in compared
+        if isinstance(maps, dict)
+        for name, before in maps.items()
+        if _file_hash(folder, name) != before
     ]
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
     for one in provenance["fitness"]:
@@ -226,8 +244,9 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
         "run.population": (header.population, recipe.run.population),
-        "genome.block": (header.block, recipe.genome.block),
+        "genome.block": (header.block, recipe.genome.block if header.block else None),
         "genome.sigma_max": (header.sigma_max, recipe.genome.sigma_max),
+        "genome.settle": (header.settle, recipe.genome.settle),
         "map.metres_per_pixel": (header.metres_per_pixel, recipe.map.metres_per_pixel),
         "map.pixels": (header.width, recipe.map.pixels),
         "parents": (

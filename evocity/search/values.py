@@ -14,8 +14,8 @@ from pydantic_core import PydanticCustomError
 
 from evocity import io
 from evocity.errors import MapError, shown, with_near_miss
+from evocity.genome import VOID
 from evocity.io.heights import TALLEST
-from evocity.operators.pavement_fusion import VOID
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:
@@ -141,11 +141,25 @@ def _some_heights(value: Any, info: ValidationInfo) -> float | str:
     return float(value)
 
 
+def _some_reference(value: Any, info: ValidationInfo) -> str | tuple[str, ...]:
+    """ "parents", or cities: one or a list."""
+    if value == PARENTS:
+        return PARENTS
+    listed = [value] if isinstance(value, str) else value
+    if not isinstance(listed, list) or not listed or not all(isinstance(v, str) for v in listed):
+        raise fault(shown(value), f'"{PARENTS}", or a list of cities')
+    return tuple(_some_city(name, info) for name in listed)
+
+
+#: What ``reference`` is unless cities are named: the source cities of the run.
+PARENTS = "parents"
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 FileName = Annotated[str, AfterValidator(_some_path)]
 MapName = Annotated[FileName, AfterValidator(_existing_map)]
 CityName = Annotated[str, AfterValidator(_some_city)]
+Cities = Annotated[Any, BeforeValidator(_some_reference)]
 LockFile = Annotated[FileName, AfterValidator(_existing_file)]
 Heights = Annotated[float | str | None, BeforeValidator(_some_heights)]
 LonLat = Annotated[list[Finite], AfterValidator(_lon_lat)]

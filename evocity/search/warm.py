@@ -1,38 +1,108 @@
-"""Loads every compiled kernel, on a toy city.
+"""The compiled kernels that a search calls, loaded or compiled part by part, on toy cities.
 
-Each worker does before its first job: the first individual of every worker would else spend
-seconds of its deadline on loading. The fork server does once for all workers, see `warmed`.
+Imported by the fork server, it loads the parts that `VARIABLE` names, so that a worker which
+replaces a dead one is ready at once; elsewhere each worker does before its first job. Without it
+the first individual of every worker would spend seconds of its deadline on loading.
 """
 
 import contextlib
+import os
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 
 from evocity import fitness
 from evocity.citymap import CityMap
-from evocity.coding import encode
+from evocity.coding import decode, encode
 from evocity.operators import OPERATORS
-from evocity.search.evaluator import Evaluator, Setup
-from evocity.store import Header
+from evocity.pavement import read_sides
 
-#: The block of most recipes, px.
-USUAL_BLOCK = 4
+#: Environment variable: the side of the range blocks in px, and parts, with commas between.
+VARIABLE = "EVOCITY_WARM"
+
+#: The parts by name: the search nearby, and that of the whole map; decoding; the fit; the buildings
+#: of a map, and all its views. Besides there is one an operator, ``operator:NAME``, and one a
+#: measure, ``measure:NAME``.
+SEARCH, EVERYWHERE, DECODE, FIT = "search", "search everywhere", "decode", "fit"
+BUILDINGS, VIEWS = "buildings", "views"
+_VIEWS = ("buildings", "outline", "structure", "distance_to_built", "open_space", "streets")
 
 
-@cache
-def warm_up(block: int) -> None:
-    """Load every kernel that breeding and evaluation with range blocks of ``block`` px call.
+def every_part() -> list[str]:
+    """All parts: those of all operators and measures of this package."""
+    operators = [f"operator:{name}" for name in OPERATORS]
+    measures = [f"measure:{one.name}" for one in fitness.measures() if one.origin == "evocity"]
+    return [SEARCH, EVERYWHERE, DECODE, FIT, *operators, VIEWS, *measures]
+
+
+def on_codes(part: str) -> bool:
+    """Whether a ``part`` works on genomes, or searches, which takes `SEARCH` first."""
+    kind, _, name = part.partition(":")
+    if kind == "measure":
+        return bool(fitness.get(name).needs) or name == "autosimilarity"
+    return kind == "operator" or part in (DECODE, FIT)
+
+
+def sides_told(sides: int | tuple[int, int]) -> str:
+    """Sides of range blocks as `read_sides` reads them: "4", or "2-16"."""
+    return str(sides) if isinstance(sides, int) else "-".join(map(str, sides))
+
+
+def warm_up(sides: int | tuple[int, int], parts: Sequence[str]) -> None:
+    """Load every kernel that ``parts`` call with range blocks of these ``sides``, px: one, or the
+    finest and the largest.
 
     Never raises: what cannot be warmed shows itself, with its text, in the first birth that
     needs it.
     """
+    for part in parts:
+        _load(sides, part)
+
+
+@cache
+def _load(block: int | tuple[int, int], part: str) -> None:
+    kind, _, name = part.partition(":")
     with contextlib.suppress(Exception):
-        _breed_toys(block)
+        if part == SEARCH:
+            _genomes(block)
+        elif part == EVERYWHERE:
+            _coded(1, block, reach=None)
+        elif part == FIT:
+            _coded(1, block, fit=True)
+        elif part == DECODE:
+            decode(_genomes(block)[0])
+        elif part == BUILDINGS:
+            _ = _toy(1, block).buildings.direction
+        elif part == VIEWS:
+            for view in _VIEWS:
+                getattr(_toy(1, block), view)
+        elif kind == "operator":
+            operator = OPERATORS[name]
+            operator()(_genomes(block)[: operator.parents[0]], np.random.default_rng(0))
+        elif kind == "measure":
+            measure = fitness.get(name)
+            toys = [_toy(1, block), _toy(2, block)]
+            genome = _genomes(block)[0] if on_codes(part) else None
+            given = {"genome": genome, "parents": (genome,), "sources": toys, "reference": toys}
+            measure(toys[0], **{key: value for key, value in given.items() if key in measure.takes})
 
 
-def _toy(seed: int, block: int) -> CityMap:
+def _coded(seed: int, block, **how):
+    """The genome of a toy; searched nearby, by one thread and not fitted unless told."""
+    plain = {"reach": 8, "threads": 1, "fit": False}
+    return encode(_toy(seed, block), block=block, **plain | how).genome
+
+
+@cache
+def _genomes(block: int | tuple[int, int]) -> list:
+    return [_coded(seed, block) for seed in (1, 2)]
+
+
+@cache
+def _toy(seed: int, block: int | tuple[int, int]) -> CityMap:
     """Of 15 × 15 range blocks, fewer large ones, with lots that do not lie on their grid."""
+    block = block if isinstance(block, int) else block[1]
     blocks = min(15, max(3, 96 // block))
     side = blocks * block
     lots = np.random.default_rng(seed).integers(0, 4, (side // 4 + 2, side // 4 + 2)) * 6.0
@@ -40,21 +110,6 @@ def _toy(seed: int, block: int) -> CityMap:
     return CityMap(heights, 2.0, name=f"toy {seed}")
 
 
-def _breed_toys(block: int) -> None:
-    genomes = [
-        encode(_toy(seed, block), block=block, reach=2 * block, threads=1).genome for seed in (1, 2)
-    ]
-    pavement, cities = genomes[0].pavement, ("toy 1", "toy 2")
-    header = Header(
-        pavement.height, pavement.width, block, 2.0, 0.9, cities, "", None, None, 0, 2, "", ()
-    )
-    own = tuple((measure.name, None) for measure in fitness.measures() if _ours(measure))
-    evaluator = Evaluator(Setup(header, own))
-    for operator in OPERATORS.values():
-        parents = genomes[: operator.parents[0]]
-        evaluator.breed(operator(), parents, np.random.default_rng(0))
-    evaluator.evaluate(genomes[0])
-
-
-def _ours(measure: fitness.Measure) -> bool:
-    return measure.function.__module__.startswith("evocity.")
+if os.environ.get(VARIABLE):
+    _side, *_named = os.environ[VARIABLE].split(",")
+    warm_up(read_sides(_side), _named)

@@ -21,7 +21,7 @@ def install(setup: Setup) -> None:
     os.dup2(2, 1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # what the fork server warmed already is not done again
-    warm_up(setup.header.block)
+    warm_up(setup.sides, setup.parts)
     try:
         _evaluator = Evaluator(setup)
     except Exception as error:  # told by each call, so that the pool does not restart for ever

@@ -113,16 +113,18 @@ class Run:
 
     def individuals(self, ids: Sequence[int]) -> list[Birth]:
         """The births with these ``ids``, genomes included, in the order given."""
+        for identifier in ids:
+            if not isinstance(identifier, Integral) or isinstance(identifier, bool):
+                raise RunError(
+                    f"{self.path}: individual {identifier!r}",
+                    "a whole number, the id of a birth",
+                    "see the births' `id` column",
+                )
         found: dict[int, Birth] = {}
-        born = range(len(self.generations) * self.header.population)
-        unborn = [identifier for identifier in ids if identifier not in born]
-        if unborn:
-            raise RunError(
-                f"{self.path}: no individual {unborn[0]}",
-                f"an id from 0 to {born[-1]}" if born else "a run with a whole generation",
-                "see the births' `id` column",
-            )
-        for generation in sorted({identifier // self.header.population for identifier in ids}):
+        spans = self._with_pieces(self._spans)
+        for generation, first, last in spans:
+            if not any(first <= identifier <= last for identifier in ids):
+                continue
             table = self.births(generation)
             with self._readable(self.path):
                 wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
@@ -132,7 +134,9 @@ class Run:
         if missing:
             raise RunError(
                 f"{self.path}: no individual {missing[0]}",
-                f"an id of a birth in generations 0…{len(self.generations) - 1}",
+                f"an id from 0 to {max(last for _, _, last in spans)}"
+                if spans
+                else "a run with a whole generation",
                 "see the births' `id` column",
             )
         return [found[identifier] for identifier in ids]
@@ -311,6 +315,21 @@ class Run:
                 table = file.read_row_groups(groups, columns=columns)
             check_rows(table)
             return table
+
+    def _spans(self) -> list[tuple[int, int, int]]:
+        """(generation, least and largest id) of each whole generation that has births."""
+        whole, spans = self.generations, []
+        for piece in self._folder.pieces(BIRTHS):
+            with self._readable(piece.path, gone_is_damage=False):
+                about = pq.read_metadata(piece.path)
+                at = about.schema.to_arrow_schema().names.index("id")
+                # a row group a generation; without rows there is none
+                for group in range(about.num_row_groups):
+                    column = about.row_group(group).column(at)
+                    if piece.first + group in whole and column.statistics is not None:
+                        least, largest = column.statistics.min, column.statistics.max
+                        spans.append((piece.first + group, int(least), int(largest)))
+        return spans
 
     def _summaries(self, path: Path) -> dict[int, dict]:
         with self._readable(path, gone_is_damage=False), pq.ParquetFile(path) as file:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -15,12 +15,15 @@ from pydantic_core import from_json
 from evocity.citymap import MAX_PIXELS
 from evocity.condensation import Condensation
 from evocity.errors import RunError
-from evocity.genome import FIELDS, Genome
+from evocity.genome import Genome
+from evocity.kinds import KINDS, Kind
 from evocity.pavement import Pavement
 
 #: Versions of a run folder's layout and columns that are read, raised by one with every change
-#: a reader must know of. A run that needs nothing newer is written as 1; 2 has a locked layer.
-SCHEMA_VERSIONS = (1, 2)
+#: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
+#: length, a kind of chromosome, and tells whether roofs are settled. New runs are written as 3; a
+#: run of an older release goes on as it began.
+SCHEMA_VERSIONS = (1, 2, 3)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle.
@@ -51,14 +54,14 @@ class Header:
     """What all births of a run share, kept in the metadata of every Parquet file.
 
     ``measures`` names the ``fitness.<name>`` columns, ``cities`` the sources that the genomes'
-    ``parent`` points into, ``population`` the births a generation: an individual's id is
-    generation · population + slot. ``locked`` is the digest of the condensation that all genomes
-    have, None if they have none.
+    ``parent`` points into, ``population`` how many live at most. ``locked`` is the digest of the
+    condensation that all genomes have, None if they have none. ``kind`` names the kind of
+    chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
+    the one side of all range blocks in runs of older releases, None in others.
     """
 
     height: _Side
     width: _Side
-    block: _Side
     metres_per_pixel: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     sigma_max: Annotated[float, Field(gt=0)]
     cities: Annotated[_Names, Field(max_length=256)]
@@ -70,41 +73,30 @@ class Header:
     recipe_hash: str
     measures: _Names
     locked: str | None = None
+    kind: Literal["fabric"] = "fabric"
+    settle: bool = False
+    block: _Side | None = None
 
     __pydantic_config__ = _STRICT
 
     @property
     def schema_version(self) -> int:
+        if self.block is None:
+            return 3
         return 1 if self.locked is None else 2
 
     @property
-    def pavement(self) -> Pavement:
-        return Pavement(self.height, self.width, self.block)
-
-    def adopt(
-        self,
-        genome: Genome,
-        condensation: Condensation | None = None,
-        made: Mapping | None = None,
-    ) -> Genome:
-        """The same genome told in the run's terms: its table of cities, cap of σ, attribution,
-        place, and the layer locked in it; its own ``made`` unless another is given."""
-        lookup = np.array([self.cities.index(city) for city in genome.cities], dtype=np.uint8)
-        return genome.replace(
-            parent=lookup[genome.parent],
-            cities=self.cities,
-            sigma_max=self.sigma_max,
-            attribution=self.attribution,
-            origin=self.origin,
-            crs=self.crs,
-            condensation=condensation,
-            made=genome.made if made is None else made,
-        )
+    def chromosome(self) -> Kind:
+        """What the run's genomes are."""
+        return KINDS[self.kind]
 
     def to_json(self) -> str:
         about = asdict(self) | {"schema_version": self.schema_version}
         if self.locked is None:
             del about["locked"]
+        newer = ("kind", "settle") if self.block is not None else ("block",)
+        for name in newer:
+            del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
         return json.dumps(about)
 
@@ -113,12 +105,16 @@ class Header:
         """Raises `RunError` for another schema version; KeyError, TypeError, ValueError or
         `GenomeError` for damage."""
         about = from_json(text)
-        check_version(about.pop("schema_version"), path)
+        version = about.pop("schema_version")
+        check_version(version, path)
         about["sigma_max"] = math.inf if about["sigma_max"] is None else about["sigma_max"]
         header = _header_model().validate_json(json.dumps(about))
         if header.height * header.width > MAX_PIXELS:
             raise ValueError(f"a map of {header.height} × {header.width} px")
-        header.pavement  # noqa: B018  raises where block and sides do not fit
+        if (version < 3) != (header.block is not None):
+            raise ValueError(f"schema version {version} with block = {header.block}")
+        if header.block is not None:
+            Pavement(header.height, header.width, header.block)  # raises where they do not fit
         return header
 
 
@@ -203,7 +199,6 @@ _NEVER_NULL = frozenset(
 
 def births_schema(header: Header) -> pa.Schema:
     """Columns of a births file; ``genome`` is the digest, ``made`` a JSON document."""
-    lifs = len(header.pavement)
     columns = [
         ("generation", pa.int32()),
         ("id", pa.int64()),
@@ -216,10 +211,7 @@ def births_schema(header: Header) -> pa.Schema:
         *((f"fitness.{name}", pa.float64()) for name in header.measures),
         ("feasible", pa.bool_()),
         ("genome", pa.string()),
-        *(
-            (name, pa.list_(pa.from_numpy_dtype(nucleotide.dtype), lifs))
-            for name, nucleotide in FIELDS.items()
-        ),
+        *header.chromosome.fields(header),
     ]
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
 
@@ -250,9 +242,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     }
     for name in header.measures:
         columns[f"fitness.{name}"] = [b.values.get(name) for b in births]
-    bred = [b.genome for b in births]
-    for name, nucleotide in FIELDS.items():
-        columns[name] = _lists(bred, name, nucleotide.dtype, len(header.pavement))
+    columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
         column if isinstance(column, pa.Array) else pa.array(column, kind.type)
         for kind in schema
@@ -264,19 +254,8 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
 def genome_of(row: Mapping, header: Header, condensation: Condensation | None = None) -> Genome:
     """The genome in one row (column -> Arrow scalar) of a births table, which does not repeat
     the run's ``condensation``."""
-    arrays = {name: row[name].values.to_numpy(zero_copy_only=False) for name in FIELDS}
-    return Genome(
-        header.pavement,
-        **arrays,
-        metres_per_pixel=header.metres_per_pixel,
-        cities=header.cities,
-        sigma_max=header.sigma_max,
-        attribution=header.attribution,
-        origin=header.origin,
-        crs=header.crs,
-        made=dict(from_json(row["made"].as_py())),
-        condensation=condensation,
-    )
+    made = dict(from_json(row["made"].as_py()))
+    return header.chromosome.genome(row, header, condensation, made)
 
 
 _PLAIN = ("generation", "id", "operator", "status", "error", "seconds", "feasible")
@@ -338,15 +317,6 @@ def check_version(version, path) -> None:
             f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
             "read it with the release of evocity that wrote it",
         )
-
-
-def _lists(genomes: Sequence[Genome | None], name: str, dtype, lifs: int) -> pa.Array:
-    rows = np.zeros((len(genomes), lifs), dtype=dtype)
-    for row, genome in zip(rows, genomes, strict=True):
-        if genome is not None:
-            row[:] = getattr(genome, name)
-    absent = pa.array([genome is None for genome in genomes], pa.bool_())
-    return pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), lifs, mask=absent)
 
 
 def plain(value):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE
-from evocity.errors import MapError, shown
+from evocity.errors import MapError, setting
 
 #: Height of a storey, metres; as where heights are read from a number of storeys.
 STOREY = 3.0
@@ -85,7 +85,7 @@ def check_lengths(metres_per_pixel: float, **lengths: float) -> None:
     for name, length in lengths.items():
         if not (is_number(length) and metres_per_pixel <= length <= LONGEST):
             raise MapError(
-                f"{name} = {shown(length)}",
+                setting(name, length),
                 f"metres, from the side of a pixel, {metres_per_pixel:g}, to {LONGEST:g}",
                 f"correct {name}, or give the map smaller pixels",
             )
@@ -106,7 +106,7 @@ def check_roads(roads: int) -> None:
 def check(name: str, value: object, right: bool, expected: str) -> None:
     """Raise `MapError` about the ``value`` of a parameter unless it is ``right``."""
     if not right:
-        raise MapError(f"{name} = {shown(value)}", expected, f"correct {name}, or leave it out")
+        raise MapError(setting(name, value), expected, f"correct {name}, or leave it out")
 
 
 def is_whole(value: object) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.towns.houses import (
     check,
     check_lengths,
@@ -74,7 +74,8 @@ def substitution_town(
         raise MapError(
             f"a map of {extent:g} m, too small for the streets and shapes of the motif",
             f"room for shapes of {least:g} m or more between streets of {street:g} m",
-            "give more pixels=, a narrower street= or a smaller least=",
+            f"give more {keyword('pixels')}, a narrower {keyword('street')} or a smaller "
+            f"{keyword('least')}",
         )
     heights = np.zeros((pixels, pixels), np.float32)
     for corners, _, level in shapes:

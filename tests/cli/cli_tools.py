@@ -12,6 +12,8 @@ from evocity.fitness import registry
 
 #: What reading a map of `write_town` takes.
 AT_2_M = ("--metres-per-pixel", "2")
+#: Coding as `codes.uniformly` does: range blocks of one side, neither fitted nor settled.
+PLAIN = ("--block", "4", "--no-fit", "--no-settle")
 
 
 def call(*words, code: int = 0) -> Result:
@@ -54,6 +56,7 @@ def write_recipe(folder: Path, **replaced: str) -> Path:
     sections = {
         "run": 'name = "towns"\nseed = 3\npopulation = 6\ngenerations = 2',
         "map": "pixels = 32",
+        "genome": "block = 4\nfit = false\nsettle = false",
         "parents": 'map = "left.npy"\n[[parents]]\nmap = "right.npy"',
         "operators": "pavement_fusion = 2\nmutation = 1",
         "fitness": 'name = "alignment"\n[[fitness]]\nname = "gsi"\ntarget = 0.35',

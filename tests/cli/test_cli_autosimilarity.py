@@ -11,6 +11,7 @@ from PIL import Image
 
 import evocity
 from evocity.coding import autosimilarity_maps, free_block_maps
+from evocity.pictures.picture import NOTHING
 
 
 @pytest.fixture
@@ -34,9 +35,11 @@ def test_mean_is_written_and_told(tmp_path, town_file, city):
     assert told.pop("seconds") > 0
     assert told == {
         "measure": "mean",
+        "normalise": "heights",
         "lowest": made.mean.min(),
         "mean": pytest.approx(made.mean.mean()),
         "highest": made.mean.max(),
+        "known": 1,
         "curve": {"8": {"20": made.curve[20]}},
     }
 
@@ -59,13 +62,58 @@ def test_least_with_domains_free_and_its_curve(tmp_path, town_file, city):
     assert f"wrote {curve}" in result.stdout
 
 
-@pytest.mark.parametrize("measure", ["least", "largest", "likeness"])
+@pytest.mark.parametrize("measure", ["least", "largest", "likeness", "domain"])
 def test_blocks_left_free(tmp_path, town_file, city, measure):
     path = tmp_path / "free.npy"
     options = ("--block", "6,4", "--measure", measure)
     call("autosimilarity", town_file, *AT_2_M, *options, "-o", path)
     made = free_block_maps(city, blocks=(4, 6))
     np.testing.assert_array_equal(np.load(path), getattr(made, measure))
+
+
+def test_blocks_and_domains_left_free(tmp_path, town_file, city):
+    path = tmp_path / "free.npy"
+    options = ("--block", "4,6,8,12", "--domains", "9-16", "--json")
+    result = call("autosimilarity", town_file, *AT_2_M, *options, "-o", path)
+    np.testing.assert_array_equal(
+        np.load(path), free_block_maps(city, blocks=(4, 6, 8, 12), domains=range(9, 17)).likeness
+    )
+    curve = json.loads(result.stdout)["curve"]
+    assert [list(curve[b]) for b in curve] == 3 * [[str(d) for d in range(9, 17)]] + [
+        ["13", "14", "15", "16"]
+    ]
+
+
+@pytest.mark.parametrize("measure", ["mean", "domain"])
+def test_by_the_variance_what_is_flat_has_no_value(tmp_path, town_file, city, measure):
+    path, picture = tmp_path / "mu.tif", tmp_path / "mu.png"
+    options = ("--block", 4, "--domains", "5-7", "--normalise", "variance", "--measure", measure)
+    result = call("autosimilarity", town_file, *AT_2_M, *options, "-o", path)
+    made = autosimilarity_maps(city, block=4, domains=range(5, 8), normalise="variance")
+    values = getattr(made, measure)
+    with rasterio.open(path) as file:
+        np.testing.assert_array_equal(file.read(1), values)
+        assert np.isnan(file.nodata)
+    known = ~np.isnan(values)
+    assert 0 < known.mean() < 1
+    assert f"{known.mean():.0%} of the pixels have a value" in result.stdout
+    assert f"mean {values[known].mean(dtype=float):.4g}" in result.stdout
+    result = call("autosimilarity", town_file, *AT_2_M, *options, "-o", picture, "--json")
+    told = json.loads(result.stdout)
+    assert told["normalise"] == "variance"
+    assert told["known"] == known.mean()
+    assert told["highest"] == values[known].max()
+    with Image.open(picture) as drawn:
+        assert NOTHING in [colour for _, colour in drawn.convert("RGB").getcolors(1 << 24)]
+
+
+def test_a_flat_map_has_no_value_and_says_so(tmp_path):
+    np.save(tmp_path / "flat.npy", np.zeros((24, 24)))
+    words = ("autosimilarity", tmp_path / "flat.npy", *AT_2_M, "--normalise", "variance")
+    assert "no pixel has a value" in call(*words, "-o", tmp_path / "mu.png").stdout
+    told = json.loads(call(*words, "-o", tmp_path / "mu.npy", "--json").stdout)
+    assert (told["lowest"], told["mean"], told["highest"], told["known"]) == (None,) * 3 + (0,)
+    assert told["curve"] == {"8": {"16": None}}
 
 
 def test_blocks_left_free_are_weighted_unless_told_otherwise(tmp_path, town_file):
@@ -92,6 +140,7 @@ def test_a_picture_tells_what_it_shows(tmp_path, town_file):
         (("--block", "20"), "domain blocks of 40 px"),
         (("--block", "1"), "2 px or more"),
         (("--threads", "0"), "1 or more"),
+        (("--block", "4,6,12", "--domains", "9-12"), "range blocks of 12 px"),
         (("--measure", "largest"), "several sizes of blocks"),
         (("--block", "4,6", "--measure", "mean"), "several sizes of blocks"),
         (("--curve", "curve.txt"), "cannot be written here"),

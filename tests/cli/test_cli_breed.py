@@ -2,10 +2,11 @@
 
 import json
 import tomllib
+from dataclasses import fields
 
 import numpy as np
 import pytest
-from cli_tools import AT_2_M, call, refused, write_recipe, write_town
+from cli_tools import AT_2_M, PLAIN, call, refused, write_recipe, write_town
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,7 +24,7 @@ def towns(tmp_path):
     for seed, name in enumerate(("left", "right"), 1):
         paths.append(tmp_path / f"{name}.parquet")
         town = write_town(tmp_path / f"{name}.npy", seed, side=32)
-        call("encode", town, *AT_2_M, "-o", paths[-1])
+        call("encode", town, *AT_2_M, *PLAIN, "-o", paths[-1])
     return paths
 
 
@@ -153,7 +154,7 @@ def test_parents_that_cannot_be_are_refused(tmp_path, towns):
     refused(tmp_path, *fuse, tmp_path, *child, says="is a folder")
     refused(tmp_path, *fuse, "lyon-2e", *child, says="no bundled city")
     small = write_town(tmp_path / "small.npy", side=24)
-    refused(tmp_path, *fuse, small, *AT_2_M, *child, says="parents on one pavement")
+    refused(tmp_path, *fuse, small, *AT_2_M, *child, says="parents on one grid of pixels")
     odd = write_town(tmp_path / "odd.npy", side=30)
     refused(tmp_path, *fuse, odd, *AT_2_M, *child, says="range blocks of 4 px")
     refused(tmp_path, *fuse, small, *child, says="--metres-per-pixel")
@@ -230,14 +231,14 @@ def test_the_list_tells_every_operator_and_parameter():
         about = told[name]
         assert tuple(about["parents"]) == kind.parents
         assert about["doc"] == " ".join(kind.__doc__.partition("\n\n")[0].split())
-        defaults = {f.name: f.default for f in kind.__dataclass_fields__.values()}
-        assert plain(about["parameters"]) == defaults
+        defaults = {f.name: f.default for f in fields(kind)}
+        assert encode(about["parameters"]) == defaults
         # what the list shows can be typed
         settings = settings_of(tuple(f"{k}={typed(v)}" for k, v in defaults.items()))
-        assert plain(vars(chosen(name, settings))) == plain(vars(kind()))
+        assert encode(vars(chosen(name, settings))) == encode(vars(kind()))
 
 
-def plain(values: dict) -> dict:
+def encode(values: dict) -> dict:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
 

@@ -6,7 +6,8 @@ import math
 import click
 import numpy as np
 import pytest
-from cli_tools import AT_2_M, call, refused, write_town
+from cli_tools import AT_2_M, PLAIN, call, refused, write_town
+from codes import uniformly
 from PIL import Image
 
 import evocity
@@ -78,11 +79,11 @@ def test_version_and_usage():
 
 def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):
     path = tmp_path / "g.parquet"
-    options = ("--block", 8, "--domains", "2,3", "--reach", "all", "--sigma-max", 0.7)
+    options = (*PLAIN, "--block", 8, "--domains", "2,3", "--reach", "all", "--sigma-max", 0.7)
     result = call("encode", town_file, *AT_2_M, *options, "-o", path, "--json")
     told = json.loads(result.stdout)
     city = evocity.read_map(town_file, metres_per_pixel=2)
-    made = evocity.encode(city, block=8, domains=(2, 3), reach=None, sigma_max=0.7)
+    made = uniformly(city, block=8, domains=(2, 3), reach=None, sigma_max=0.7)
     assert evocity.read_genome(path) == made.genome
     assert told.pop("seconds") > 0
     assert told == {
@@ -96,22 +97,53 @@ def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):
 
 def test_encode_fits_the_attractor(tmp_path, town_file):
     path = tmp_path / "g.parquet"
-    result = call("encode", town_file, *AT_2_M, "--fit", "-o", path)
+    result = call("encode", town_file, *AT_2_M, *PLAIN, "--fit", "-o", path)
     assert "attractor fitted" in result.stdout
-    made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2), fit=True)
+    made = uniformly(evocity.read_map(town_file, metres_per_pixel=2), fit=True)
     assert evocity.read_genome(path) == made.genome
     assert evocity.read_genome(path).made == made.genome.made
 
 
+@pytest.mark.parametrize(
+    ("options", "given"),
+    [
+        ((), {}),
+        (("--no-settle",), {"settle": False}),
+        (("--block", "2-8", "--lifs", 300), {"block": (2, 8), "lifs": 300}),
+        (("--max-error", 0.5, "--no-fit"), {"max_error": 0.5, "fit": False}),
+        (("--block", "4"), {"block": 4}),
+    ],
+)
+def test_encode_lays_leaves_as_the_library(tmp_path, options, given):
+    path = tmp_path / "g.parquet"
+    town = write_town(tmp_path / "town.npy", side=48)
+    told = json.loads(call("encode", town, *AT_2_M, *options, "-o", path, "--json").stdout)
+    made = evocity.encode(evocity.read_map(town, metres_per_pixel=2), **given)
+    genome = evocity.read_genome(path)
+    assert genome == made.genome
+    assert genome.settle == made.genome.settle == given.get("settle", True)
+    assert told["lifs"] == len(genome)
+    assert told["psnr"] == pytest.approx(made.psnr)
+
+
+def test_encode_tells_how_many_leaves_there_are_of_each_side(tmp_path, town_file):
+    path = tmp_path / "g.parquet"
+    told = call("encode", town_file, *AT_2_M, "--max-error", 0.0, "--no-fit", "-o", path).stdout
+    levels = evocity.read_genome(path).pavement.levels
+    assert len(levels) > 1
+    assert ", ".join(f"{which.size} of {side}" for side, which in levels.items()) in told
+    assert "leaves of the finest side stay above 0 m" in told
+
+
 def test_encode_by_surroundings(tmp_path, town_file):
     path = tmp_path / "g.parquet"
-    call("encode", town_file, *AT_2_M, "--topological", 0, "-o", path)
-    made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2), topological=0)
+    call("encode", town_file, *AT_2_M, *PLAIN, "--topological", 0, "-o", path)
+    made = uniformly(evocity.read_map(town_file, metres_per_pixel=2), topological=0)
     assert evocity.read_genome(path) == made.genome
 
 
 def test_encode_in_words(tmp_path, town_file):
-    result = call("encode", town_file, *AT_2_M, "-o", tmp_path / "g.parquet")
+    result = call("encode", town_file, *AT_2_M, *PLAIN, "-o", tmp_path / "g.parquet")
     assert "64 × 64 px at 2 m" in result.stdout
     assert "256 lifs" in result.stdout
     assert "dB" in result.stdout
@@ -133,7 +165,7 @@ def test_the_options_of_reading_arrive(tmp_path):
 def test_a_flat_map_has_no_psnr_and_its_json_is_json(tmp_path):
     np.save(tmp_path / "flat.npy", np.zeros((32, 32)))
     result = call(
-        "encode", tmp_path / "flat.npy", *AT_2_M, "-o", tmp_path / "flat.parquet", "--json"
+        "encode", tmp_path / "flat.npy", *AT_2_M, *PLAIN, "-o", tmp_path / "flat.parquet", "--json"
     )
     told = json.loads(result.stdout, parse_constant=lambda word: pytest.fail(word))
     assert told["psnr"] is None
@@ -313,7 +345,7 @@ def test_fitness_list_tells_every_measure():
 
 
 def test_an_unconverged_decoding_is_told(capsys):
-    genome = evocity.encode(evocity.read_map("lyon-1er", pixels=32)).genome
+    genome = uniformly(evocity.read_map("lyon-1er", pixels=32)).genome
     converged(evocity.decode(genome, max_iterations=1), "lyon")
     assert "lyon did not converge in 1 steps" in capsys.readouterr().err
     converged(evocity.decode(genome), "lyon")

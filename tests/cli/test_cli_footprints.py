@@ -3,7 +3,7 @@
 import numpy as np
 import pyogrio
 import pytest
-from cli_tools import AT_2_M, call, refused, write_town
+from cli_tools import AT_2_M, PLAIN, call, refused, write_town
 
 import evocity
 
@@ -11,7 +11,7 @@ import evocity
 @pytest.fixture
 def nowhere(tmp_path):
     path = tmp_path / "town.parquet"
-    call("encode", write_town(tmp_path / "town.npy"), *AT_2_M, "-o", path)
+    call("encode", write_town(tmp_path / "town.npy"), *AT_2_M, *PLAIN, "-o", path)
     return path
 
 

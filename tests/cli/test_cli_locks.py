@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_tools import AT_2_M, call, refused, write_recipe, write_town
+from cli_tools import AT_2_M, PLAIN, call, refused, write_recipe, write_town
 from PIL import Image
 
 import evocity
@@ -80,7 +80,7 @@ def test_encode_imports_what_shall_stand_there(tmp_path, heights):
     named = tmp_path / heights if "." in heights and not heights[0].isdigit() else heights
     path = tmp_path / "g.parquet"
     words = ("--lock", plan, "--lock-heights", named, "--json", "-o", path)
-    assert json.loads(call("encode", "lyon-1er", *SMALL, *words).stdout)["lifs"] == 256
+    assert json.loads(call("encode", "lyon-1er", *SMALL, *PLAIN, *words).stdout)["lifs"] == 256
     kept = evocity.read_genome(path).condensation
     assert set(kept.heights[kept.mask]) == {expected}
 

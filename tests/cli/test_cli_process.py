@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from cli_tools import AT_2_M, write_recipe, write_town
+from cli_tools import AT_2_M, PLAIN, write_recipe, write_town
 
 EVOCITY = (sys.executable, "-m", "evocity")
 
@@ -51,7 +51,7 @@ def test_json_is_all_there_is_on_standard_output(tmp_path):
     )
     done = process("score", town, *AT_2_M, "--fitness", own, "--json")
     assert json.loads(done.stdout) == {"of_process": 1}
-    done = process("encode", town, *AT_2_M, "-o", tmp_path / "g.parquet", "--json")
+    done = process("encode", town, *AT_2_M, *PLAIN, "-o", tmp_path / "g.parquet", "--json")
     assert json.loads(done.stdout)["lifs"] == 256
     assert done.stderr == "Note: town: the file's raster as it is, 64 × 64 px\n"
 

@@ -44,6 +44,18 @@ def test_a_run_leaves_its_births_and_a_report_and_says_where(tmp_path, recipe):
     assert (tmp_path / "run" / "recipe.toml").read_text() == recipe.read_text()
 
 
+def test_a_run_is_on_settled_leaves_unless_told_otherwise(tmp_path):
+    recipe = write_recipe(tmp_path, genome="", operators="pavement_fusion = 2\nmutation = 1")
+    call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
+    run = evocity.open_run(tmp_path / "run")
+    assert run.header.settle
+    assert {birth.status for birth in run.individuals(run.births()["id"].to_pylist())} == {"ok"}
+    left = evocity.encode(run.sources()[0].city).genome
+    assert run.sources()[0].genome == left
+    assert left.pavement.finest == 2 < left.pavement.coarsest
+    call("show", tmp_path / "run", "--id", 7, "--leaves", "-o", tmp_path / "leaves.png")
+
+
 def test_the_options_of_a_run_replace_the_recipes(tmp_path, recipe):
     options = ("--generations", 1, "--population", 4, "--seed", 8, "--workers", 0)
     call("run", recipe, *options, "--out", tmp_path / "run")

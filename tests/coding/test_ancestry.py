@@ -5,12 +5,12 @@ import itertools
 import naive
 import numpy as np
 import pytest
-from codes import draw_code
+from codes import draw_code, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evocity import isometries
-from evocity.coding import ancestry, decode, encode
+from evocity.coding import ancestry, decode
 from evocity.coding.ancestry import LIMIT
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
@@ -95,7 +95,7 @@ def test_depth_0_is_the_city_of_each_block():
 
 
 def test_a_code_of_one_city_is_its_own(town):
-    weights = ancestry(encode(town).genome)
+    weights = ancestry(uniformly(town).genome)
     assert weights.shape == (*town.shape, 1)
     np.testing.assert_allclose(weights, 1, atol=1e-6)
 
@@ -132,7 +132,7 @@ def test_what_is_kept_is_its_own_citys():
 
 
 def test_zoom_asks_for_as_many_weights_as_heights(town):
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     for zoom in (0.5, 2):
         assert ancestry(genome, zoom=zoom).shape[:2] == decode(genome, zoom=zoom).city.shape
 
@@ -143,6 +143,12 @@ def test_a_depth_that_is_none_is_refused(depth):
         ancestry(draw_code(1), depth=depth)
 
 
-def test_a_zoom_that_does_not_suit_is_refused():
+def test_any_zoom_keeps_the_shares():
     with pytest.raises(GenomeError, match="zoom"):
-        ancestry(draw_code(1), zoom=0.3)
+        ancestry(draw_code(1), zoom=-1)
+    code = draw_code(1)
+    weights = ancestry(code, zoom=0.8)
+    assert weights.shape == (16, 19, 3)
+    assert np.abs(weights.sum(axis=2) - 1).max() < 1e-5
+    whole = ancestry(code, zoom=1)
+    assert weights.mean(axis=(0, 1)) == pytest.approx(whole.mean(axis=(0, 1)), abs=0.03)

@@ -1,5 +1,7 @@
 """Autosimilarity: laws first, then the slow twin that tries everything."""
 
+from pathlib import Path
+
 import naive
 import numpy as np
 import pytest
@@ -7,11 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
+import evocity
 from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding import autosimilarity, autosimilarity_maps, free_block_maps
-from evocity.coding.autosimilarity import RESOLUTION
+from evocity.coding import autosimilarity_maps, free_block_maps
+from evocity.coding.autosimilarity import NORMALISATIONS, RESOLUTION
+from evocity.coding.matching import everywhere
 from evocity.errors import GenomeError
+from evocity.io import cities
 
 
 def city_of(heights) -> CityMap:
@@ -57,7 +62,7 @@ def assert_like(found, truth):
     np.testing.assert_allclose(found.least, least, atol=RESOLUTION)
     assert list(found.curve) == sorted(curve)
     for extent, value in curve.items():
-        assert found.curve[extent] == pytest.approx(value, abs=RESOLUTION)
+        assert found.curve[extent] == pytest.approx(value, abs=RESOLUTION, nan_ok=True)
 
 
 # -- laws -------------------------------------------------------------------------------------
@@ -130,6 +135,72 @@ def test_one_height_everywhere_has_no_error(height):
     free = free_block_maps(city_of(np.full((20, 22), height)), blocks=(4, 5))
     assert (free.largest == 5).all()
     assert (free.likeness == 5).all()
+    assert np.isnan(found.domain).all()
+    assert np.isnan(free.domain).all()
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 99), st.floats(60, 1e3))
+def test_a_tower_makes_errors_small_by_heights_and_not_by_the_variance(seed, height):
+    heights = town_heights(seed)
+    tower = heights.copy()
+    tower[-1, -1] = height
+    away, means = np.s_[:-8, :-8], {}
+    for normalise in NORMALISATIONS:
+        found = [
+            autosimilarity_maps(city_of(h), block=4, domains=8, normalise=normalise).mean[away]
+            for h in (heights, tower)
+        ]
+        means[normalise] = [np.nanmean(mean, dtype=float) for mean in found]
+    plain, other = means["heights"]
+    assert other < 1.3 * plain * (heights.max() / height) ** 2
+    plain, other = means["variance"]
+    assert other == pytest.approx(plain, abs=0.02)
+
+
+def test_by_the_variance_flat_blocks_are_left_out():
+    heights = rough_heights(4)
+    heights[:9, :11] = 3
+    plain = autosimilarity_maps(city_of(heights), block=4, domains=(7, 9))
+    found = autosimilarity_maps(city_of(heights), block=4, domains=(7, 9), normalise="variance")
+    flat = np.zeros(heights.shape, bool)
+    flat[:6, :8] = True  # of the blocks of 4 px that hold them, none reaches beyond
+    for values in (found.mean, found.least, found.domain, plain.domain):
+        np.testing.assert_array_equal(np.isnan(values), flat)
+    assert not plain.mean[flat].any()
+    assert (plain.least[:9, :11] == 0).all()
+    assert (found.least[:9, :11][~flat[:9, :11]] > 0).all()
+    assert (found.normalise, plain.normalise) == ("variance", "heights")
+
+
+def test_by_the_variance_one_height_everywhere_has_no_value():
+    ground = city_of(np.zeros((20, 22)))
+    found = autosimilarity_maps(ground, block=4, domains=(6, 8), normalise="variance")
+    free = free_block_maps(ground, blocks=(4, 5), normalise="variance")
+    for values in (found.mean, found.least, found.domain):
+        assert np.isnan(values).all()
+    for values in (free.least, free.largest, free.likeness, free.domain):
+        assert np.isnan(values).all()
+    assert list(found.curve) == [6, 8]
+    assert np.isnan(list(found.curve.values())).all()
+
+
+@pytest.mark.parametrize("extent", [8, 12])
+def test_the_best_domain_is_the_one_that_holds_the_enlargement(extent):
+    heights = 30 * np.random.default_rng(7).random((28, 28))
+    shape = heights[1:5, 2:6]
+    heights[12 : 12 + extent, 10 : 10 + extent] = np.kron(shape, np.ones((extent // 4,) * 2))
+    found = autosimilarity_maps(city_of(heights), block=4, domains=(6, 8, 12))
+    assert (found.domain[1:5, 2:6] == extent).all()
+    free = free_block_maps(city_of(heights), blocks=(3, 4), domains=(6, 8, 12))
+    assert (free.largest[1:5, 2:6] == 4).all()
+    assert (free.domain[1:5, 2:6] == extent).all()
+
+
+def test_of_domains_as_good_the_smallest_is_told():
+    y, x = np.mgrid[:30, :26]
+    found = autosimilarity_maps(city_of(x + 2 * y), block=6, domains=(18, 12, 15))
+    assert (found.domain == 12).all()
 
 
 def test_threads_and_bands_change_nothing(monkeypatch):
@@ -139,7 +210,7 @@ def test_threads_and_bands_change_nothing(monkeypatch):
     np.testing.assert_array_equal(one.mean, several.mean)
     np.testing.assert_array_equal(one.least, several.least)
     assert one.curve == several.curve
-    monkeypatch.setattr(autosimilarity, "_BAND", 16 * 8 * 40 * 5)  # five rows
+    monkeypatch.setattr(everywhere, "_BAND", 16 * 8 * 40 * 5)  # five rows
     banded = autosimilarity_maps(city, **options)
     np.testing.assert_allclose(banded.mean, one.mean, atol=RESOLUTION)
     np.testing.assert_allclose(banded.least, one.least, atol=RESOLUTION)
@@ -161,13 +232,31 @@ def test_progress_grows_to_the_whole(heights):
 # -- the slow twin ----------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("normalise", NORMALISATIONS)
 @pytest.mark.parametrize("domains", [8, 7, (5, 11), range(5, 10)], ids=str)
 @pytest.mark.parametrize("name", MAPS)
-def test_same_as_trying_everything(name, domains):
+def test_same_as_trying_everything(name, domains, normalise):
     heights = np.asarray(MAPS[name], np.float32)
-    found = autosimilarity_maps(city_of(heights), block=4, domains=domains)
+    found = autosimilarity_maps(city_of(heights), block=4, domains=domains, normalise=normalise)
     extents = [domains] if isinstance(domains, int) else domains
-    assert_like(found, naive.autosimilarity_maps(heights, 4, extents))
+    assert_like(found, naive.autosimilarity_maps(heights, 4, extents, normalise))
+
+
+@pytest.mark.parametrize("normalise", NORMALISATIONS)
+@pytest.mark.parametrize("name", MAPS)
+def test_the_best_domain_is_that_of_trying_everything(name, normalise):
+    heights, extents = np.asarray(MAPS[name], np.float32), range(5, 10)
+    city = city_of(heights)
+    found = autosimilarity_maps(city, block=4, domains=extents, normalise=normalise).domain
+    every = naive.least_errors_by_domain(heights, 4, extents, normalise)
+    least = np.fmin.reduce(list(every.values()))
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(least))
+    assert found.dtype == np.float32
+    for extent, errors in every.items():
+        told = found == extent
+        assert (errors[told] <= least[told] + 3 * RESOLUTION).all()
+        passed_over = found > extent
+        assert (errors[passed_over] > least[passed_over] + 1e-9).all()
 
 
 @pytest.mark.parametrize(("block", "domain"), [(2, 3), (3, 7), (5, 6), (7, 16), (8, 20)])
@@ -203,14 +292,67 @@ def test_free_blocks_are_the_best_of_all():
     assert list(found.maps) == [3, 4, 6]
 
 
+@pytest.mark.parametrize("normalise", NORMALISATIONS)
+def test_each_of_the_free_blocks_takes_the_domains_larger_than_it(normalise):
+    city = city_of(rough_heights(14))
+    options = {"domains": range(5, 10), "normalise": normalise}
+    found = free_block_maps(city, blocks=(4, 6, 8), **options)
+    for block, extents in {4: range(5, 10), 6: (7, 8, 9), 8: (9,)}.items():
+        alone = autosimilarity_maps(city, block=block, domains=extents, normalise=normalise)
+        assert found.maps[block].curve == alone.curve
+        for name in ("mean", "least", "domain"):
+            np.testing.assert_array_equal(getattr(found.maps[block], name), getattr(alone, name))
+    for block, alone in found.maps.items():
+        told = found.largest == block
+        np.testing.assert_array_equal(found.domain[told], alone.domain[told])
+
+
 def test_shrinking_shares_seams_by_area():
     values = np.random.default_rng(13).random((9, 11))
-    found = autosimilarity._shrunk(values, 4, 7, axis=0)
-    found = autosimilarity._shrunk(found, 4, 7, axis=2).swapaxes(0, 1)
+    found = everywhere._shrunk(values, 4, 7, axis=0)
+    found = everywhere._shrunk(found, 4, 7, axis=2).swapaxes(0, 1)
     assert found.shape == (4, 4, 3, 5)
     for y, x in np.ndindex(3, 5):
         truth = naive.area_weighted(values[y : y + 7, x : x + 7], 4)
         np.testing.assert_allclose(found[:, :, y, x], truth, atol=1e-12)
+
+
+# -- what is told -----------------------------------------------------------------------------
+
+
+@pytest.mark.long
+def test_values_told_of_the_districts_are_true():
+    text = (Path(__file__).parents[2] / "docs" / "autosimilarity.md").read_text("utf-8")
+    lyon = evocity.read_map("lyon-1er")
+    tower = lyon.heights.copy()
+    tower[:10, :10] = 107
+    districts = {"Lyon": lyon, "Lyon and the tower": lyon.replace(tower)}
+    for name in ("new-york", "montpellier", "cape-town", "villeurbanne"):
+        (found,) = [city for city in cities() if city.startswith(name)]
+        districts[name.replace("-", " ").title()] = evocity.read_map(found)
+    for name, city in districts.items():
+        by_heights, by_variance = (
+            autosimilarity_maps(city, block=8, normalise=normalise).mean
+            for normalise in NORMALISATIONS
+        )
+        mean = np.nanmean(by_variance, dtype=float)
+        known = np.isfinite(by_variance).mean()
+        numbers = f"{by_heights.mean(dtype=float):.4f} | {mean:.3f} | {known:.0%}"
+        row = f"| {name} | {city.heights.max():.3g} | {numbers}".replace("| 0.", "| .")
+        assert row.replace("%", " %") in text
+
+
+@pytest.mark.long
+def test_values_told_of_the_best_domains_are_true():
+    text = (Path(__file__).parents[2] / "docs" / "autosimilarity.md").read_text("utf-8")
+    lyon = evocity.read_map("lyon-1er", pixels=128)
+    found = autosimilarity_maps(lyon, block=8, domains=range(9, 33), normalise="variance")
+    means = list(found.curve.values())
+    assert means == sorted(means)
+    words = f"from {means[0]:.2f} at D = 9 to {means[-1]:.2f} at D = 32".replace(" 0.", " .")
+    assert words in " ".join(text.split())
+    assert np.isin(found.domain, (9, 10)).mean() == pytest.approx(2 / 3, abs=0.02)
+    assert (found.domain >= 20).mean() < 0.001
 
 
 # -- what is refused --------------------------------------------------------------------------
@@ -229,6 +371,8 @@ def test_shrinking_shares_seams_by_area():
         {"block": 8, "domains": 16.5},
         {"block": 13},
         {"threads": 0},
+        {"normalise": "varience"},
+        {"normalise": None},
     ],
     ids=str,
 )
@@ -237,6 +381,8 @@ def test_what_cannot_be_is_refused(town, options):
     with pytest.raises(GenomeError, match="what to do"):
         autosimilarity_maps(city, **options)
     block = options.pop("block", 8)
+    if options.get("domains") == (20, 7):
+        options["domains"] = (25, 7)  # each B takes what is larger than it: 20 would do
     with pytest.raises(GenomeError, match="what to do"):
         free_block_maps(city, blocks=(3, block), **options)
 

@@ -3,13 +3,14 @@
 import naive
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_fit import draw_genome, draw_map
 from towns import draw_town
 
 from evocity.citymap import CityMap
-from evocity.coding import CollageMap, decode, encode, fit_attractor, psnr
+from evocity.coding import CollageMap, decode, fit_attractor, psnr
 from evocity.coding.fit import AttractorError
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
@@ -60,7 +61,7 @@ def test_adjoint_law(seed, block):
 @pytest.mark.parametrize("start", [None, 0.0, 500.0])
 @pytest.mark.parametrize("zoom", [0.5, 1, 2, 1.5])
 def test_decoding_keeps_it_pixel_for_pixel(town, zoom, start):
-    genome = encode(town, condensation=quarter(town)).genome
+    genome = uniformly(town, condensation=quarter(town)).genome
     side = int(64 * zoom)
     begun = None if start is None else np.full((side, side), start)
     found = decode(genome, zoom=zoom, start=begun)
@@ -75,13 +76,13 @@ def test_decoding_keeps_it_pixel_for_pixel(town, zoom, start):
 def test_a_layer_too_fine_for_a_zoom_is_lost_without_harm(town):
     mask = np.zeros(town.shape, bool)
     mask[0, 0] = True
-    genome = encode(town, condensation=Condensation.cut(town, mask)).genome
+    genome = uniformly(town, condensation=Condensation.cut(town, mask)).genome
     assert decode(genome, zoom=0.5).converged
 
 
 def test_a_code_without_a_layer_is_the_code_it_was(town):
     layer = quarter(town)
-    plain, kept = encode(town).genome, encode(town, condensation=layer).genome
+    plain, kept = uniformly(town).genome, uniformly(town, condensation=layer).genome
     free = ~kept.pavement.blocks(layer.mask).all(axis=(1, 2))
     for name in ("sigma", "beta", "x", "y", "dx", "dy", "iso"):
         assert np.array_equal(getattr(plain, name)[free], getattr(kept, name)[free])
@@ -89,13 +90,13 @@ def test_a_code_without_a_layer_is_the_code_it_was(town):
 
 def test_blocks_wholly_covered_are_not_searched(town):
     layer = quarter(town)
-    coded = encode(town, condensation=layer)
+    coded = uniformly(town, condensation=layer)
     whole = coded.genome.pavement.blocks(layer.mask).all(axis=(1, 2))
     assert 0 < whole.sum() < len(whole)
     assert coded.genome.uniform[whole].all()
     means = coded.genome.pavement.blocks(town.heights)[whole].mean(axis=(1, 2))
     assert coded.genome.beta[whole] == pytest.approx(means)
-    plain = encode(town)
+    plain = uniformly(town)
     assert coded.pairs < plain.pairs
     assert coded.uniform > plain.uniform
     assert coded.psnr > plain.psnr
@@ -105,7 +106,7 @@ def test_blocks_wholly_covered_are_not_searched(town):
 def test_what_is_imported_is_coded_in_its_place(town, options):
     mask = quarter(town).mask
     layer = Condensation(np.full(town.shape, 17.5), mask)  # a new building
-    coded = encode(town, condensation=layer, **options)
+    coded = uniformly(town, condensation=layer, **options)
     assert np.array_equal(coded.city.heights, layer.laid(town.heights))
     collage = layer.laid(naive.collage(coded.genome, coded.city.heights))
     rmse = np.sqrt(np.mean((collage - coded.city.heights) ** 2))
@@ -117,7 +118,7 @@ def test_what_is_imported_is_coded_in_its_place(town, options):
 
 def test_a_map_wholly_kept_is_decoded_as_it_is(town):
     everything = Condensation.cut(town, np.ones(town.shape, bool))
-    coded = encode(town, condensation=everything)
+    coded = uniformly(town, condensation=everything)
     assert coded.pairs == 0
     assert coded.collage_rmse == 0
     assert np.array_equal(decode(coded.genome).city.heights, town.heights)
@@ -126,9 +127,9 @@ def test_a_map_wholly_kept_is_decoded_as_it_is(town):
 @pytest.mark.parametrize("wrong", ["river", np.ones((64, 64), bool)])
 def test_what_is_no_condensation_is_refused(town, wrong):
     with pytest.raises(GenomeError, match=r"Condensation\.cut"):
-        encode(town, condensation=wrong)
+        uniformly(town, condensation=wrong)
     with pytest.raises(GenomeError, match="32 × 32 px"):
-        encode(draw_town(1, side=32), condensation=quarter(town))
+        uniformly(draw_town(1, side=32), condensation=quarter(town))
 
 
 # -- the fit ----------------------------------------------------------------------------------
@@ -155,7 +156,7 @@ def test_gradient_against_finite_differences(seed):
 
 
 def test_the_fit_keeps_it_and_brings_the_rest_closer(town):
-    coded = encode(town, condensation=quarter(town))
+    coded = uniformly(town, condensation=quarter(town))
     fitted = fit_attractor(coded.genome, coded.city)
     assert fitted.condensation is coded.genome.condensation
     assert psnr(coded.city, decode(fitted).city) > coded.psnr
@@ -166,7 +167,7 @@ def test_the_fit_keeps_it_and_brings_the_rest_closer(town):
 
 def test_repair_takes_what_is_kept_for_what_is_meant(town, other_town):
     layer = quarter(town)
-    genome = encode(other_town, condensation=layer).genome
+    genome = uniformly(other_town, condensation=layer).genome
     meant = decode(genome).city.heights
     elsewhere = np.where(layer.mask, 99, meant).astype(np.float32)  # what nobody can lay there
     assert collage_repair(genome, elsewhere, threshold=0.5) == (genome, 0)

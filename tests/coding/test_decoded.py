@@ -4,9 +4,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from codes import uniformly
 
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.coding.decoded import AT_LEAST, Decodings, decoded
 from evocity.errors import GenomeError
 
@@ -14,7 +15,7 @@ from evocity.errors import GenomeError
 def code(seed, side=32, name="a"):
     lots = np.random.default_rng(seed).integers(0, 4, (side // 4, side // 4)) * 6.0
     heights = np.roll(lots.repeat(4, 0).repeat(4, 1), (1, 2), (0, 1))
-    return encode(CityMap(heights, 2.0, name=name), reach=8).genome
+    return uniformly(CityMap(heights, 2.0, name=name), reach=8).genome
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,14 @@
 import naive
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding import CollageMap, decode, encode, psnr
+from evocity.coding import CollageMap, decode, psnr
 from evocity.coding._kernels import box_means, moved
 from evocity.errors import GenomeError, MapError
 from evocity.io import read_map
@@ -17,7 +18,7 @@ from evocity.io import read_map
 
 @pytest.fixture(scope="module")
 def encoding(town):
-    return encode(town)
+    return uniformly(town)
 
 
 @pytest.mark.parametrize(("tall", "wide"), [(1, 1), (2, 2), (3, 2), (5, 1)])
@@ -56,7 +57,7 @@ def test_collage_theorem(encoding, town):
 @settings(max_examples=10, deadline=None)
 @given(st.floats(0, 500), st.integers(0, 5))
 def test_the_attractor_does_not_depend_on_the_start(level, seed):
-    genome = encode(draw_town(seed, side=32, buildings=12)).genome
+    genome = uniformly(draw_town(seed, side=32, buildings=12)).genome
     start = np.full((32, 32), level)
     plain, started = decode(genome, tolerance=1e-4), decode(genome, tolerance=1e-4, start=start)
     assert plain.converged
@@ -65,9 +66,9 @@ def test_the_attractor_does_not_depend_on_the_start(level, seed):
 
 
 def test_coding_does_not_depend_on_pixel_size_or_scale(town):
-    plain = encode(town)
-    coarse = encode(CityMap(town.heights, 7.0))
-    tall = encode(CityMap(town.heights * 4, town.metres_per_pixel))
+    plain = uniformly(town)
+    coarse = uniformly(CityMap(town.heights, 7.0))
+    tall = uniformly(CityMap(town.heights * 4, town.metres_per_pixel))
     for other in (coarse, tall):
         assert np.array_equal(other.genome.x, plain.genome.x)
         assert np.array_equal(other.genome.iso, plain.genome.iso)
@@ -79,7 +80,7 @@ def test_coding_does_not_depend_on_pixel_size_or_scale(town):
 def test_level_ground_is_coded_with_nothing_to_search(reach, topological):
     told = []
     ground = CityMap(np.full((16, 16), 5.0), 2.0)
-    found = encode(
+    found = uniformly(
         ground, reach=reach, topological=topological, progress=lambda *how: told.append(how)
     )
     assert found.uniform == 16
@@ -94,19 +95,19 @@ def test_the_error_of_a_slope_is_that_of_any_number_of_threads():
         down, across = np.random.default_rng(seed).random(2)
         slope = CityMap(down * y + across * x, 2.0)
         asked = {"block": 8, "domains": (3,), "reach": None, "sigma_max": 0.5}
-        errors = {encode(slope, threads=threads, **asked).collage_rmse for threads in (1, 2, 3)}
+        errors = {uniformly(slope, threads=threads, **asked).collage_rmse for threads in (1, 2, 3)}
         assert len(errors) == 1
 
 
 def test_a_wider_search_never_collages_worse(town):
-    errors = [encode(town, reach=reach).collage_rmse for reach in (0, 4, 12, 24, None)]
+    errors = [uniformly(town, reach=reach).collage_rmse for reach in (0, 4, 12, 24, None)]
     assert errors == sorted(errors, reverse=True)
-    assert encode(town, domains=(2, 3)).collage_rmse <= encode(town).collage_rmse
-    assert encode(town, sigma_max=np.inf).collage_rmse <= encode(town).collage_rmse
+    assert uniformly(town, domains=(2, 3)).collage_rmse <= uniformly(town).collage_rmse
+    assert uniformly(town, sigma_max=np.inf).collage_rmse <= uniformly(town).collage_rmse
 
 
 def test_pairs_are_counted(town):
-    found = encode(town, reach=None)
+    found = uniformly(town, reach=None)
     assert found.pairs == (256 - found.uniform) * 57 * 57 * 8
 
 
@@ -120,7 +121,7 @@ def test_description_travels(encoding, town):
 @pytest.mark.parametrize("zoom", [0.5, 2, 3])
 def test_zoom_keeps_the_city_at_another_scale(zoom):
     city = draw_town(5, side=128, buildings=60)
-    genome = encode(city).genome
+    genome = uniformly(city).genome
     plain, zoomed = decode(genome).city, decode(genome, zoom=zoom).city
     assert zoomed.shape == tuple(int(side * zoom) for side in city.shape)
     assert zoomed.metres_per_pixel == pytest.approx(city.metres_per_pixel / zoom)
@@ -129,7 +130,7 @@ def test_zoom_keeps_the_city_at_another_scale(zoom):
 
 
 def test_divergence_names_the_lifs(town):
-    genome = encode(town).genome.replace(sigma_max=np.inf)
+    genome = uniformly(town).genome.replace(sigma_max=np.inf)
     at = np.flatnonzero(~genome.uniform)[0]
     sigma, x, y, iso = (getattr(genome, name).copy() for name in ("sigma", "x", "y", "iso"))
     sigma[at], iso[at] = 9.0, 0
@@ -172,7 +173,7 @@ def test_a_decoding_cut_short_says_so(encoding):
 )
 def test_parameters_at_fault_are_named(town, parameters, word):
     with pytest.raises(GenomeError, match=word):
-        encode(town, **parameters)
+        uniformly(town, **parameters)
 
 
 def test_moved_against_its_naive_twin():
@@ -190,13 +191,32 @@ def test_a_start_that_is_not_finite_is_no_start(town, height):
     start = town.heights.copy()
     start[3, 4] = height
     with pytest.raises(GenomeError, match="a start of heights"):
-        decode(encode(town).genome, start=start)
+        decode(uniformly(town).genome, start=start)
 
 
-@pytest.mark.parametrize("zoom", [0, -1, 0.3, 0.25, np.inf, np.nan])
-def test_zooms_without_whole_blocks_are_refused(encoding, zoom):
+@pytest.mark.parametrize("zoom", [0, -1, 1e-3, np.inf, np.nan, 1e9, "2", True])
+def test_what_is_no_zoom_is_refused(encoding, zoom):
     with pytest.raises(GenomeError, match="zoom"):
         decode(encoding.genome, zoom=zoom)
+
+
+@pytest.mark.parametrize("zoom", [0.3, 0.4, 0.7, 1.1, np.sqrt(2), 2.3])
+def test_zooms_between_those_of_whole_blocks_are_means_by_area(encoding, zoom):
+    next_legal = max(2, np.ceil(4 * zoom)) / 4
+    found = decode(encoding.genome, zoom=zoom)
+    wanted = decode(encoding.genome, zoom=next_legal).attractor
+    step = next_legal / zoom
+    rows, columns = (int(side * zoom + 1e-9) for side in encoding.city.shape)
+    assert found.city.shape == found.attractor.shape == (rows, columns)
+    assert found.city.metres_per_pixel == pytest.approx(encoding.city.metres_per_pixel / zoom)
+    for i, j in ((0, 0), (rows - 1, columns - 1), (rows // 2, columns // 3)):
+        share = naive.shares_of_square(i * step, j * step, step, wanted.shape)
+        assert found.attractor[i, j] == pytest.approx((share * wanted).sum(), abs=1e-3)
+
+
+def test_a_collage_map_needs_whole_blocks(encoding):
+    with pytest.raises(GenomeError, match="whole number"):
+        CollageMap(encoding.genome, 0.3)
 
 
 def test_psnr(town):
@@ -209,13 +229,13 @@ def test_psnr(town):
 
 def test_names_in_place_of_maps_and_genomes_are_told_apart(town, encoding):
     with pytest.raises(GenomeError, match=r"a str to encode(.|\n)*read_map"):
-        encode("lyon-1er")
+        uniformly("lyon-1er")
     with pytest.raises(GenomeError, match=r"a CityMap to decode(.|\n)*encode"):
         decode(town)
 
 
 def test_a_size_named_twice_is_searched_once(town, encoding):
-    assert encode(town, domains=(2, 2)).pairs == encoding.pairs
+    assert uniformly(town, domains=(2, 2)).pairs == encoding.pairs
 
 
 @pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"tolerance": np.nan}, {"max_iterations": 0}])
@@ -246,7 +266,7 @@ def shrunk_by(heights, step):
 @pytest.mark.parametrize("domains", [(2,), (2, 3)])
 def test_zoom_two_is_the_attractor_with_detail_added(town, domains, reach):
     """Means over 2 × 2 pixels of the zoomed attractor satisfy the equation of the attractor."""
-    genome = encode(town, reach=reach, domains=domains).genome
+    genome = uniformly(town, reach=reach, domains=domains).genome
     plain = decode(genome, tolerance=1e-4).attractor
     zoomed = decode(genome, zoom=2, tolerance=1e-4).attractor
     assert shrunk_by(zoomed, 2) == pytest.approx(plain, abs=5e-3)
@@ -255,7 +275,7 @@ def test_zoom_two_is_the_attractor_with_detail_added(town, domains, reach):
 @pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village", "montpellier-pas-du-loup"])
 def test_zoomed_cities_agree_with_the_city_within_the_coding_error(name):
     city = read_map(name)
-    genome = encode(city).genome
+    genome = uniformly(city).genome
 
     def distance(heights, truth):
         return np.sqrt(np.mean((heights - truth) ** 2, dtype=float))
@@ -276,7 +296,7 @@ def test_zoomed_cities_agree_with_the_city_within_the_coding_error(name):
 @pytest.mark.parametrize("zoom", [0.5, 0.75, 1, 1.25, 2])
 @pytest.mark.parametrize("domains", [(2,), (2, 3, 4)])
 def test_the_transposed_zoomed_map_is_its_adjoint(town, zoom, domains):
-    genome = encode(town, domains=domains, reach=None).genome
+    genome = uniformly(town, domains=domains, reach=None).genome
     extents = genome.dx.copy()
     odd = np.flatnonzero(~genome.uniform & (genome.x < 30))[::9]
     extents[odd] = 12 + 4 * (np.arange(odd.size) % 6)  # rare ones
@@ -290,7 +310,7 @@ def test_the_transposed_zoomed_map_is_its_adjoint(town, zoom, domains):
 @pytest.mark.parametrize("zoom", [0.5, 0.75, 1.5])
 def test_domain_blocks_that_begin_within_a_pixel_take_their_share_of_it(town, zoom):
     """Every block by itself: area-weighted means, as an integral of a step function."""
-    genome = encode(town, domains=(2, 3)).genome
+    genome = uniformly(town, domains=(2, 3)).genome
     collage = CollageMap(genome, zoom, np.float64)
     heights = np.random.default_rng(1).random(collage.shape)
     found = collage.pavement.blocks(collage(heights))
@@ -316,3 +336,12 @@ def bilinear(values, rows, columns):
     return (1 - v) * ((1 - u) * right[:, x] + u * right[:, x + 1]) + v * (
         (1 - u) * below[:, x] + u * below[:, x + 1]
     )
+
+
+def test_a_lifs_beyond_the_sky_is_blamed_itself(town):
+    genome = uniformly(town).genome
+    beta = genome.beta.copy()
+    flat = int(np.flatnonzero(genome.uniform)[3])
+    beta[flat] = 2e7
+    with pytest.raises(GenomeError, match=f"β = 2e\\+07 m in lifs {flat}"):
+        decode(genome.replace(beta=beta))

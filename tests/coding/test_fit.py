@@ -5,13 +5,14 @@ import signal
 import naive
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity import io
 from evocity.citymap import CityMap
-from evocity.coding import CollageMap, decode, encode, fit_attractor, psnr
+from evocity.coding import CollageMap, decode, fit_attractor, psnr
 from evocity.coding._kernels import spread_means
 from evocity.coding.fit import AttractorError
 from evocity.errors import GenomeError, MapError
@@ -50,7 +51,7 @@ def draw_map(genome: Genome, seed: int) -> CityMap:
 
 @pytest.fixture(scope="module")
 def coded(town):
-    return encode(town).genome
+    return uniformly(town).genome
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +167,7 @@ def test_fit_lowers_the_attractor_error_and_moves_only_sigma_and_beta(coded, fit
 @pytest.mark.parametrize(("block", "gain"), [(4, 0.75), (8, 0.45)])
 def test_fit_gains_on_real_cities(name, block, gain):
     city = io.read_map(name, pixels=128, metres_per_pixel=2.0)
-    plain, better = (encode(city, block=block, fit=fit).psnr for fit in (False, True))
+    plain, better = (uniformly(city, block=block, fit=fit).psnr for fit in (False, True))
     assert better > plain + gain
 
 
@@ -193,7 +194,7 @@ def test_never_worse_where_only_the_part_below_ground_gets_better():
     heights = np.zeros((16, 16))
     heights[:4, :4] = 20
     city = CityMap(heights, 2.0)
-    flat = encode(CityMap(np.zeros((16, 16)), 2.0)).genome
+    flat = uniformly(CityMap(np.zeros((16, 16)), 2.0)).genome
     sunk = flat.replace(beta=np.where(np.arange(16) == 0, 19.9, -20))
     before = psnr(city, decode(sunk).city)
     for evaluations in range(1, 9):
@@ -209,7 +210,7 @@ def test_the_cap_is_reached_and_kept(coded, fitted):
 
 @pytest.mark.parametrize("sigma_max", [1.5, np.inf])
 def test_codes_without_a_cap(town, sigma_max):
-    coded = encode(town, block=8, sigma_max=sigma_max).genome
+    coded = uniformly(town, block=8, sigma_max=sigma_max).genome
     fitted = fit_attractor(coded, town)
     assert psnr(town, decode(fitted).city) > psnr(town, decode(coded).city)
 
@@ -219,8 +220,8 @@ def test_heights_of_any_scale(scale):
     """Never worse, even where the decoder's tolerance in metres is coarser than the heights."""
     city = draw_town(4, side=32, buildings=12)
     scaled = city.replace(city.heights * scale)
-    plain, other = encode(city, fit=True), encode(scaled, fit=True)
-    assert other.psnr >= encode(scaled).psnr
+    plain, other = uniformly(city, fit=True), uniformly(scaled, fit=True)
+    assert other.psnr >= uniformly(scaled).psnr
     if scale > 1:
         assert other.psnr == pytest.approx(plain.psnr, abs=0.1)
 
@@ -228,14 +229,14 @@ def test_heights_of_any_scale(scale):
 @pytest.mark.parametrize("level", [0.0, 12.0])
 def test_nothing_to_gain_gives_the_genome_back(level):
     city = CityMap(np.full((32, 32), level), 2.0)
-    genome = encode(city).genome
+    genome = uniformly(city).genome
     assert genome.uniform.all()
     assert fit_attractor(genome, city) is genome
 
 
 def test_uniform_lifs_find_their_level():
     city = CityMap(np.repeat(np.arange(64.0).reshape(8, 8), 4, 0).repeat(4, 1), 2.0)
-    genome = encode(city).genome
+    genome = uniformly(city).genome
     off = genome.replace(beta=genome.beta + np.where(np.arange(len(genome)) % 2, 3, -2))
     fitted = fit_attractor(off, city)
     assert fitted.beta == pytest.approx(genome.beta, abs=0.05)
@@ -244,7 +245,7 @@ def test_uniform_lifs_find_their_level():
 
 def test_a_perfect_fit_can_be_kept_in_a_file(tmp_path):
     city = CityMap(np.full((16, 16), 16.0), 2.0)
-    genome = encode(city).genome
+    genome = uniformly(city).genome
     fitted = fit_attractor(genome.replace(beta=genome.beta - 2), city)
     assert psnr(city, decode(fitted).city) == np.inf
     assert fitted.made["fit"]["psnr_after"] is None
@@ -315,7 +316,7 @@ def test_a_code_that_diverges_is_refused():
 
 
 def test_encode_fits_on_demand(coded, fitted, town):
-    plain, better = encode(town), encode(town, fit=True)
+    plain, better = uniformly(town), uniformly(town, fit=True)
     assert plain.genome == coded
     assert better.genome == fitted
     assert better.psnr > plain.psnr

@@ -16,10 +16,11 @@ from evocity import CityMap, encode
 
 heights = np.random.default_rng(0).random((1024, 1024)).astype(np.float32) * 20
 city = CityMap(heights, 1.0, name="noise")
-encode(CityMap(heights[:64, :64], 1.0, name="a corner"), block=8, reach=None, threads=1)
+how = {"block": 8, "reach": None, "fit": False}
+encode(CityMap(heights[:64, :64], 1.0, name="a corner"), **how, threads=1)
 print("ready", flush=True)
 try:
-    encode(city, block=8, reach=None, threads=int(sys.argv[1]))
+    encode(city, **how, threads=int(sys.argv[1]))
 except BaseException as error:
     print(type(error).__name__, flush=True)
 """

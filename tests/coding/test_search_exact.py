@@ -4,12 +4,13 @@ import naive
 import numpy as np
 import pytest
 import skimage.data
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from evocity import isometries
-from evocity.coding import best_correlations, encode
+from evocity.coding import best_correlations
 from evocity.coding.matching import best_matches
 from evocity.coding.matching.d4 import d4_matrix
 from evocity.coding.matching.domains import domain_pool, domain_pools
@@ -103,7 +104,7 @@ def test_towns_of_few_heights(heights):
 
 def test_flat_maps_have_nothing_to_search(town):
     for level in (0, 12.5):
-        found = encode(town.replace(np.full((16, 16), level)))
+        found = uniformly(town.replace(np.full((16, 16), level)))
         assert found.uniform == len(found.genome) == 16
         assert found.genome.uniform.all()
         assert found.collage_rmse == 0
@@ -146,7 +147,7 @@ def test_range_blocks_whose_windows_are_empty_find_nothing(town):
     heights = np.zeros((64, 64), np.float32)
     heights[1, 61] = 9
     for options in ({"reach": 3}, {"reach": 24, "domains": (8,)}):
-        genome = encode(town.replace(heights), **options).genome
+        genome = uniformly(town.replace(heights), **options).genome
         assert genome.uniform.all()
 
 
@@ -177,20 +178,20 @@ def test_heights_that_are_no_numbers_are_refused(town, wrong):
     heights = town.heights.copy()
     heights[3, 5] = wrong
     with pytest.raises(MapError):
-        encode(town.replace(heights))
+        uniformly(town.replace(heights))
 
 
 def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
-    one = encode(town, threads=1, reach=None).genome
-    several = encode(town, threads=1, reach=None, domains=(2, 3)).genome
+    one = uniformly(town, threads=1, reach=None).genome
+    several = uniformly(town, threads=1, reach=None, domains=(2, 3)).genome
     for few in (0, 1 << 20):  # threads share the range blocks, or the domain blocks
         monkeypatch.setattr("evocity.coding.matching.FEW", few)
-        assert encode(town, threads=3, reach=None).genome == one
-        assert encode(town, threads=2, reach=None, domains=(2, 3)).genome == several
+        assert uniformly(town, threads=3, reach=None).genome == one
+        assert uniformly(town, threads=2, reach=None, domains=(2, 3)).genome == several
     monkeypatch.setattr("evocity.coding.matching.FEW", 0)
     monkeypatch.setattr("evocity.coding.matching.CHUNK", 7)
     monkeypatch.setattr("evocity.coding.matching.NEARBY", 7)
-    assert encode(town, threads=2, reach=None).genome == one
+    assert uniformly(town, threads=2, reach=None).genome == one
 
 
 @pytest.mark.parametrize("block", [2, 3, 4, 5, 8])

@@ -5,11 +5,11 @@ from dataclasses import fields, replace
 import naive
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evocity import isometries
-from evocity.coding import encode
 from evocity.coding.matching import best_matches, near_best
 from evocity.coding.matching.domains import domain_pools
 from evocity.coding.topology import Candidates, closest_neighbourhood
@@ -330,15 +330,15 @@ def test_candidates_are_all_that_come_near_the_best(town, reach, tolerance):
 
 @pytest.mark.parametrize("reach", [24, None])
 def test_surroundings_decide_ties_at_no_cost(town, reach):
-    plain = encode(town, reach=reach)
-    chosen = encode(town, reach=reach, topological=0, threads=1)
+    plain = uniformly(town, reach=reach)
+    chosen = uniformly(town, reach=reach, topological=0, threads=1)
     assert chosen.collage_rmse == pytest.approx(plain.collage_rmse, rel=1e-5)
     assert chosen.genome != plain.genome
-    assert encode(town, reach=reach, topological=0, threads=3).genome == chosen.genome
+    assert uniformly(town, reach=reach, topological=0, threads=3).genome == chosen.genome
 
 
 def test_a_larger_share_trades_collage_error_for_surroundings(town):
-    errors = [encode(town, topological=share).collage_rmse for share in (0, 0.02, 0.1)]
+    errors = [uniformly(town, topological=share).collage_rmse for share in (0, 0.02, 0.1)]
     assert errors == sorted(errors)
     assert errors[0] < errors[2]
 
@@ -346,4 +346,4 @@ def test_a_larger_share_trades_collage_error_for_surroundings(town):
 @pytest.mark.parametrize("share", [-0.1, 1.5, float("nan"), "much"])
 def test_shares_that_are_none_are_refused(town, share):
     with pytest.raises(GenomeError, match="topological"):
-        encode(town, topological=share)
+        uniformly(town, topological=share)

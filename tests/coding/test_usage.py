@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from codes import draw_code
+from codes import draw_code, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import evocity
-from evocity.coding import CollageMap, decode, encode, low_pass, usage
+from evocity.coding import CollageMap, decode, high_pass, low_pass, usage
 from evocity.coding.usage import COUNTS
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
@@ -83,11 +83,18 @@ def test_a_code_without_domains_calls_nothing():
     assert low_pass(genome, 0) is genome
 
 
+FILTERS = {low_pass: np.greater, high_pass: np.less}
+either_filter = pytest.mark.parametrize("filtering", FILTERS)
+
+
+@either_filter
 @settings(max_examples=25, deadline=None)
 @given(codes, st.sampled_from(COUNTS), st.sampled_from([0, 1, 2.5, 6]))
-def test_what_is_called_more_often_goes_to_ground_and_stays_there(genome, count, f_c):
-    bare = getattr(usage(genome), count) > f_c
-    filtered = low_pass(genome, f_c, count=count)
+def test_what_is_called_more_or_less_often_goes_to_ground_and_stays_there(
+    filtering, genome, count, f_c
+):
+    bare = FILTERS[filtering](counted(genome)[1][count], f_c)
+    filtered = filtering(genome, f_c, count=count)
     if not bare.any():
         assert filtered is genome
         return
@@ -101,7 +108,7 @@ def test_what_is_called_more_often_goes_to_ground_and_stays_there(genome, count,
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_infinity_changes_nothing_and_0_takes_all_that_is_called(town, count):
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     assert low_pass(genome, math.inf, count=count) is genome
     counts = getattr(usage(genome), count)
     assert low_pass(genome, counts.max(), count=count) is genome
@@ -109,65 +116,105 @@ def test_infinity_changes_nothing_and_0_takes_all_that_is_called(town, count):
     assert (city.heights[counts > 0] == 0).all()
 
 
+@pytest.mark.parametrize("count", COUNTS)
+def test_high_pass_of_0_changes_nothing_and_of_infinity_takes_all(town, count):
+    genome = uniformly(town).genome
+    counts = getattr(usage(genome), count)
+    assert high_pass(genome, 0, count=count) is genome
+    assert high_pass(genome, counts.min(), count=count) is genome
+    assert not decode(high_pass(genome, math.inf, count=count)).city.heights.any()
+    assert not decode(high_pass(genome, counts.max() + 1, count=count)).city.heights.any()
+    never = decode(high_pass(genome, 1, count=count)).city.heights[counts == 0]
+    assert never.size
+    assert not never.any()
+
+
+@pytest.mark.parametrize("f_c", [1, 3])
+@pytest.mark.parametrize("count", COUNTS)
+def test_each_pixel_outlives_one_of_the_filters(town, count, f_c):
+    genome = uniformly(town, reach=None).genome
+    high, low = (one(genome, f_c, count=count).condensation.mask for one in (high_pass, low_pass))
+    counts = getattr(usage(genome), count)
+    assert not (high & low).any()
+    np.testing.assert_array_equal(~high & ~low, counts == f_c)
+
+
+def test_one_filter_after_the_other_leaves_a_band(town):
+    genome = uniformly(town, reach=None).genome
+    bands = [low_pass(high_pass(genome, 2), 5), high_pass(low_pass(genome, 5), 2)]
+    calls = usage(genome).pixels
+    for band in bands:
+        np.testing.assert_array_equal(~band.condensation.mask, (calls >= 2) & (calls <= 5))
+        assert band.made["high_pass"] == {"f_c": 2.0, "count": "pixels"}
+        assert band.made["low_pass"] == {"f_c": 5.0, "count": "pixels"}
+    np.testing.assert_array_equal(*(decode(band).city.heights for band in bands))
+
+
 def test_by_ranges_0_leaves_the_uniform_range_blocks(town):
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     heights = decode(low_pass(genome, 0, count="ranges")).city.heights
     uniform = genome.pavement.raster(np.where(genome.uniform, genome.beta, 0))
     np.testing.assert_array_equal(heights, np.maximum(uniform, 0))
 
 
 def test_a_lower_frequency_takes_more(town):
-    genome = encode(town, reach=None).genome
+    genome = uniformly(town, reach=None).genome
     bare = [low_pass(genome, f_c).condensation.mask for f_c in (0, 1, 3, 10)]
     assert all((fewer <= more).all() for more, fewer in itertools.pairwise(bare))
     assert bare[0].sum() > bare[-1].sum() > 0
 
 
 def test_the_lifs_stay_and_the_filter_is_told(town):
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     filtered = low_pass(genome, 2, count="domains")
     assert usage(filtered).domain_calls.sum() == usage(genome).domain_calls.sum()
     assert filtered.replace(condensation=None) == genome
     assert filtered.made == {**genome.made, "low_pass": {"f_c": 2.0, "count": "domains"}}
 
 
-def test_what_was_kept_before_is_kept(town):
+@either_filter
+def test_what_was_kept_before_is_kept(filtering, town):
     mask = np.zeros(town.shape, bool)
     mask[:20, :20] = True
     locked = Condensation(np.full(town.shape, 9.0), mask)
-    genome = encode(town).genome.replace(condensation=locked)
-    heights = decode(low_pass(genome, 0)).city.heights
+    genome = uniformly(town).genome.replace(condensation=locked)
+    heights = decode(filtering(genome, 1)).city.heights
     assert (heights[mask] == 9).all()
-    assert (heights[(usage(genome).pixels > 0) & ~mask] == 0).all()
+    bare = FILTERS[filtering](usage(genome).pixels, 1) & ~mask
+    assert bare.any()
+    assert (heights[bare] == 0).all()
 
 
 def test_the_ground_is_as_large_at_another_zoom(town):
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     bare = usage(genome).pixels > 1
     heights = decode(low_pass(genome, 1), zoom=2).city.heights
     assert (heights[bare.repeat(2, axis=0).repeat(2, axis=1)] == 0).all()
 
 
+@either_filter
 @pytest.mark.parametrize("f_c", [-1, math.nan, "10", None, True])
-def test_a_frequency_that_is_none_is_refused(f_c):
+def test_a_frequency_that_is_none_is_refused(filtering, f_c):
     with pytest.raises(GenomeError, match="0 or more"):
-        low_pass(draw_code(1), f_c)
+        filtering(draw_code(1), f_c)
 
 
+@either_filter
 @pytest.mark.parametrize("count", ["pixel", "calls", 3, None])
-def test_a_count_that_is_none_is_refused(count):
+def test_a_count_that_is_none_is_refused(filtering, count):
     with pytest.raises(GenomeError, match="pixels, domains, ranges"):
-        low_pass(draw_code(1), 1, count=count)
+        filtering(draw_code(1), 1, count=count)
 
 
 def test_values_told_of_lyon_are_true():
     text = (Path(__file__).parents[2] / "docs" / "pictures.md").read_text("utf-8")
     words = " ".join(text.split())
     lyon = evocity.read_map("lyon-1er")
-    near, whole = (usage(encode(lyon, reach=reach).genome) for reach in (24, None))
+    near, whole = (usage(uniformly(lyon, reach=reach).genome) for reach in (24, None))
     most, served = near.domain_calls.max(), (near.calls > 0).sum()
     told = f"{len(near.domain_calls)} domain blocks serve {served} lifs, and none more than {most}"
     assert told in words
     told = f"the whole map {len(whole.domain_calls)} do, one of them {whole.domain_calls.max()} "
     assert told in words
     assert (whole.pixels == 0).mean() == pytest.approx(2 / 3, abs=0.05)
+    assert "never calls two pixels in three" in words

@@ -136,7 +136,7 @@ def test_memory_is_what_a_call_holds(measure):
 
 def test_genome_and_parents_are_given_to_those_who_ask(measure):
     asking = measure("return len(genome) / len(parents)", extras=", genome, parents")
-    genome = encode(TOWNS[0]).genome
+    genome = encode(TOWNS[0], block=4, fit=False, settle=False).genome
     case = Case(TOWNS[0], genome, (genome, genome))
     report = check(asking, [TOWNS[1], case])
     plain, coded, *awkward = report.trials
@@ -383,7 +383,7 @@ def test_a_measure_that_hardly_differs_is_warned_of(measure, options, formula, t
 
 def test_a_measure_that_sees_the_code_more_than_the_city_is_warned_of(measure):
     towns = [draw_town(seed) for seed in range(4)]
-    coded = encode(towns[0], reach=4).genome
+    coded = encode(towns[0], block=4, reach=4, fit=False, settle=False).genome
     city = evocity.coding.decode(coded).city
     cases = [*towns, Case(city.replace(city.heights, name="decoded"), coded, (coded,), "town-0")]
     assert towns[0].name == "town-0"

@@ -14,7 +14,7 @@ import evocity.fitness
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import registry
-from evocity.fitness.registry import shipped, unpacked
+from evocity.fitness.shipping import shipped, unpacked
 
 CITY = CityMap(np.full((8, 8), 9.0), 2.0, name="eight")
 _numbers = itertools.count(1)
@@ -23,6 +23,9 @@ _numbers = itertools.count(1)
 @evocity.fitness()
 def of_this_module(city):
     return city.heights.max() + 1
+
+
+registry._table.pop(of_this_module.name)  # modules are imported before any test begins
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,7 @@ from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io import FIELD_WRITERS, WRITERS, write_field
 from evocity.pictures import Field
-from evocity.pictures.picture import render_field
+from evocity.pictures.picture import NOTHING, render_field
 
 
 @pytest.fixture
@@ -66,6 +66,25 @@ def test_one_value_everywhere_can_be_drawn(value):
     city = CityMap(np.zeros((8, 8)), 2.0)
     picture = render_field(Field(city, np.full((8, 8), value, np.float32), "v", "v"), zoom=3)
     assert picture.width > 24
+
+
+def test_where_there_is_no_value_it_is_grey_and_nodata(tmp_path, field):
+    values = field.values.copy()
+    values[5:9, 7:30] = np.nan
+    holed = Field(field.city, values, field.title, field.symbol)
+    plain, drawn = (np.asarray(render_field(one, zoom=12)) for one in (field, holed))
+    grey = (drawn == NOTHING).all(axis=2)
+    assert not (plain == NOTHING).all(axis=2).any()
+    assert grey.sum() > 0.6 * 4 * 23 * 12**2  # the edges of roofs are drawn over it
+    write_field(holed, tmp_path / "field.tif")
+    with rasterio.open(tmp_path / "field.tif") as file:
+        assert np.isnan(file.nodata)
+        np.testing.assert_array_equal(file.read(1), values)
+    write_field(field, tmp_path / "field.tif")
+    with rasterio.open(tmp_path / "field.tif") as file:
+        assert file.nodata is None
+    everywhere = Field(field.city, np.full_like(values, np.nan), "nothing", "n")
+    assert render_field(everywhere).width > 40
 
 
 def test_another_suffix_is_refused(tmp_path, field):

@@ -10,12 +10,13 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import CRS
 
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.errors import MapError
 from evocity.io import attribution_of, cities, read_condensation, read_map, write_map
 from evocity.io.bundled import path_of
@@ -45,7 +46,7 @@ def town(seed=1, shape=(40, 40), side=2.0, placed=True, **more):
 def test_bundled_cities_come_back_pixel_for_pixel(tmp_path, name, decoded):
     city = read_map(name)
     if decoded:
-        city = decode(encode(city).genome).city
+        city = decode(uniformly(city).genome).city
     for suffix in SUFFIXES:
         write_map(city, tmp_path / f"a{suffix}")
         back = read_map(tmp_path / f"a{suffix}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -75,7 +76,7 @@ def test_the_same_seed_draws_the_same_town_and_another_another(name):
 @every
 def test_a_town_is_a_parent(name):
     town = drawn(name, 2, pixels=64)
-    encoding = evocity.encode(town)
+    encoding = uniformly(town)
     assert encoding.genome.cities == (town.name,)
     assert evocity.decode(encoding.genome).converged
     assert encoding.psnr > 12

@@ -3,24 +3,27 @@
 import naive
 import numpy as np
 import pytest
+from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
-from evocity.genome import NUCLEOTIDES, Genome
+from evocity.genome import NUCLEOTIDES, Genome, laid
 from evocity.operators.asymmetric_fusion import AsymmetricFusion
 from evocity.operators.pairing import (
     _closest_level,
     _grouped,
     _traits,
-    level_blocks,
-    modulated,
+    level_cells,
+    mosaic_of,
     paired,
+    paired_pieces,
+    pairing,
 )
 from evocity.operators.pairing._kernels import LANES, alike_blocks
 from evocity.pavement import Pavement
@@ -34,13 +37,20 @@ def map_of(genome: Genome) -> np.ndarray:
     return decode(genome).city.heights
 
 
+def level_of(genome: Genome) -> np.ndarray:
+    """Range blocks of the genome that are level and coded so."""
+    pavement = genome.pavement
+    cut = pavement.blocks(map_of(genome)).reshape(len(pavement), -1)
+    return level_cells(pavement, genome, cut)
+
+
 def town_of(heights, name: str) -> CityMap:
     return CityMap(np.asarray(heights, np.float32), 2.0, name=name, attribution=f"by {name}")
 
 
 @pytest.fixture(scope="module")
 def genomes() -> list[Genome]:
-    return [encode(draw_town(seed)).genome for seed in (1, 2)]
+    return [uniformly(draw_town(seed)).genome for seed in (1, 2)]
 
 
 # -- pairing ---------------------------------------------------------------------------------
@@ -107,7 +117,7 @@ def test_no_block_is_closer_than_the_paired_one(genomes, turned):
     maps = [map_of(genome) for genome in genomes]
     ours, theirs = (pavement.blocks(heights).astype(float) for heights in maps)
     everywhere = np.arange(len(pavement))
-    flat = level_blocks(genomes[1], maps[1])
+    flat = level_of(genomes[1])
     index, iso = paired(*maps, pavement, flat, everywhere, isometries=turned)
     images = np.stack([isometries.apply(k, theirs) for k in range(8 if turned else 1)])
     rms = np.sqrt(((ours[:, None, None] - images) ** 2).mean(axis=(3, 4)))
@@ -135,7 +145,7 @@ def test_surroundings_decide_among_equal_contents():
 def test_a_turned_city_is_found_under_isometries_alone():
     city = draw_town(3)
     first, second = (
-        encode(town_of(heights, name)).genome
+        uniformly(town_of(heights, name)).genome
         for heights, name in ((np.rot90(city.heights), "turned"), (city.heights, "city"))
     )
     turned = AsymmetricFusion(isometries=True, repair=None).draft([first, second], generator())
@@ -159,11 +169,11 @@ def test_a_turned_city_is_found_under_isometries_alone():
     block=st.sampled_from([2, 4, 8]),
 )
 def test_a_city_in_its_own_stones_is_itself(isometries, alike, repair, seed, block):
-    genome = encode(draw_town(seed, side=32, buildings=12), block=block).genome
+    genome = uniformly(draw_town(seed, side=32, buildings=12), block=block).genome
     fusion = AsymmetricFusion(isometries=isometries, alike=alike, repair=repair)
     child = fusion([genome, genome], generator())
     assert child == genome
-    assert np.array_equal(child.source, genome.source)
+    assert np.array_equal(stones(child), stones(genome))
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -173,15 +183,15 @@ def test_every_lifs_is_that_of_its_source_turned_at_most(genomes, turned):
     child = draft.genome
     assert {child.cities[p] for p in child.parent} == {second.cities[0]}
     for name in NUCLEOTIDES:
-        same = getattr(child, name) == getattr(second, name)[child.source]
+        same = getattr(child, name) == getattr(second, name)[stones(child)]
         assert same.all() if name != "iso" or not turned else 0 < same.mean() < 1
     content = first.pavement.blocks(map_of(second))
     laid = first.pavement.blocks(draft.intended)
-    back = isometries.COMPOSITION[child.iso, isometries.INVERSE[second.iso[child.source]]]
+    back = isometries.COMPOSITION[child.iso, isometries.INVERSE[second.iso[stones(child)]]]
     for i in np.flatnonzero(~child.uniform):
-        assert np.array_equal(laid[i], isometries.apply(int(back[i]), content[child.source[i]]))
+        assert np.array_equal(laid[i], isometries.apply(int(back[i]), content[stones(child)[i]]))
     flat = child.uniform
-    assert np.array_equal(laid[flat], content[child.source[flat]])
+    assert np.array_equal(laid[flat], content[stones(child)[flat]])
 
 
 def test_the_order_of_the_parents_says_whose_plan_it_is(genomes):
@@ -208,16 +218,16 @@ def test_repair_brings_the_child_to_the_mosaic(genomes):
 def test_provenance_reaches_back_over_generations(genomes):
     first, second = genomes
     child = AsymmetricFusion(repair=None)([first, second], generator())
-    third = encode(draw_town(9)).genome
+    third = uniformly(draw_town(9)).genome
     grandchild = AsymmetricFusion(repair=None)([third, child], generator())
     assert grandchild.cities[:1] == third.cities
     assert {grandchild.cities[p] for p in grandchild.parent} == set(second.cities)
-    assert np.array_equal(grandchild.sigma, second.sigma[grandchild.source])
+    assert np.array_equal(grandchild.sigma, second.sigma[stones(grandchild)])
 
 
 @pytest.mark.parametrize("bare", [0, 1])
 def test_a_bare_city_has_but_one_stone(genomes, bare):
-    parents = [genomes[0], encode(town_of(np.zeros((64, 64)), "bare")).genome]
+    parents = [genomes[0], uniformly(town_of(np.zeros((64, 64)), "bare")).genome]
     child = AsymmetricFusion(isometries=True)(parents[:: 1 if bare else -1], generator())
     if bare:
         assert child.uniform.all()
@@ -229,30 +239,28 @@ def test_a_bare_city_has_but_one_stone(genomes, bare):
 
 def test_a_city_without_a_level_block_still_gives_its_closest():
     rng = np.random.default_rng(1)
-    rough = encode(town_of(rng.random((32, 32)) * 20, "rough")).genome
+    rough = uniformly(town_of(rng.random((32, 32)) * 20, "rough")).genome
     assert not rough.uniform.any()
-    child = AsymmetricFusion()([encode(town_of(np.zeros((32, 32)), "bare")).genome, rough], rng)
+    child = AsymmetricFusion()([uniformly(town_of(np.zeros((32, 32)), "bare")).genome, rough], rng)
     assert not child.uniform.any()
-    assert len(set(child.source.tolist())) <= 2  # that of least height, and what ties with it
+    assert len(set(stones(child).tolist())) <= 2  # that of least height, and what ties with it
 
 
 def test_what_is_condensed_is_kept_and_is_no_level_block(genomes):
     mask = np.zeros((64, 64), bool)
     mask[10:20, 10:20] = True
     kept = Condensation(np.full((64, 64), 5.0), mask)
-    river = encode(draw_town(2), condensation=kept).genome
-    level = level_blocks(river, map_of(river))
+    river = uniformly(draw_town(2), condensation=kept).genome
+    level = level_of(river)
     cut = genomes[0].pavement.blocks(mask).mean(axis=(1, 2))
     assert not level[(cut > 0) & (cut < 1)].any()
-    bare = encode(town_of(np.zeros((64, 64)), "bare"), condensation=kept).genome
-    assert np.array_equal(
-        level_blocks(bare, map_of(bare)), bare.uniform & ((cut == 0) | (cut == 1))
-    )
+    bare = uniformly(town_of(np.zeros((64, 64)), "bare"), condensation=kept).genome
+    assert np.array_equal(level_of(bare), bare.uniform & ((cut == 0) | (cut == 1)))
     wet = bare.replace(
         sigma=0 * bare.sigma, **dict.fromkeys(("x", "y", "dx", "dy", "iso"), 0 * bare.x)
     )
     assert wet.uniform.all()
-    assert np.array_equal(level_blocks(wet, map_of(wet)), (cut == 0) | (cut == 1))
+    assert np.array_equal(level_of(wet), (cut == 0) | (cut == 1))
     child = AsymmetricFusion()([genomes[0], river], generator())
     assert (map_of(child)[mask] == 5).all()
 
@@ -260,11 +268,16 @@ def test_what_is_condensed_is_kept_and_is_no_level_block(genomes):
 def test_blocks_may_be_paired_in_part(genomes):
     maps = [map_of(genome) for genome in genomes]
     where = np.arange(len(genomes[0])) % 2 == 0
-    every, mosaic = modulated(*genomes, maps, isometries=False, alike=0.01)
-    some, partial = modulated(*genomes, maps, isometries=False, alike=0.01, where=where)
-    assert np.array_equal(some.source[where], every.source[where])
-    assert np.array_equal(some.source[~where], np.flatnonzero(~where))
-    blocks = genomes[0].pavement.blocks
+    grid, how = genomes[0].pavement, {"isometries": False, "alike": 0.01}
+    found = [
+        pairing(grid, genomes[1], maps, **how),
+        pairing(grid, genomes[1], maps, **how, where=where),
+    ]
+    every, some = (laid(genomes, paired_pieces(grid, 1, *one)).genome for one in found)
+    mosaic, partial = (mosaic_of(grid, maps[1], *one) for one in found)
+    assert np.array_equal(stones(some)[where], stones(every)[where])
+    assert np.array_equal(stones(some)[~where], np.flatnonzero(~where))
+    blocks = grid.blocks
     assert np.array_equal(blocks(partial)[where], blocks(mosaic)[where])
     assert np.array_equal(blocks(partial)[~where], blocks(maps[1])[~where])
 

@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+from codes import stones
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rearranged import (
@@ -38,7 +39,7 @@ GROUPS = [
 def test_laws(operator, seed):
     parent = town()
     child = assert_laws(operator, parent, seed)
-    assert np.array_equal(np.sort(child.source), np.arange(len(parent)))
+    assert np.array_equal(np.sort(stones(child)), np.arange(len(parent)))
     draft = operator.draft([parent], np.random.default_rng(seed))
     assert_genes_stay_as_they_are(parent, draft.genome)
     assert_meant(parent, draft)
@@ -50,8 +51,8 @@ def test_two_squares_of_one_size_change_places(seed):
     parent = town()
     child = operator([parent], np.random.default_rng(seed))
     places = np.arange(256)
-    moved = child.source != places
-    offsets = np.stack(np.divmod(child.source[moved], 16)) - np.divmod(places[moved], 16)
+    moved = stones(child) != places
+    offsets = np.stack(np.divmod(stones(child)[moved], 16)) - np.divmod(places[moved], 16)
     ways = np.unique(offsets, axis=1)
     assert np.array_equal(ways[:, 0], -ways[:, 1])
     assert ways.shape[1] == 2
@@ -97,7 +98,7 @@ def test_ends_well_on_any_map(name, sizes):
 
 def test_faults_are_told():
     with pytest.raises(OperatorError, match="size_max = 1, count = 0"):
-        BlockExchange(size_max=1, count=0)
+        BlockExchange(size_min=2, size_max=1, count=0)
 
 
 # -- kernels ------------------------------------------------------------------------------------

@@ -4,12 +4,13 @@ import naive
 import numpy as np
 import pytest
 import skimage.data
+from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.errors import OperatorError
 from evocity.genome import FIELDS, Genome
 from evocity.operators import (
@@ -35,7 +36,7 @@ from evocity.operators.pavement_fusion import VOID
 
 @pytest.fixture(scope="module")
 def genomes() -> list[Genome]:
-    return [encode(draw_town(seed)).genome for seed in (1, 2, 3)]
+    return [uniformly(draw_town(seed)).genome for seed in (1, 2, 3)]
 
 
 VARIANTS = [
@@ -95,16 +96,16 @@ def test_laws(operator, genomes, seed):
     truth = {city: parent for parent in parents for city in parent.cities}
     names = np.array(child.cities)[child.parent]
     assert set(names) <= set(truth) | {VOID}
-    stones = {
-        (parent.cities[city], source)
+    known = {
+        (parent.cities[city], stone)
         for parent in parents
-        for city, source in zip(parent.parent, parent.source, strict=True)
+        for city, stone in zip(parent.parent, stones(parent), strict=True)
     }
     assert {
-        (name, source) for name, source in zip(names, child.source, strict=True) if name != VOID
-    } <= stones
+        (name, stone) for name, stone in zip(names, stones(child), strict=True) if name != VOID
+    } <= known
     if not isinstance(operator, MOVING):
-        assert np.array_equal(child.source, np.arange(len(child)))
+        assert np.array_equal(stones(child), np.arange(len(child)))
     for parent in parents:
         for line in parent.attribution.split("; "):
             assert line in child.attribution
@@ -158,7 +159,7 @@ def test_provenance_names_the_lifs_a_block_came_from(genomes):
     for i in range(len(child)):
         stone = by_name[child.cities[child.parent[i]]]
         for name in ("sigma", "beta", "x", "y", "dx", "dy", "iso"):
-            assert getattr(child, name)[i] == getattr(stone, name)[child.source[i]]
+            assert getattr(child, name)[i] == getattr(stone, name)[stones(child)[i]]
 
 
 def test_fill_is_reached_within_the_margin_or_the_shortfall_told(genomes):
@@ -173,7 +174,7 @@ def test_fill_is_reached_within_the_margin_or_the_shortfall_told(genomes):
 
 
 def test_every_parent_has_its_turn():
-    parents = [encode(draw_town(seed)).genome for seed in range(5)]
+    parents = [uniformly(draw_town(seed)).genome for seed in range(5)]
     for sizes in ({"size_min": 4, "size_max": 4}, {"size_min": 3, "size_max": 4}):
         fusion = PavementFusion(tolerance=100, repair=None, **sizes)
         child = fusion(parents, np.random.default_rng(0))
@@ -182,7 +183,7 @@ def test_every_parent_has_its_turn():
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
 def test_codes_without_a_cap_are_mended(name):
-    parents = [encode(draw_town(seed), sigma_max=np.inf).genome for seed in (2, 3)]
+    parents = [uniformly(draw_town(seed), sigma_max=np.inf).genome for seed in (2, 3)]
     operator = make(name)
     for seed in range(3):
         child = operator(parents[: operator.parents[0]], np.random.default_rng(seed))
@@ -207,8 +208,8 @@ def pattern_of(kind):
 )
 def test_the_papers_own_patterns(genomes, name, one, other):
     """Robustness: whatever the parents are, breeding ends well and the child decodes."""
-    first = encode(CityMap(pattern_of(one), 2.0, name=one)).genome
-    second = encode(CityMap(pattern_of(other), 2.0, name=other)).genome if other else genomes[0]
+    first = uniformly(CityMap(pattern_of(one), 2.0, name=one)).genome
+    second = uniformly(CityMap(pattern_of(other), 2.0, name=other)).genome if other else genomes[0]
     for repair in (0.5, None):
         operator = make(name, repair=repair)
         few = [first, second][: operator.parents[0]]
@@ -281,13 +282,17 @@ def test_given_positions_are_used(genomes):
 def test_interpolation_mixes_convexly(genomes):
     first, second = genomes[:2]
     n = len(first)
-    child = interpolated(first, second, np.full(n, 0.25), np.full(n, 0.9))
+    grid, lambdas = first.pavement, np.full(n, 0.25)
+    child = interpolated("test", genomes[:2], grid, lambdas, np.random.default_rng(4))
+    draws = np.random.default_rng(4).random(n)
     both = ~first.uniform & ~second.uniform
     assert child.sigma[both] == pytest.approx(
         0.25 * first.sigma[both] + 0.75 * second.sigma[both], abs=1e-6
     )
     assert child.beta == pytest.approx(0.25 * first.beta + 0.75 * second.beta, abs=1e-4)
-    assert np.array_equal(child.iso[both], second.iso[both])
+    theirs = draws[both] >= 0.25  # the isometry is the first's with the chance λ
+    assert 0.5 < theirs.mean() < 1
+    assert np.array_equal(child.iso[both], np.where(theirs, second.iso[both], first.iso[both]))
     low, high = np.minimum(first.x, second.x)[both], np.maximum(first.x, second.x)[both]
     assert ((child.x[both] >= low) & (child.x[both] <= high)).all()
 
@@ -326,9 +331,9 @@ def test_wrong_parents_are_refused(genomes, name):
         operator(genomes[0], np.random.default_rng(0))
     with pytest.raises(OperatorError, match=r"(?s)rng = 7.*default_rng\(seed\)"):
         operator(parents_for(operator, genomes), 7)
-    small = encode(draw_town(4, side=32)).genome
+    small = uniformly(draw_town(4, side=32)).genome
     if operator.parents[0] > 1:
-        with pytest.raises(OperatorError, match="one pavement"):
+        with pytest.raises(OperatorError, match="one grid of pixels"):
             operator([genomes[0], small], np.random.default_rng(0))
 
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from codes import uniformly
 from skimage.data import camera
 from towns import draw_town
 
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.operators.asymmetric_fusion import AsymmetricFusion
 from evocity.operators.direct_fusion import DirectFusion
 from evocity.operators.interpolation import Interpolation
@@ -56,7 +57,7 @@ PAIRS = {
 
 @pytest.fixture(scope="module", params=PAIRS)
 def parents(request):
-    return [encode(city).genome for city in PAIRS[request.param]()]
+    return [uniformly(city).genome for city in PAIRS[request.param]()]
 
 
 @pytest.mark.parametrize("operator", OPERATORS, ids=str)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity import read_map
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.errors import OperatorError
 from evocity.fitness import crumbs
 from evocity.genome import NUCLEOTIDES, Genome
@@ -21,7 +22,7 @@ def generator(seed: int = 0) -> np.random.Generator:
 
 @pytest.fixture(scope="module")
 def genomes() -> list[Genome]:
-    return [encode(draw_town(seed)).genome for seed in (1, 2, 3)]
+    return [uniformly(draw_town(seed)).genome for seed in (1, 2, 3)]
 
 
 @settings(max_examples=10, deadline=None)
@@ -30,10 +31,10 @@ def test_every_lifs_is_its_sources_own(genomes, seed, cut, rest):
     fill = (cut, (1 - cut) * rest, (1 - cut) * (1 - rest))
     child = DirectFusion(fill=fill, repair=None)(genomes, generator(seed))
     assert child.cities == tuple(genome.cities[0] for genome in genomes)
-    assert np.array_equal(child.source, np.arange(len(child)))
+    assert np.array_equal(stones(child), np.arange(len(child)))
     for name in NUCLEOTIDES:
-        stones = np.stack([getattr(genome, name) for genome in genomes])
-        assert np.array_equal(getattr(child, name), stones[child.parent, child.source])
+        every = np.stack([getattr(genome, name) for genome in genomes])
+        assert np.array_equal(getattr(child, name), every[child.parent, stones(child)])
     reached = np.bincount(child.parent, minlength=3) / len(child)
     assert child.made["fill_reached"] == pytest.approx(reached, abs=1e-4)
     assert reached == pytest.approx(fill, abs=5 * np.sqrt(0.25 / len(child)))
@@ -81,7 +82,7 @@ def test_blocks_are_meant_to_stay_as_they_were(genomes):
 
 def test_it_crumbles_as_the_papers_say():
     parents = [
-        encode(read_map(name, pixels=128)).genome
+        uniformly(read_map(name, pixels=128)).genome
         for name in ("new-york-west-village", "montpellier-pas-du-loup")
     ]
     own = max(crumbs(decode(parent).city) for parent in parents)

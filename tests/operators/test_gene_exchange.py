@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from codes import stones
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rearranged import assert_genes_stay_as_they_are, assert_laws, assert_meant, odd_maps, town
@@ -20,10 +21,10 @@ ANY_TWO = GeneExchange(rate=1, group=1, tolerance=None, change=0, choice=1, repa
 def test_laws(operator, seed):
     parent = town()
     child = assert_laws(operator, parent, seed)
-    assert np.array_equal(np.sort(child.source), np.arange(len(parent)))
-    assert np.array_equal(child.source[child.source], np.arange(len(parent)))  # two by two
-    assert np.count_nonzero(child.source != np.arange(len(parent))) == (
-        child.made["exchanged"] * operator.group**2
+    assert np.array_equal(np.sort(stones(child)), np.arange(len(parent)))
+    assert np.array_equal(stones(child)[stones(child)], np.arange(len(parent)))  # two by two
+    assert np.count_nonzero(stones(child) != np.arange(len(parent))) == (
+        child.made["exchanged"] * (operator.group or 4) ** 2  # 32 m
     )
     draft = operator.draft([parent], np.random.default_rng(seed))
     assert_genes_stay_as_they_are(parent, draft.genome)

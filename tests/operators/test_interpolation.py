@@ -3,15 +3,16 @@
 import naive
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from towns import draw_town
 
 from evocity import isometries, read_map
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
-from evocity.genome import NUCLEOTIDES, Genome
+from evocity.genome import NUCLEOTIDES, Genome, refined
 from evocity.operators.interpolation import Interpolation
 
 FORMS = [
@@ -33,18 +34,18 @@ def rms(one: np.ndarray, other: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def genomes() -> list[Genome]:
-    return [encode(draw_town(seed)).genome for seed in (1, 2)]
+    return [uniformly(draw_town(seed)).genome for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
 def coarse() -> Genome:
-    return encode(draw_town(2), block=8).genome
+    return uniformly(draw_town(2), block=8).genome
 
 
 @pytest.fixture(scope="module")
 def cities() -> dict[tuple[str, int], Genome]:
     return {
-        (name, block): encode(read_map(name, pixels=128), block=block).genome
+        (name, block): uniformly(read_map(name, pixels=128), block=block).genome
         for name in ("lyon-1er", "montpellier-pas-du-loup")
         for block in (4, 8)
     }
@@ -95,7 +96,7 @@ def test_the_ends_are_the_parents(genomes, coarse, form, as_list):
 @settings(max_examples=4, deadline=None)
 @given(share=st.floats(0, 1), seed=st.integers(0, 50))
 def test_between_a_city_and_itself_there_is_nothing_else(form, share, seed):
-    genome = encode(draw_town(seed, side=32, buildings=12)).genome
+    genome = uniformly(draw_town(seed, side=32, buildings=12)).genome
     assert Interpolation(share=share, **form)([genome, genome], generator()) == genome
 
 
@@ -229,15 +230,32 @@ def test_a_mixture_that_diverges_is_told(genomes):
 
 
 def test_only_stepwise_takes_other_range_blocks(genomes, coarse):
-    with pytest.raises(OperatorError, match="one pavement"):
-        Interpolation()([genomes[0], coarse], generator())
-    assert len(Interpolation(stepwise=True)([coarse, genomes[0]], generator())) == 64
-    small = encode(draw_town(3, side=32)).genome
-    near = encode(draw_town(3, pixel=1.0)).genome
+    six, four = (uniformly(draw_town(2, side=48), block=block).genome for block in (6, 4))
+    for parents in ([six, four], [four, six]):
+        with pytest.raises(OperatorError, match=r"(?s)range blocks of [46].*halve, 4 and 2, not 6"):
+            Interpolation()(parents, generator())
+        child = Interpolation(stepwise=True, repair=None)(parents, generator())
+        assert child.pavement == parents[0].pavement
+    small = uniformly(draw_town(3, side=32)).genome
+    near = uniformly(draw_town(3, pixel=1.0)).genome
     for other in (small, near):
         for stepwise in (False, True):
-            with pytest.raises(OperatorError, match="one pavement"):
+            with pytest.raises(OperatorError, match="one grid of pixels"):
                 Interpolation(stepwise=stepwise)([genomes[0], other], generator())
+
+
+def test_sides_that_halve_meet_at_the_finer(genomes, coarse):
+    parents = [coarse, genomes[0]]
+    child = Interpolation(share=0.3).draft(parents, generator()).genome
+    fine = refined(coarse, genomes[0].pavement)
+    assert decode(fine).attractor == pytest.approx(decode(coarse).attractor, abs=0.05)
+    assert child.pavement == fine.pavement
+    assert child.sigma == pytest.approx(0.3 * fine.sigma + 0.7 * genomes[0].sigma, abs=1e-6)
+    assert child.beta == pytest.approx(0.3 * fine.beta + 0.7 * genomes[0].beta, abs=1e-4)
+    lambdas = np.repeat([0.0, 1.0], 32)
+    each = Interpolation(share=lambdas).draft(parents, generator()).genome
+    assert np.array_equal(each.sigma[:128], genomes[0].sigma[:128])  # one λ a lifs of the first
+    assert np.array_equal(each.sigma[128:], fine.sigma[128:])
 
 
 def test_parameters_at_fault_are_told(genomes):

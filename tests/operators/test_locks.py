@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_breeding_laws import VARIANTS, parents_for
 from towns import draw_town
 
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.condensation import Condensation, merged
 from evocity.operators import LambdaCrossover, PavementFusion
 from evocity.operators.crossing import Draft, Drafting
@@ -27,7 +28,7 @@ SECOND = quarter(8, slice(30, 50), slice(5, 30))
 
 @pytest.fixture(scope="module")
 def locked():
-    return [encode(draw_town(seed), condensation=FIRST).genome for seed in (1, 2, 3)]
+    return [uniformly(draw_town(seed), condensation=FIRST).genome for seed in (1, 2, 3)]
 
 
 def kept(child, layer: Condensation) -> bool:
@@ -61,8 +62,8 @@ def test_a_locked_city_bred_with_itself_gives_itself(operator, locked):
 
 @pytest.mark.parametrize("operator", [PavementFusion(), LambdaCrossover(blend=0.5)], ids=str)
 def test_a_child_keeps_what_any_parent_keeps_and_the_first_wins(operator, locked):
-    second = encode(draw_town(2), condensation=SECOND).genome
-    bare = encode(draw_town(3)).genome
+    second = uniformly(draw_town(2), condensation=SECOND).genome
+    bare = uniformly(draw_town(3)).genome
     both = FIRST.over(SECOND)
     assert both != SECOND.over(FIRST)
     parents = [locked[0], second]

@@ -8,11 +8,12 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from codes import uniformly
 from PIL import Image
 
 from evocity import fitness
 from evocity.citymap import CityMap
-from evocity.coding import decode, encode
+from evocity.coding import decode
 from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
 from evocity.operators.crossing import assembled
@@ -91,10 +92,10 @@ def make_run(
     rng = np.random.default_rng(7)
     maps = [city(seed, name) for seed, name in enumerate(names)]
     header = Header(
-        SIDE, SIDE, BLOCK, 2.0, 0.9, tuple(names), "; ".join(m.attribution for m in maps),
+        SIDE, SIDE, 2.0, 0.9, tuple(names), "; ".join(m.attribution for m in maps),
         None, None, 7, population, "hash", tuple(measures),
     )  # fmt: skip
-    genomes = [header.adopt(encode(m).genome) for m in maps]
+    genomes = [header.chromosome.adopt(uniformly(m).genome, header, None) for m in maps]
     sources = [Source(m, g) for m, g in zip(maps, genomes, strict=True)]
     recipe = o.get("recipe", '[run]\nname = "a run"\n')
     provenance = environment() | o.get("provenance", {})
@@ -225,7 +226,7 @@ def test_rare_colours_survive_the_palette(town):
     assert np.abs(np.asarray(kept, int) - np.asarray(picture, int)).max() <= 8
 
 
-def test_measures_that_ask_for_parents_get_those_each_was_bred_from(tmp_path):
+def test_measures_that_ask_for_sources_get_the_cities_of_the_run(tmp_path):
     owner = np.zeros((SIDE // BLOCK, SIDE // BLOCK), int)
     owner[:, 3:] = 1  # cuts the houses, which are two range blocks wide
 
@@ -233,16 +234,20 @@ def test_measures_that_ask_for_parents_get_those_each_was_bred_from(tmp_path):
         """Of generation 1 children of A and A, and of generation 2 of A and those."""
         if generation == 0 or slot:
             return genomes[slot % 2]
-        child = assembled(genomes, owner.ravel())
-        return child if generation == 1 else assembled([genomes[0], child], owner.T.ravel())
+        pavement = genomes[0].pavement
+        child = assembled(genomes, owner.ravel(), pavement)
+        return (
+            child if generation == 1 else assembled([genomes[0], child], owner.T.ravel(), pavement)
+        )
 
     run = open_run(make_run(tmp_path / "run", bred=bred))
     founder, *_, second = run.individuals([0, 6, 12])
     assert run.parents([founder, second]) == [(founder.genome,), (founder.genome, run.genome(6))]
     facts = Facts(run)
     told = {one.birth.id: {n: v for n, v, _ in one.others} for one in facts.shown}
-    expected = integrity_of(second.genome, [founder.genome, run.genome(6)])
-    assert 0 < expected < integrity_of(second.genome, [second.genome]) == 1
+    cities = [source.city for source in run.sources()]
+    expected = integrity_of(second.genome, cities)
+    assert 0 < expected < integrity_of(founder.genome, cities) == 1
     assert told[second.id]["integrity"] == expected
 
 

@@ -33,6 +33,8 @@ generations = {generations}
 [map]
 pixels = 64
 metres_per_pixel = 2.0
+[genome]
+{genome}
 [[parents]]
 map = "left.npy"
 [[parents]]
@@ -65,7 +67,8 @@ def forgotten():
 
 @pytest.fixture
 def toy(tmp_path):
-    """Function that writes a recipe beside its maps and measures, and returns its path."""
+    """Function that writes a recipe beside its maps and measures, and returns its path. Range
+    blocks of one side, not fitted, unless ``genome`` has other lines."""
 
     def write(measures="", recipe="", **settings):
         np.save(tmp_path / "left.npy", np.roll(town(1), 1, axis=0))
@@ -77,6 +80,7 @@ def toy(tmp_path):
             "workers": 2,
             "timeout": 30.0,
             "max_failures": 0.5,
+            "genome": "block = 4\nfit = false",
         }
         path = tmp_path / "toy.toml"
         path.write_text(RECIPE.format(**(chosen | settings)) + recipe)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import evocity
 from evocity.citymap import CityMap
-from evocity.coding import encode
 from evocity.errors import RunError
 from evocity.search import Search, archiving, read_recipe
 from evocity.search.nsga2 import not_dominated
@@ -55,8 +55,8 @@ def test_losses_to_compare_are_finite():
 def write_run(folder, rows, goals, alive=lambda ids: ids[-POPULATION:]):
     """A run whose births have the values ``rows``; None is a birth that failed."""
     names = tuple(f"m{i}" for i in range(len(goals)))
-    header = Header(16, 16, 4, 2.0, 0.9, ("A",), "© A", None, None, 7, POPULATION, "h", names)
-    genome = header.adopt(encode(MAP).genome)
+    header = Header(16, 16, 2.0, 0.9, ("A",), "© A", None, None, 7, POPULATION, "h", names)
+    genome = header.chromosome.adopt(uniformly(MAP).genome, header, None)
     noted = [{"name": name} | goal for name, goal in zip(names, goals, strict=True)]
     recorded = environment() | {"fitness": noted}
     writer = RunWriter.create(folder, "[run]\n", recorded, header, [Source(MAP, genome)])
@@ -99,7 +99,7 @@ class GoingOn(Run):
         return table
 
 
-GENOME = encode(MAP).genome
+GENOME = uniformly(MAP).genome
 
 
 def test_of_a_run_that_goes_on_one_generation_is_seen(tmp_path):

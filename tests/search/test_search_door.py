@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from codes import uniformly
 from test_search_run import rows, run
 
 from evocity import operators
 from evocity.citymap import CityMap
-from evocity.coding import encode
 from evocity.errors import OperatorError
 from evocity.search import Search, read_recipe
 from evocity.search.door import admitted
@@ -28,7 +28,7 @@ def parent(prepared):
 
 def of_side(side: int, name: str):
     lots = np.random.default_rng(side).integers(0, 3, (side // 4, side // 4)) * 5.0
-    return encode(CityMap(lots.repeat(4, 0).repeat(4, 1), 2.0, name=name), reach=8).genome
+    return uniformly(CityMap(lots.repeat(4, 0).repeat(4, 1), 2.0, name=name), reach=8).genome
 
 
 def steeper(genome, sigma=1.5):

@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from codes import uniformly
 
 from evocity import fitness
-from evocity.coding import encode
+from evocity.kinds import KINDS
 from evocity.search.evaluator import MOST_LETTERS, Evaluator, Setup
 
 MEASURE = """
@@ -24,7 +25,7 @@ def evaluator(tmp_path):
         path = tmp_path / "moody.py"
         path.write_text(MEASURE.format(body=body))
         fitness.load_file(path)
-        header = SimpleNamespace(adopt=lambda genome: genome)
+        header = SimpleNamespace(chromosome=KINDS["fabric"])
         return Evaluator(Setup(header, (("moody", str(path)),)))
 
     return make
@@ -32,7 +33,7 @@ def evaluator(tmp_path):
 
 def test_an_error_of_many_lines_is_told_in_one(evaluator, town):
     outcome = evaluator('raise ValueError("first\\n   second\\r\\nthird")').evaluate(
-        encode(town).genome
+        uniformly(town).genome
     )
     assert outcome.status == "error"
     assert "first second third" in outcome.error
@@ -41,18 +42,18 @@ def test_an_error_of_many_lines_is_told_in_one(evaluator, town):
 
 def test_an_error_that_cannot_be_written_down_or_never_ends(evaluator, town):
     body = 'raise ValueError(chr(0xD800) + "x" * 10_000)'
-    told = evaluator(body).evaluate(encode(town).genome).error
+    told = evaluator(body).evaluate(uniformly(town).genome).error
     assert told.encode()
     assert len(told) == MOST_LETTERS
 
 
 def test_nan_is_invalid_and_not_an_error(evaluator, town):
-    assert evaluator("return float('nan')").evaluate(encode(town).genome).status == "invalid"
+    assert evaluator("return float('nan')").evaluate(uniformly(town).genome).status == "invalid"
 
 
 def test_the_users_own_interrupt_is_no_failed_birth(evaluator, town):
     interrupted = evaluator("raise KeyboardInterrupt")
-    genome = encode(town).genome
+    genome = uniformly(town).genome
     with pytest.raises(KeyboardInterrupt):
         interrupted.evaluate(genome)
 

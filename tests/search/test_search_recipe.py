@@ -84,7 +84,7 @@ def test_all_faults_at_once(toy):
         ('map = "left.npy"', 'map = "a\\u0000b"', "parents[0].map"),
         ('map = "left.npy"', f'map = "{"x" * 400}"', "parents[0].map"),
         ('file = "toys.py"', 'file = "~nouser/toys.py"', "fitness[0].file"),
-        ("[[fitness]]", "[genome]\nreach = 40000\n[[fitness]]", "genome.reach"),
+        ("fit = false", "reach = 40000", "genome.reach"),
         ("seed = 3", f"seed = 0x{'f' * 5000}", "run.seed"),
         ("[run]", "'x[' = 1\n[run]", "x["),
         ("[run]", "int = 1\n[run]", "int"),
@@ -102,15 +102,89 @@ def test_all_faults_at_once(toy):
             "fitness",
         ),
         ("[[fitness]]", "[search]\nalgorithm = 'map_elites'\n[[fitness]]", "search.algorithm"),
-        ("[[fitness]]", "[genome]\nreach = 'some'\n[[fitness]]", "genome.reach"),
-        ("[[fitness]]", "[genome]\nfit = 'yes'\n[[fitness]]", "genome.fit"),
-        ("[[fitness]]", "[genome]\ndomains = [40]\n[[fitness]]", "genome.domains"),
+        ("fit = false", "reach = 'some'", "genome.reach"),
+        ("fit = false", "fit = 'yes'", "genome.fit"),
+        ("fit = false", "domains = [40]", "genome.domains"),
+        ("fit = false", "settle = 1", "genome.settle"),
+        ("fit = false", "topological = 'near'", "genome.topological"),
+        ("fit = false", "topological = 1.5", "genome.topological"),
+        ("fit = false", "sigma_max = 0.0", "genome.sigma_max"),
+        ("fit = false", "sigma_max = inf", "genome.sigma_max"),
+        ("fit = false", "lifs = 100", "genome.lifs"),
+        ("fit = false", "max_error = 0.5", "genome.max_error"),
+        ("block = 4", "block = 5", "map.pixels"),
+        ("block = 4", "block = 1", "genome.block"),
+        ("block = 4", "block = 4.0", "genome.block"),
+        ("block = 4", "block = true", "genome.block"),
+        ("block = 4", "block = [2, 16]", "genome.block"),
+        *(
+            ("block = 4", f"block = {sides!r}", "genome.block")
+            for sides in ("3-16", "16-2", "1-8", "2-128", "2-4-8", "fine", "-2", "")
+        ),
         ('name = "toy"', 'name = "a/b"', "run.name"),
     ],
 )
 def test_one_fault_is_told_once_at_its_key(toy, old, new, key):
     (line,) = faults(replaced(toy(), old, new))
     assert line.startswith(f"{key}: "), line
+
+
+def on_leaves(toy, lines: str = 'block = "2-16"', **settings):
+    """A recipe on leaves, with its sizes in metres."""
+    path = toy(genome=lines, **settings)
+    return replaced(path, "size_max = 6, size_min = 2", "side_max = 48, side_min = 16")
+
+
+@pytest.mark.parametrize(
+    ("lines", "key", "says"),
+    [
+        ('block = "2-16"\nlifs = 0', "genome.lifs", "1 or more"),
+        ('block = "2-16"\nlifs = 2.5', "genome.lifs", "a whole number"),
+        ('block = "2-16"\nmax_error = -0.1', "genome.max_error", "0 or more"),
+        ('block = "2-16"\nmax_error = nan', "genome.max_error", "finite"),
+        ('block = "2-16"\nlifs = 100\nmax_error = 0.5', "genome.max_error", "not both"),
+        ("lifs = 100\nmax_error = 0.5", "genome.max_error", "not both"),
+        ('block = "4"\nlifs = 100', "genome.lifs", "none where all range blocks have one side"),
+    ],
+)
+def test_what_decides_of_leaves_is_checked(toy, lines, key, says):
+    (line,) = faults(on_leaves(toy, lines))
+    assert line.startswith(f"{key}: ")
+    assert says in line
+
+
+@pytest.mark.parametrize("block", ['block = "2-16"', ""])
+def test_the_largest_side_divides_the_map(toy, block):
+    path = replaced(on_leaves(toy, block), "pixels = 64", "pixels = 100")
+    (line,) = faults(path)
+    assert line.startswith("map.pixels: 100; allowed: a multiple of 16, the largest side of")
+    assert "for example 96" in line
+
+
+def test_leaves_are_the_default_fitted_and_settled(toy):
+    code = read_recipe(on_leaves(toy, "")).genome
+    assert (code.block, code.root, code.fit, code.settle) == ((2, 16), 16, True, True)
+    assert (code.lifs, code.max_error, code.topological) == (None, None, None)
+    code = read_recipe(on_leaves(toy, 'block = "4-8"\nlifs = 99\ntopological = 0.1')).genome
+    assert (code.block, code.lifs, code.topological) == ((4, 8), 99, 0.1)
+    assert read_recipe(toy(genome='block = "4"')).genome.block == 4
+
+
+def test_sizes_in_range_blocks_are_refused_of_leaves_with_the_metres_to_write(toy):
+    path = replaced(toy(genome='block = "2-16"'), "mutation = 2", "lambda_crossover.grain = 3")
+    path = replaced(path, "lambda_crossover = 1\n", "")
+    told = faults(path)
+    assert [line.split(":")[0] for line in told] == [
+        "operators.pavement_fusion.size_min",
+        "operators.pavement_fusion.size_max",
+        "operators.lambda_crossover.grain",
+    ]
+    assert "allowed: side_min = 16 (m, 2 range blocks of 4 px)" in told[0]
+    assert "allowed: side_max = 48 (m" in told[1]
+    assert "allowed: grain_side = 24 (m" in told[2]
+    area = replaced(toy(genome=""), "mutation = 2", "region_fusion.limit = 50")
+    assert "allowed: area_max = 3200 (m², 50 range blocks" in faults(area)[-1]
+    assert read_recipe(toy()).operator("pavement_fusion").size_max == 6  # one side: they mean it
 
 
 def test_missing_sections_are_told(tmp_path):
@@ -145,7 +219,7 @@ def test_overrides_are_checked_like_the_recipe(toy):
 
 
 def test_operators_take_the_genomes_reach(toy):
-    recipe = read_recipe(replaced(toy(), "[[fitness]]", "[genome]\nreach = 'all'\n[[fitness]]"))
+    recipe = read_recipe(replaced(toy(), "fit = false", "reach = 'all'"))
     assert recipe.operator("mutation").reach is None
     assert recipe.operator("pavement_fusion").size_max == 6
 
@@ -168,7 +242,7 @@ def test_an_operators_own_parameters_reach_it_as_python_has_them(toy):
 
 
 def test_a_domain_size_named_twice_counts_once(toy):
-    path = replaced(toy(), "[[fitness]]", "[genome]\ndomains = [3, 2, 3]\n[[fitness]]")
+    path = replaced(toy(), "fit = false", "domains = [3, 2, 3]")
     recipe = read_recipe(path)
     assert recipe.genome.domains == [3, 2]
     assert recipe.operator("mutation").domains == (3, 2)

@@ -9,9 +9,10 @@ import time
 
 import numpy as np
 import pytest
+from codes import uniformly
 from test_search_run import run
 
-from evocity import encode, fitness, read_map, store
+from evocity import fitness, read_map, store
 from evocity.errors import RecipeError, RunError
 from evocity.io import write_map
 from evocity.report import contact_sheet, write_report
@@ -140,11 +141,11 @@ def test_two_parents_of_one_map_are_called_as_in_the_run(toy, tmp_path):
 
 
 def test_parents_are_fitted_if_the_recipe_says_so(toy, tmp_path):
-    run(toy(recipe="[genome]\nfit = true\n"), tmp_path / "run", workers=0, generations=0)
+    run(toy(genome="block = 4\nfit = true"), tmp_path / "run", workers=0, generations=0)
     for source in open_run(tmp_path / "run").sources():
-        fitted = encode(source.city, reach=24, fit=True).genome
+        fitted = uniformly(source.city, reach=24, fit=True).genome
         assert np.array_equal(source.genome.beta, fitted.beta)
-        assert not np.array_equal(source.genome.beta, encode(source.city, reach=24).genome.beta)
+        assert not np.array_equal(source.genome.beta, uniformly(source.city, reach=24).genome.beta)
 
 
 def notes_of(out):
@@ -304,8 +305,7 @@ def test_a_worker_that_ends_by_itself_is_told_with_its_own_code(toy, tmp_path):
 
 @pytest.mark.long
 def test_the_deadline_is_not_spent_on_loading_kernels(toy, tmp_path):
-    recipe = toy(population=8, generations=1, timeout=0.5)
-    recipe.write_text(recipe.read_text() + "[genome]\nblock = 8\n")
+    recipe = toy(population=8, generations=1, timeout=0.5, genome="block = 8\nfit = false")
     run(recipe, tmp_path / "run", workers=4)
     assert set(open_run(tmp_path / "run").births()["status"].to_pylist()) == {"ok"}
 

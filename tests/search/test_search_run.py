@@ -12,6 +12,7 @@ import pytest
 
 from evocity.errors import RunError
 from evocity.search import Search, read_recipe
+from evocity.search.births import outcome_of
 from evocity.store import open_run
 
 
@@ -329,3 +330,11 @@ def test_a_script_without_main_guard_is_told_what_to_do(toy, tmp_path):
     )
     assert ended.returncode == 1
     assert "__main__" in ended.stderr
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400), 10**5000], ids=["high", "low", "long"])
+def test_a_number_beyond_all_floats_is_invalid(value):
+    told = outcome_of({"gsi": value, "fsi": 1}, ["gsi", "fsi"])
+    assert told.status == "invalid"
+    assert "gsi is" in told.error
+    assert "fsi" not in told.error

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from codes import uniformly
 
 from evocity.citymap import CityMap
-from evocity.coding import encode
 from evocity.store import Birth, Header, Member, RunWriter, Source
 
 
@@ -14,8 +14,8 @@ from evocity.store import Birth, Header, Member, RunWriter, Source
 def whole_run(tmp_path):
     """Path of a closed run: generations 0…8 of two births each, one source city."""
     city = CityMap(np.kron(np.eye(4), np.full((4, 4), 6.0)), 2.0, name="town")
-    genome = encode(city, block=4).genome
-    header = Header(16, 16, 4, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
+    genome = uniformly(city, block=4).genome
+    header = Header(16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
     path = tmp_path / "kept" / "run"
     writer = RunWriter.create(path, "[run]\n", {}, header, [Source(city, genome)])
     writer.event("start")

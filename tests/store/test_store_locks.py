@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from codes import uniformly
 
 from evocity.citymap import CityMap
-from evocity.coding import encode
 from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.report import contact_sheet, write_report
@@ -17,15 +17,15 @@ MASK = np.arange(256).reshape(16, 16) % 5 == 0
 LAYER = Condensation(np.full((16, 16), 9.5), MASK)
 
 
-def header(locked: str | None) -> Header:
-    about = (16, 16, 4, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
-    return Header(*about, locked=locked)
+def header(locked: str | None, block: int | None = None) -> Header:
+    about = (16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
+    return Header(*about, locked=locked, block=block)
 
 
-def written(path, layer: Condensation | None):
-    """A closed run of two births; its path."""
-    genome = encode(CITY, block=4, condensation=layer).genome
-    told = header(None if layer is None else layer.digest)
+def written(path, layer: Condensation | None, block: int | None = None):
+    """A closed run of two births, one of an older release if ``block`` is given; its path."""
+    genome = uniformly(CITY, block=4, condensation=layer).genome
+    told = header(None if layer is None else layer.digest, block)
     writer = RunWriter.create(path, "[run]\n", {}, told, [Source(CITY, genome)], layer)
     births = [Birth(0, s, (), "source", "ok", None, 0.1, {"gsi": 0.5}, genome) for s in (0, 1)]
     about = {"births": 2, "failures": 0, "hypervolume": 1.0, "best": {"gsi": 0.5}}
@@ -62,20 +62,25 @@ def test_it_is_one_array_that_numpy_reads(locked_run):
     assert (raster[MASK] == 9.5).all()
 
 
-def test_a_run_without_it_is_written_as_before(tmp_path):
-    run = open_run(written(tmp_path / "run", None))
+@pytest.mark.parametrize("block", [None, 4])
+def test_a_run_without_it_has_no_trace_of_it(tmp_path, block):
+    run = open_run(written(tmp_path / "run", None, block))
     assert run.condensation is None
     assert run.genome(0).condensation is None
-    told = json.loads(header(None).to_json())
-    assert told["schema_version"] == run.provenance["schema_version"] == 1
+    told = json.loads(header(None, block).to_json())
+    assert told["schema_version"] == run.provenance["schema_version"] == (1 if block else 3)
     assert "locked" not in told
     assert not (run.path / "sources" / "locked.npy").exists()
 
 
-def test_a_run_with_it_is_refused_by_older_releases(locked_run):
-    assert open_run(locked_run).provenance["schema_version"] == 2
-    assert json.loads(header(LAYER.digest).to_json())["schema_version"] == 2
-    assert Header.from_json(header(LAYER.digest).to_json(), locked_run) == header(LAYER.digest)
+@pytest.mark.parametrize(("block", "version"), [(None, 3), (4, 2)])
+def test_a_run_with_it_is_refused_by_releases_without(tmp_path, block, version):
+    path = written(tmp_path / "run", LAYER, block)
+    assert open_run(path).provenance["schema_version"] == version
+    told = header(LAYER.digest, block)
+    assert json.loads(told.to_json())["schema_version"] == version
+    assert Header.from_json(told.to_json(), path) == told
+    assert open_run(path).genome(1).condensation == LAYER
 
 
 def another(path):

@@ -1,5 +1,6 @@
 """The population log: what is written comes back, whatever the moment of a crash."""
 
+import dataclasses
 import json
 import math
 import re
@@ -13,50 +14,46 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from leaves import draw_leaves, draw_pavement
 
 from evocity.citymap import CityMap
 from evocity.errors import RunError
-from evocity.genome import NUCLEOTIDES, Genome
+from evocity.genome import FIELDS, NEWER, NUCLEOTIDES, Genome, packed
 from evocity.pavement import Pavement
 from evocity.store import Birth, Header, Member, RunWriter, Source, merge, open_run
 from evocity.store import layout as layout_module
 from evocity.store.schema import STATUSES, births_of, births_table
 
-PAVEMENT = Pavement(16, 24, 4)
 CITIES = ("left", "right")
 MEASURES = ("alpha", "beta")
-HEADER = Header(16, 24, 4, 2.0, 0.9, CITIES, "© left; © right", None, None, 7, 6, "abc", MEASURES)
+HEADER = Header(16, 24, 2.0, 0.9, CITIES, "© left; © right", None, None, 7, 6, "abc", MEASURES)
+#: Of a run of a release before leaves.
+OLDER = dataclasses.replace(HEADER, block=4)
 
 
-def genome(seed: int, cities=CITIES) -> Genome:
-    rng = np.random.default_rng(seed)
-    n = len(PAVEMENT)
-    uniform = rng.random(n) < 0.3
-    arrays = {
-        "sigma": rng.uniform(-0.9, 0.9, n).astype(np.float32),
-        "beta": rng.normal(5, 9, n).astype(np.float32),
-        "x": rng.integers(0, 16, n),
-        "y": rng.integers(0, 8, n),
-        "dx": np.full(n, 8),
-        "dy": np.full(n, 8),
-        "iso": rng.integers(0, 8, n),
-    }
-    arrays = {k: np.where(uniform & (k != "beta"), 0, v).astype(v.dtype) for k, v in arrays.items()}
-    return Genome(
-        PAVEMENT,
-        **arrays,
-        parent=rng.integers(0, len(cities), n).astype(np.uint8),
-        source=rng.integers(0, n, n).astype(np.int32),
-        metres_per_pixel=2.0,
+def genome(seed: int, cities=CITIES, pavement: Pavement | None = None) -> Genome:
+    """A code on leaves, other ones for each ``seed``, unless a ``pavement`` is given."""
+    leaves = pavement or draw_pavement(seed, 16, 24, root=8)
+    return draw_leaves(seed, leaves, cities=len(cities)).replace(
         cities=cities,
         attribution="© left; © right",
         made={"operator": "mutation", "fill": [0.5, 0.25], "seed": seed},
     )
 
 
-def birth(generation: int, slot: int, status="ok") -> Birth:
+def older_genome(seed: int) -> Genome:
+    """As those that releases before leaves bred: stones of whole range blocks, none turned."""
+    pavement = Pavement(16, 24, OLDER.block)
+    own = np.random.default_rng(seed).integers(0, len(pavement), len(pavement))
+    stones = packed(*(corner[own] for corner in pavement.corners))
+    return genome(seed, pavement=pavement).replace(
+        source=stones, turn=np.zeros(own.size, int), other=None, part=None
+    )
+
+
+def birth(generation: int, slot: int, status="ok", drawn=genome) -> Birth:
     identifier = generation * HEADER.population + slot
-    bred = None if status == "error" else genome(identifier)
+    bred = None if status == "error" else drawn(identifier)
     values = {"alpha": identifier / 7, "beta": math.nan if status == "invalid" else -1.5}
     return Birth(
         generation,
@@ -93,7 +90,10 @@ def same(one: Birth, other: Birth) -> bool:
         return False
     if one.genome is None or other.genome is None:
         return one.genome is other.genome
-    carried = [(g.parent.tolist(), g.source.tolist(), g.made) for g in (one.genome, other.genome)]
+    carried = [
+        (*(getattr(g, name).tobytes() for name in FIELDS), g.pavement, g.made, g.settle)
+        for g in (one.genome, other.genome)
+    ]
     return one.genome == other.genome and carried[0] == carried[1]
 
 
@@ -102,13 +102,16 @@ def same(one: Birth, other: Birth) -> bool:
     generation=st.integers(0, 10**6),
     value=st.floats(allow_nan=False, allow_infinity=False),
 )
+@pytest.mark.parametrize(
+    ("header", "drawn"), [(HEADER, genome), (OLDER, older_genome)], ids=["leaves", "older"]
+)
 @settings(deadline=None, max_examples=25, suppress_health_check=list(HealthCheck))
-def test_births_come_back_as_they_went(tmp_path, statuses, generation, value):
-    births = [birth(generation, slot, status) for slot, status in enumerate(statuses)]
+def test_births_come_back_as_they_went(tmp_path, header, drawn, statuses, generation, value):
+    births = [birth(generation, slot, status, drawn) for slot, status in enumerate(statuses)]
     births[0].values.update(alpha=value) if births[0].values else None
     path = tmp_path / "generation.parquet"
-    pq.write_table(births_table(births, HEADER), path)
-    back = births_of(pq.read_table(path), HEADER)
+    pq.write_table(births_table(births, header), path)
+    back = births_of(pq.read_table(path), header)
     assert len(back) == len(births)
     assert all(same(one, other) for one, other in zip(births, back, strict=True))
 
@@ -119,15 +122,34 @@ def test_columns_are_those_the_documents_promise(writer):
     schema = pq.read_schema(path)
     plain = ["generation", "id", "parents", "operator", "made", "status", "error", "seconds"]
     measured = ["fitness.alpha", "fitness.beta", "feasible", "genome"]
-    assert schema.names == [*plain, *measured, *NUCLEOTIDES, "parent", "source"]
-    assert pa.types.is_fixed_size_list(schema.field("sigma").type)
-    assert schema.field("sigma").type.list_size == len(PAVEMENT)
+    assert schema.names == [*plain, *measured, *NUCLEOTIDES, "parent", "source", *NEWER, "side"]
+    assert schema.field("sigma").type == pa.list_(pa.float32())
+    assert schema.field("side").type == pa.list_(pa.int16())
     about = json.loads(schema.metadata[b"evocity.run"])
-    assert about["schema_version"] == 1
-    assert about["block"] == 4
+    assert about["schema_version"] == 3
+    assert (about["kind"], about["settle"]) == ("fabric", False)
+    assert "block" not in about
     frame = pq.read_table(path).to_pandas()
     assert frame["operator"].tolist() == ["mutation", "mutation"]
-    assert len(frame["sigma"][0]) == len(PAVEMENT)
+    counts = [len(sides) for sides in frame["side"]]
+    assert counts[0] != counts[1]
+    assert [len(row) for row in frame["sigma"]] == counts
+    assert [int((sides.astype(int) ** 2).sum()) for sides in frame["side"]] == [16 * 24] * 2
+
+
+def test_columns_of_an_older_run_stay_as_they_were(tmp_path):
+    writer = RunWriter.create(tmp_path / "run", "", {}, OLDER, [])
+    bred = [birth(0, slot, drawn=older_genome) for slot in range(2)]
+    writer.write_generation(0, bred, [Member(b.id, b.id, 0, math.inf) for b in bred], {})
+    writer.close()
+    schema = pq.read_schema(tmp_path / "run" / "births" / "generation-00000000.parquet")
+    assert schema.names[-9:] == [*NUCLEOTIDES, "parent", "source"]
+    assert schema.field("sigma").type == pa.list_(pa.float32(), 24)
+    about = json.loads(schema.metadata[b"evocity.run"])
+    assert (about["schema_version"], about["block"]) == (1, 4)
+    assert not {"kind", "settle"} & set(about)
+    back = open_run(tmp_path / "run").individuals([0, 1])
+    assert all(same(one, other) for one, other in zip(bred, back, strict=True))
 
 
 def test_a_folder_of_runs_tells_which_it_holds(writer):
@@ -176,7 +198,7 @@ def test_a_run_is_read_while_it_is_written(writer):
     with pytest.raises(RunError, match="no individual 3"):
         run.genome(3)
     for unborn in (99999, -1):
-        told = f"(?s)no individual {unborn}.*an id from 0 to {6 * len(run.generations) - 1}\n"
+        told = f"(?s)no individual {unborn}.*an id from 0 to {6 * run.generations[-1] + 1}\n"
         with pytest.raises(RunError, match=told):
             run.genome(unborn)
     with pytest.raises(RunError, match="no generation 3"):
@@ -404,7 +426,7 @@ def test_no_run_at_all(tmp_path):
 
 def test_an_adopted_genome_speaks_of_the_runs_cities():
     other = genome(3, cities=("right", "left"))
-    adopted = HEADER.adopt(other)
+    adopted = HEADER.chromosome.adopt(other, HEADER, None)
     assert adopted.cities == CITIES
     assert adopted == other
     names = [np.array(g.cities)[g.parent] for g in (other, adopted)]
@@ -414,3 +436,10 @@ def test_an_adopted_genome_speaks_of_the_runs_cities():
 def test_ten_thousand_generations_stay_a_few_hundred_files():
     whole, rest = divmod(10_000, layout_module.SEGMENT)
     assert 2 * (whole + layout_module.SEGMENT - 1 + (rest > 0)) < 500
+
+
+@pytest.mark.parametrize("identifier", [1.0, True, "1", None])
+def test_an_individual_is_named_by_a_whole_number(writer, identifier):
+    writer.write_generation(*generation_of(0))
+    with pytest.raises(RunError, match="a whole number"):
+        open_run(writer.path).genome(identifier)

@@ -10,6 +10,7 @@ domains  the pool of domain blocks
 shapes   range blocks alike, searched but once
 likeness domain blocks alike, searched but once; norms of parts, order
 tiles    the search of a whole map, with bounds
+everywhere  what is explained at every place, on the pavement or not
 nearby   the search within reach
 matches  the best domain, decided in float64
 crew     threads that share the work

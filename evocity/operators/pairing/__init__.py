@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.topology import Candidates, closest_neighbourhood
-from evocity.genome import FIELDS, Genome
-from evocity.isometries import COMPOSITION, sources
+from evocity.genome import Genome, Pieces
+from evocity.isometries import sources
 from evocity.operators.pairing._kernels import CHUNK, LANES, alike_blocks, block_traits
 from evocity.pavement import Pavement
 
@@ -85,46 +85,50 @@ def _paired(heights, others, ours, theirs, pavement, flat, which, isometries, al
     return index, iso
 
 
-def modulated(
-    first: Genome,
+def pairing(
+    grid: Pavement,
     second: Genome,
     maps: Sequence[np.ndarray],
     *,
     isometries: bool,
     alike: float,
     where: np.ndarray | None = None,
-) -> tuple[Genome, np.ndarray]:
-    """1mod2: the first city's plan, every range block with the lifs of the `paired` one of the
-    second; and the mosaic it means, ``(H, W)``: the paired blocks themselves.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cells of the ``grid``, as range blocks are `paired`: for each of the first city the cell of
+    the ``second``, and the isometry, int64 ``(n,)`` each.
 
     ``maps`` are the two cities' decoded heights, float32 ``(H, W)``; ``where``, bool ``(n,)``,
-    tells which range blocks to pair if not all: at the others stays what the second has there.
-    The isometry under which blocks are paired is composed into the lifs; lifs without a domain
-    need none. The genome lies where the first does; its provenance, cities, attribution and
-    sigma_max are the second's.
+    tells which cells to pair if not all: the others are paired with what the second has there.
     """
-    pavement = first.pavement
-    index, iso = np.arange(len(pavement)), np.zeros(len(pavement), np.int64)
+    index, iso = np.arange(len(grid)), np.zeros(len(grid), np.int64)
     which = index.copy() if where is None else np.flatnonzero(where)
-    ours, theirs = (pavement.blocks(one).reshape(len(pavement), -1) for one in maps)
-    flat = level_blocks(second, maps[1])
-    index[which], iso[which] = _paired(
-        *maps, ours, theirs, pavement, flat, which, isometries, alike
-    )
-    columns = {name: getattr(second, name)[index] for name in FIELDS}
-    composed = COMPOSITION[iso, columns["iso"]]
-    columns["iso"] = np.where(columns["dx"] > 0, composed, columns["iso"])
-    child = second.replace(**columns, origin=first.origin, crs=first.crs)
-    return child, _mosaic(theirs, pavement, index, iso)
+    ours, theirs = (grid.blocks(one).reshape(len(grid), -1) for one in maps)
+    flat = level_cells(grid, second, theirs)
+    index[which], iso[which] = _paired(*maps, ours, theirs, grid, flat, which, isometries, alike)
+    return index, iso
 
 
-def level_blocks(genome: Genome, heights: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: lifs without a domain whose blocks of the decoded ``heights`` are level, as
-    all are but where something is condensed."""
-    if genome.condensation is None:
-        return genome.uniform
-    blocks = genome.pavement.blocks(heights).reshape(len(genome), -1)
-    return genome.uniform & (blocks == blocks[:, :1]).all(axis=1)
+def paired_pieces(grid: Pavement, whose, index: np.ndarray, iso: np.ndarray) -> Pieces:
+    """What `pairing` found as pieces of the genomes ``whose`` (one number, or one a cell)."""
+    shape = grid.rows, grid.columns
+    row, column = np.divmod(index.reshape(shape), grid.columns)
+    whose = np.broadcast_to(np.asarray(whose), (len(grid),)).reshape(shape)
+    return Pieces(grid.block, whose, row, column, iso.reshape(shape))
+
+
+def mosaic_of(
+    grid: Pavement, heights: np.ndarray, index: np.ndarray, iso: np.ndarray
+) -> np.ndarray:
+    """``(H, W)``: cell i is the index[i]-th of ``heights`` (H, W), turned by iso[i]."""
+    cut = grid.blocks(heights).reshape(len(grid), -1)
+    return _mosaic(cut, grid, index, iso)
+
+
+def level_cells(grid: Pavement, genome: Genome, blocks: np.ndarray) -> np.ndarray:
+    """Bool ``(n,)``: cells of lifs without a domain whose ``blocks`` (n, B²) of the decoded map are
+    level."""
+    flat = grid.blocks(genome.pavement.raster(genome.uniform)).all(axis=(1, 2))
+    return flat & (blocks == blocks[:, :1]).all(axis=1)
 
 
 def _traits(blocks: np.ndarray) -> np.ndarray:

@@ -4,10 +4,12 @@
 - `table`: what is known of each building: `Buildings`
 - `hulls`: the smallest convex shapes about each
 - `outline`: their polygons: `outlines`
+- `settled`: their roofs laid flat
 """
 
 from evocity.views.buildings.apart import CRUMB, STEP, told_apart
 from evocity.views.buildings.outline import outlines
+from evocity.views.buildings.settled import settled, settled_zones
 from evocity.views.buildings.table import Buildings
 
-__all__ = ["CRUMB", "STEP", "Buildings", "outlines", "told_apart"]
+__all__ = ["CRUMB", "STEP", "Buildings", "outlines", "settled", "settled_zones", "told_apart"]

@@ -334,3 +334,98 @@ def courtyards(labels, bounds, corners, ground):
             for x in range(wide):
                 count += labels[top + y, left + x] == 0 and not reached[y * wide + x]
         ground[i] = count
+
+
+@kernel
+def _lower_median(values):
+    """The lower of the middle two of ``values``, which are put into another order (Hoare)."""
+    low, high = 0, values.size - 1
+    middle = high // 2
+    while low < high:
+        pivot, i, j = values[middle], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if j < middle:
+            low = i
+        if middle < i:
+            high = j
+    return values[middle]
+
+
+@kernel
+def level(heights, zones, count, step, roofs):
+    """Every zone takes its lower median height; zones that then touch by sides and differ by at
+    most ``step`` are one, with a median of their own: all at once, and again until none do.
+    ``roofs`` (H, W) takes the medians, and stays as it is on ground (zone 0); ``zones`` is
+    renumbered; returns how many are left."""
+    rows, columns = np.uintp(heights.shape[0]), np.uintp(heights.shape[1])
+    pixels = np.zeros(count + 1, np.int64)
+    for y in range(rows):
+        for x in range(columns):
+            pixels[np.uintp(zones[y, x])] += 1
+    pixels[0] = 0
+    ends = np.cumsum(pixels) - pixels  # where zone a begins in by_zone, and once filled ends
+    by_zone = np.empty(heights.size, np.float32)
+    for y in range(rows):
+        for x in range(columns):
+            a = np.uintp(zones[y, x])
+            if a:
+                by_zone[np.uintp(ends[a])] = heights[y, x]
+                ends[a] += 1
+    medians = np.empty(count + 1, np.float32)
+    for a in range(1, count + 1):
+        medians[a] = _lower_median(by_zone[ends[a] - pixels[a] : ends[a]])
+    sides = np.empty((0, 2), np.int32)
+    sides = np.empty((_facing(zones, pixels, heights.size + 1, sides), 2), np.int32)
+    _facing(zones, pixels, heights.size + 1, sides)
+    parent = np.arange(count + 1).astype(np.int32)
+    before, grown = parent.copy(), np.empty(count + 1, np.bool_)
+    sizes, places = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)
+    together = np.empty(heights.size, np.float32)
+    while True:
+        kept, united = np.uintp(0), False
+        for k in range(np.uintp(sides.shape[0])):
+            a, b = before[np.uintp(sides[k, 0])], before[np.uintp(sides[k, 1])]
+            if a != b:
+                if abs(medians[np.uintp(a)] - medians[np.uintp(b)]) <= step:
+                    _unite(parent, a, b)
+                    united = True
+                else:
+                    sides[kept, 0], sides[kept, 1] = a, b
+                    kept += np.uintp(1)
+        if not united:
+            break
+        sides = sides[:kept]
+        sizes[:], grown[:] = 0, False
+        for a in range(1, count + 1):
+            root = _root(parent, a)
+            sizes[root] += pixels[a]
+            grown[root] |= before[a] != root
+            before[a] = root
+        # the pixels of each set that grew are laid side by side, places[root] is where they end
+        size = np.int64(0)
+        for root in range(1, count + 1):
+            if grown[root]:
+                places[root] = size
+                size += sizes[root]
+        for a in range(1, count + 1):
+            root = before[a]
+            if grown[root]:
+                end = places[root] + pixels[a]
+                together[places[root] : end] = by_zone[ends[a] - pixels[a] : ends[a]]
+                places[root] = end
+        for root in range(1, count + 1):
+            if grown[root]:
+                medians[root] = _lower_median(together[places[root] - sizes[root] : places[root]])
+    for y in range(rows):
+        for x in range(columns):
+            a = np.uintp(zones[y, x])
+            if a:
+                roofs[y, x] = medians[np.uintp(before[a])]
+    return _number(zones, parent, count)

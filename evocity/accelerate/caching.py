@@ -1,0 +1,56 @@
+"""Numba's cache on disk, made safe for processes that compile at once.
+
+Numba names a compiled kernel in an index, by number, and writes the two files one after the other.
+Two processes that compile two versions of one kernel (for two types, or for two block sizes) may
+both take the same number: then the index leads to the wrong code, in every later process. So one
+process writes at a time, and none reads meanwhile.
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator
+
+from numba.core.caching import IndexDataCacheFile
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+    import msvcrt
+
+
+class SharedCacheFile(IndexDataCacheFile):
+    """Index and compiled code of one kernel, behind a lock beside them."""
+
+    def flush(self):
+        with _locked(self._index_path):
+            super().flush()
+
+    def save(self, key, data):
+        with _locked(self._index_path):
+            super().save(key, data)
+
+    def load(self, key):
+        if not os.path.exists(self._index_path):
+            return None
+        with _locked(self._index_path):
+            return super().load(key)
+
+
+def share_cache(dispatcher) -> None:
+    """Let the kernel's cache on disk be written by several processes at once."""
+    dispatcher._cache._cache_file.__class__ = SharedCacheFile
+
+
+@contextlib.contextmanager
+def _locked(index: str) -> Iterator[None]:
+    with contextlib.ExitStack() as stack:
+        # where the folder is read-only, or its file system has no locks, go on without one
+        with contextlib.suppress(OSError):
+            file = stack.enter_context(open(index + ".lock", "ab"))
+            if fcntl:
+                fcntl.flock(file, fcntl.LOCK_EX)  # given up when the file is closed
+            else:
+                file.seek(0)
+                msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+        yield

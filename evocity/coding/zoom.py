@@ -1,0 +1,64 @@
+"""Which zooms a partition allows, and what lies between them: continuous levels of detail."""
+
+from math import ceil, floor
+
+import numpy as np
+
+from evocity.citymap import MAX_PIXELS, MAX_SIDE
+from evocity.errors import GenomeError, setting
+from evocity.pavement import Pavement
+
+
+def legal_zoom(pavement: Pavement, zoom: float) -> float:
+    """The least zoom, of those that make whole numbers of pixels, 2 or more, of all sides, that is
+    at least ``zoom``. Raises `GenomeError` for no zoom at all, or a map too large."""
+    number = isinstance(zoom, int | float | np.number) and not isinstance(zoom, bool)
+    height, width = (side * zoom if number else 0 for side in (pavement.height, pavement.width))
+    if not (number and 0 < zoom < np.inf and min(height, width) >= 1):
+        raise GenomeError(
+            setting("zoom", zoom),
+            "a number above 0 that leaves the map one pixel or more",
+            "use for example 2 for twice as many pixels along each side, or 0.5 for half",
+        )
+    steps = max(2, ceil(pavement.finest * zoom - 1e-9))
+    legal = steps / pavement.finest
+    height, width = (side * max(legal, zoom) for side in (pavement.height, pavement.width))
+    if max(height, width) > MAX_SIDE or height * width > MAX_PIXELS:
+        raise GenomeError(
+            f"{setting('zoom', zoom)}: a map of {height:.0f} × {width:.0f} px",
+            f"sides up to {MAX_SIDE} px, {MAX_PIXELS // 10**6} million pixels in all",
+            "choose a smaller zoom",
+        )
+    return legal
+
+
+def zoomed_pavement(pavement: Pavement, zoom: float) -> Pavement:
+    """The pavement with sides ``zoom`` times as long; a `legal_zoom`."""
+    steps = round(pavement.finest * zoom)
+    return pavement if steps == pavement.finest else pavement.scaled(steps, pavement.finest)
+
+
+def zoomed_corner(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarray]:
+    """Whole pixels, int32, and the fraction left, 0…1, of ``corner`` on the zoomed map."""
+    if zoom == 1:
+        return corner.astype(np.int32), np.zeros(corner.size)
+    exact = corner * zoom
+    whole = np.floor(exact + 1e-9)
+    return whole.astype(np.int32), np.maximum(np.round(exact - whole, 9), 0)
+
+
+def area_means(raster: np.ndarray, step: float) -> np.ndarray:
+    """Means of a ``(H, W)`` raster over squares of ``step`` px, 1 or more, from its north-west
+    corner on, pixels at their rims counted by area; a last part of a square is left out.
+
+    float32 ``(⌊H / step⌋, ⌊W / step⌋)``.
+    """
+    for axis in (0, 1):
+        count = floor(raster.shape[axis] / step + 1e-9)
+        sums = np.insert(np.cumsum(raster, axis=axis, dtype=np.float64), 0, 0, axis=axis)
+        ends = np.minimum(np.arange(count + 1) * step, raster.shape[axis])
+        whole = np.minimum(ends.astype(int), raster.shape[axis] - 1)
+        share = (ends - whole)[:, None] if axis == 0 else ends - whole
+        low, high = sums.take(whole, axis), sums.take(whole + 1, axis)
+        raster = np.diff(low + share * (high - low), axis=axis) / step
+    return raster.astype(np.float32)

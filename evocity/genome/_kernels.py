@@ -1,0 +1,210 @@
+"""Compiled loops over lifs and their range blocks. Slow twins stand in tests/naive.py."""
+
+import numpy as np
+
+from evocity.accelerate import kernel
+
+
+@kernel
+def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index, top, left, side,
+               affine, found):  # fmt: skip
+    """Tile a map with the largest squares, from ``root`` px down by halves, that show a part of
+    one range block each.
+
+    Each cell of ``cell`` px, of a grid ``(R, C)``, shows cell (row, column) of the genome
+    ``whose`` under the isometry ``iso``. The range blocks of genome g are starts[g] : starts[g +
+    1] of ``top``, ``left`` and ``side``, numbered by index[g] (H, W) from 0 in each.
+
+    ``found`` (8, n) gets, for each square: its top, left and side; the genome; its range block; the
+    square's place (down, along) in that; the isometry. Returns their number, which may be above
+    the room in ``found``, or -1 where no halving leads to a part of one range block.
+    """
+    room = found.shape[1]
+    count = 0
+    stack = np.empty((4096, 3), np.int64)
+    for y0 in range(0, height, root):
+        for x0 in range(0, width, root):
+            stack[0, 0], stack[0, 1], stack[0, 2] = y0, x0, root
+            size = 1
+            while size:
+                size -= 1
+                y, x, s = stack[size, 0], stack[size, 1], stack[size, 2]
+                if y >= height or x >= width:
+                    continue
+                fits = y + s <= height and x + s <= width
+                if fits:
+                    i, j = y // cell, x // cell
+                    g, turn = whose[i, j], iso[i, j]
+                    a = affine[turn]
+                    if s > cell:
+                        # the cells under the square must lie as one square does
+                        cells = s // cell
+                        fits = cells * cell == s and y % cell == 0 and x % cell == 0
+                        if fits:
+                            for di in range(cells):
+                                for dj in range(cells):
+                                    u, v = i + di, j + dj
+                                    if (
+                                        whose[u, v] != g
+                                        or iso[u, v] != turn
+                                        or row[u, v] != row[i, j] + a[2] * di + a[4] * dj
+                                        or column[u, v] != column[i, j] + a[3] * di + a[5] * dj
+                                    ):
+                                        fits = False
+                                        break
+                                if not fits:
+                                    break
+                            low = cells - 1
+                            py = row[i, j] + min(0, (a[2] + a[4]) * low)
+                            px = column[i, j] + min(0, (a[3] + a[5]) * low)
+                            py, px = py * cell, px * cell
+                    else:
+                        down, along = y - i * cell, x - j * cell
+                        fits = down + s <= cell and along + s <= cell
+                        last = s - 1
+                        py = a[0] * (cell - 1) + a[2] * down + a[4] * along
+                        px = a[1] * (cell - 1) + a[3] * down + a[5] * along
+                        py += min(0, (a[2] + a[4]) * last) + row[i, j] * cell
+                        px += min(0, (a[3] + a[5]) * last) + column[i, j] * cell
+                    if fits:
+                        k = index[g, py, px]
+                        b = starts[g] + k
+                        if py + s <= top[b] + side[b] and px + s <= left[b] + side[b]:
+                            if count < room:
+                                found[0, count], found[1, count], found[2, count] = y, x, s
+                                found[3, count], found[4, count] = g, k
+                                found[5, count], found[6, count] = py - top[b], px - left[b]
+                                found[7, count] = turn
+                            count += 1
+                            continue
+                if s % 2 or s < 4:
+                    return -1
+                half = s // 2
+                for q in range(4):
+                    stack[size, 0] = y + (q // 2) * half
+                    stack[size, 1] = x + (q % 2) * half
+                    stack[size, 2] = half
+                    size += 1
+    return count
+
+
+@kernel
+def merge_siblings(top, left, side, index, most, same, numbers, affine, alive):
+    """Merge four range blocks that make up one of twice the side and continue each other, from the
+    finest up, to the side ``most``. In place: the north-west one becomes the whole, the others
+    are no more ``alive``. Returns how many merges were made.
+
+    ``same`` (m, n) are values, as bits, that must be equal; ``numbers`` (8, n): x, y, dx, dy of the
+    domain block, iso, row and column of the source, turn.
+    """
+    merges = 0
+    s = np.int64(most)
+    least = np.int64(most)
+    for i in range(side.size):
+        least = min(least, side[i])
+    s = least
+    while 2 * s <= most:
+        for i in range(side.size):
+            if not alive[i] or side[i] != s or top[i] % (2 * s) or left[i] % (2 * s):
+                continue
+            if top[i] + 2 * s > index.shape[0] or left[i] + 2 * s > index.shape[1]:
+                continue
+            x = y = sr = sc = np.int64(0)
+            ok = True
+            turn, iso = numbers[7, i], numbers[4, i]
+            for q in range(4):
+                a, b = q // 2, q % 2
+                k = index[top[i] + a * s, left[i] + b * s]
+                if not alive[k] or side[k] != s:
+                    ok = False
+                    break
+                if top[k] != top[i] + a * s or left[k] != left[i] + b * s:
+                    ok = False
+                    break
+                for m in range(same.shape[0]):
+                    if same[m, k] != same[m, i]:
+                        ok = False
+                if numbers[2, k] != numbers[2, i] or numbers[3, k] != numbers[3, i]:
+                    ok = False
+                if numbers[4, k] != iso or numbers[7, k] != turn:
+                    ok = False
+                if not ok:
+                    break
+                # the north-west pixel of this quadrant in the whole's domain, and in its source
+                t = affine[iso]
+                v = t[0] * (2 * s - 1) + (t[2] * a + t[4] * b) * s + min(0, (t[2] + t[4]) * (s - 1))
+                u = t[1] * (2 * s - 1) + (t[3] * a + t[5] * b) * s + min(0, (t[3] + t[5]) * (s - 1))
+                dx, dy = numbers[0, k], numbers[1, k]
+                if numbers[2, i] > 0:
+                    dx -= numbers[2, i] // s * u
+                    dy -= numbers[3, i] // s * v
+                t = affine[turn]
+                v = t[0] * (2 * s - 1) + (t[2] * a + t[4] * b) * s + min(0, (t[2] + t[4]) * (s - 1))
+                u = t[1] * (2 * s - 1) + (t[3] * a + t[5] * b) * s + min(0, (t[3] + t[5]) * (s - 1))
+                dr, dc = numbers[5, k] - v, numbers[6, k] - u
+                if q == 0:
+                    x, y, sr, sc = dx, dy, dr, dc
+                elif dx != x or dy != y or dr != sr or dc != sc:
+                    ok = False
+                    break
+            if not ok or sr < 0 or sc < 0:
+                continue
+            for q in range(1, 4):
+                alive[index[top[i] + (q // 2) * s, left[i] + (q % 2) * s]] = False
+            side[i] = 2 * s
+            numbers[0, i], numbers[1, i] = x, y
+            numbers[2, i] *= 2
+            numbers[3, i] *= 2
+            numbers[5, i], numbers[6, i] = sr, sc
+            merges += 1
+        s *= 2
+    return merges
+
+
+@kernel
+def part_places(
+    lifs, down, along, side, whole, iso, turn, source, y, x, dy, dx, affine,
+    sources, tops, lefts, talls, wides,
+):  # fmt: skip
+    """Where the squares of ``side`` px at (down, along) of the range blocks ``lifs``, of ``whole``
+    px each, come from: what part of their domain blocks they read (``tops``, ``lefts``, ``talls``,
+    ``wides``), and of their stones (``sources``). All that is of lifs is told one a lifs, all that
+    is of squares one a square."""
+    for k in range(lifs.size):
+        i, s = lifs[k], np.int64(side[k])
+        last = s - 1
+        a = affine[turn[i]]
+        v = a[0] * (whole[i] - 1) + a[2] * down[k] + a[4] * along[k] + min(0, (a[2] + a[4]) * last)
+        u = a[1] * (whole[i] - 1) + a[3] * down[k] + a[5] * along[k] + min(0, (a[3] + a[5]) * last)
+        sources[k] = source[i] + v * 32768 + u
+        tall, wide = dy[i] // whole[i], dx[i] // whole[i]
+        a = affine[iso[i]]
+        v = a[0] * (whole[i] - 1) + a[2] * down[k] + a[4] * along[k] + min(0, (a[2] + a[4]) * last)
+        u = a[1] * (whole[i] - 1) + a[3] * down[k] + a[5] * along[k] + min(0, (a[3] + a[5]) * last)
+        tops[k], lefts[k] = y[i] + tall * v, x[i] + wide * u
+        talls[k], wides[k] = tall * s, wide * s
+
+
+@kernel
+def in_bounds(
+    height, width, side, steepest, cities, sigma, beta, x, y, dx, dy, iso, parent, source, turn,
+    other, part,
+):  # fmt: skip
+    """Whether all nucleotides are within the bounds of `evocity.genome.NUCLEOTIDES`."""
+    for i in range(side.size):
+        if not (abs(sigma[i]) <= steepest and np.isfinite(beta[i])):
+            return False
+        if iso[i] > 7 or turn[i] > 7 or parent[i] >= cities or source[i] < 0:
+            return False
+        if other[i] >= cities or not 0 <= part[i] <= 1:
+            return False
+        tall, wide, s = np.int32(dy[i]), np.int32(dx[i]), side[i]
+        if wide == 0:
+            if sigma[i] != 0 or tall != 0 or x[i] != 0 or y[i] != 0 or iso[i] != 0:
+                return False
+            continue
+        if tall <= s or wide <= s or tall % s != 0 or wide % s != 0:
+            return False
+        if x[i] < 0 or y[i] < 0 or x[i] + wide > width or y[i] + tall > height:
+            return False
+    return True

@@ -1,0 +1,95 @@
+"""Genome files as they are written: one row a lifs in Parquet, everything else in the schema's
+metadata. `evocity.genome.reading` reads them."""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evocity.errors import GenomeError
+from evocity.files import whole_file
+from evocity.genome.nucleotides import FIELDS, NEWER, unpacked
+from evocity.pavement import Pavement
+
+#: Versions of the genome file's schema that are read, raised by one with every change a reader
+#: must know of. What needs nothing newer is written as 1; 2 has a column `CONDENSED`; 3 has
+#: columns `LEAVES` and `NEWER`, places for sources, and tells whether roofs are settled.
+SCHEMA_VERSIONS = (1, 2, 3)
+#: The column of a genome file that holds what is kept, see `Condensation.column`.
+CONDENSED = "condensation"
+#: Where each range block lies, from version 3 on.
+LEAVES = ("top", "left", "side")
+
+
+def write_genome(genome, path: str | os.PathLike) -> None:
+    """Write a `Genome`, see `Genome.write`."""
+    columns, about = _described(genome)
+    table = pa.table(columns)
+    metadata = {"evocity.genome": json.dumps(about, default=str)}
+    try:
+        with whole_file(path) as temporary:
+            pq.write_table(table.replace_schema_metadata(metadata), temporary, compression="zstd")
+    except OSError as error:
+        raise GenomeError(
+            f"{path} cannot be written: {error.strerror or error}",
+            "a file name in a folder that exists, with room on the disk",
+            "make the folder, or choose another place",
+        ) from error
+
+
+def _described(genome) -> tuple[dict, dict]:
+    """Columns and description of a genome, in the oldest schema version that can hold it."""
+    p = genome.pavement
+    columns = {name: getattr(genome, name) for name in FIELDS}
+    about = {
+        "schema_version": 1 if genome.condensation is None else 2,
+        "height": p.height,
+        "width": p.width,
+        "block": p.block if p.uniform else None,
+        "metres_per_pixel": genome.metres_per_pixel,
+        "cities": list(genome.cities),
+        "sigma_max": None if np.isinf(genome.sigma_max) else genome.sigma_max,
+        "attribution": genome.attribution,
+        "origin": genome.origin,
+        "crs": genome.crs,
+        "made": _finite(genome.made),
+    }
+    plain = not (genome.settle or genome.turn.any() or (genome.part < 1).any())
+    numbers = lifs_at(p, genome.source) if plain else None
+    if numbers is None:
+        top, left = p.corners
+        about |= {"schema_version": 3, "settle": genome.settle}
+        del about["block"]
+        columns |= dict(zip(LEAVES, (top, left, p.side), strict=True))
+    else:
+        columns["source"] = numbers
+        for name in NEWER:
+            del columns[name]
+    if genome.condensation is not None:
+        columns[CONDENSED] = genome.condensation.column(p)
+    return columns, about
+
+
+def lifs_at(pavement: Pavement, source: np.ndarray) -> np.ndarray | None:
+    """The numbers of the lifs of a uniform ``pavement`` that stand at the places ``source``, as
+    versions before 3 told sources; None if some place is no lifs'."""
+    if not pavement.uniform:
+        return None
+    (row, high), (column, wide) = (np.divmod(place, pavement.block) for place in unpacked(source))
+    legal = not (high.any() or wide.any())
+    if not legal or (row >= pavement.rows).any() or (column >= pavement.columns).any():
+        return None
+    return row * pavement.columns + column
+
+
+def _finite(value):
+    """``value`` with infinity and NaN, which JSON has not, as text."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

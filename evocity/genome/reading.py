@@ -1,0 +1,145 @@
+"""Genome files as they are read, those of older releases too."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evocity.citymap import MAX_PIXELS
+from evocity.condensation import Condensation
+from evocity.errors import GenomeError
+from evocity.genome.files import CONDENSED, LEAVES, SCHEMA_VERSIONS
+from evocity.genome.genome import Genome
+from evocity.genome.nucleotides import FIELDS, NEWER, packed
+from evocity.pavement import Pavement
+
+#: What reading a file that is no genome, or a damaged one, can end in.
+_DAMAGE = (
+    pa.ArrowException,
+    OSError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
+
+
+def read_genome(path: str | os.PathLike) -> Genome:
+    """Read a genome file written by `Genome.write`.
+
+    Raises `GenomeError` if the file is missing, is no genome, has another schema version, or
+    holds nucleotides out of bounds. Nothing in the file is executed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise GenomeError(
+            f"no genome file at {path}",
+            "a Parquet file written by `evocity encode`",
+            "check the name, or make one: evocity encode MAP -o GENOME.parquet",
+        )
+    try:
+        with pq.ParquetFile(path) as file:
+            metadata = file.schema_arrow.metadata or {}
+            if b"evocity.genome" not in metadata:
+                raise _another_table(path, metadata)
+            about = dict(json.loads(metadata[b"evocity.genome"]))
+            version = about.pop("schema_version")
+            rows, names = file.metadata.num_rows, file.schema_arrow.names
+    except _DAMAGE:
+        raise GenomeError(
+            f"{path} is not a genome file, or is damaged",
+            "a Parquet file written by `evocity encode`",
+            "write it again: evocity encode MAP -o GENOME.parquet",
+        ) from None
+    if version not in SCHEMA_VERSIONS:
+        raise GenomeError(
+            f"{path} has genome schema version {version}",
+            f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
+            "read it with the release of evocity that wrote it, or encode the map again",
+        )
+    try:
+        table = pq.read_table(path, columns=_columns(version, names))
+        pavement = _pavement(about, table, rows)
+        if about["sigma_max"] is None:
+            about["sigma_max"] = float("inf")
+        if about["origin"] is not None:
+            about["origin"] = tuple(about["origin"])
+        if CONDENSED in table.column_names:
+            about["condensation"] = Condensation.from_column(table.column(CONDENSED), pavement)
+        arrays = {
+            name: table.column(name).to_numpy() for name in FIELDS if name in table.schema.names
+        }
+        if version < 3:
+            arrays["source"] = place_of(pavement, arrays["source"], about["made"])
+        return Genome(pavement, **arrays, **about)
+    except GenomeError as error:
+        raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None
+    except _DAMAGE as error:
+        raise GenomeError(
+            f"{path} lacks a part of a genome, or holds one that does not fit ({error})",
+            f"columns {', '.join(FIELDS)} and their description",
+            "write it again: evocity encode MAP -o GENOME.parquet",
+        ) from None
+
+
+def _columns(version: int, names: list[str]) -> list[str]:
+    """The columns to read of a file of this ``version`` that has columns of these ``names``."""
+    if version < 3:
+        return [*(name for name in FIELDS if name not in NEWER), *[CONDENSED] * (version > 1)]
+    return [*FIELDS, *LEAVES, *[CONDENSED] * (CONDENSED in names)]
+
+
+def _pavement(about: dict, table: pa.Table, rows: int) -> Pavement:
+    """Where the range blocks of a file lie; what tells it is taken out of ``about``."""
+    height, width = (_whole(about.pop(key)) for key in ("height", "width"))
+    if not 0 < height * width <= MAX_PIXELS or min(height, width) < 1:
+        raise ValueError(f"a map of {height} × {width} px")
+    if "block" in about:
+        block = _whole(about.pop("block"))
+        pavement = Pavement(height, width, block)
+        if rows != len(pavement):
+            raise ValueError(f"{rows} lifs for {height} × {width} px of B = {block}")
+        return pavement
+    places = [table.column(name).to_numpy() for name in LEAVES]
+    pavement = Pavement(height, width, places[2])
+    if not all(map(np.array_equal, places[:2], pavement.corners)):
+        raise ValueError("leaves that overlap, leave gaps, or stand in another order")
+    return pavement
+
+
+def _whole(value) -> int:
+    if type(value) is not int:
+        raise TypeError(f"{value!r} in place of a whole number")
+    return value
+
+
+def _another_table(path: Path, metadata: Mapping[bytes, bytes]) -> GenomeError:
+    found, remedy = "Parquet, but no genome", "encode a map: evocity encode MAP -o GENOME.parquet"
+    if b"geo" in metadata:
+        found, remedy = "GeoParquet", "export GeoPackage or GeoJSON, which can be read as maps"
+    elif b"evocity.run" in metadata:
+        found = "a table of a run"
+        remedy = "name the run's folder and one individual: evocity decode RUN --id N"
+    return GenomeError(f"{path} is {found}", "a Parquet file written by `evocity encode`", remedy)
+
+
+def place_of(pavement: Pavement, source: np.ndarray, made: Mapping) -> np.ndarray:
+    """The places of the lifs that versions before 3 numbered: `evocity.genome.files.lifs_at` the
+    other way round.
+
+    A fabric grown by such a release numbers the lifs of what it was grown around, whose columns
+    are read off the numbers themselves.
+    """
+    columns = pavement.columns
+    if made.get("operator") == "growth":
+        row, column = made["corner"]
+        first = row * columns + column
+        columns = max(int(source[first + columns]) - int(source[first]), 1)
+    row, column = np.divmod(source.astype(np.int64), columns)
+    return packed(row * pavement.block, column * pavement.block)

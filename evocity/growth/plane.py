@@ -1,0 +1,228 @@
+"""`Plane`: what stands at any place of an endless plane, laid when it is asked for."""
+
+import contextlib
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity import isometries
+from evocity.citymap import CityMap
+from evocity.growth._kernels import fabric_window, lay_groups
+from evocity.growth.lattice import INSIDE, Lattice
+from evocity.growth.shares import Shares
+from evocity.growth.windows import Windows
+
+# Outlines are cut for so many of the candidates at a time; places are laid so many at a time.
+_KEPT, _BATCH = 20, 8
+#: So many regions are kept: all of the largest map there can be, some 80 MB.
+_KEPT_REGIONS = 1 << 14
+# Where the original's north-west pixel is counted, and how far beyond it other places are: no
+# anchor is negative, and none comes twice near the original.
+_BASE, _FAR = 1 << 28, 1 << 27
+
+
+def _lays() -> np.ndarray:
+    table = np.empty((isometries.COUNT, 6), np.int64)
+    for row, sources in zip(table, isometries.sources(2), strict=True):
+        corner, east, south, _ = (np.array(divmod(int(flat), 2)) for flat in sources)
+        row[:] = [*corner, *(south - corner), *(east - corner)]
+    table.setflags(write=False)
+    return table
+
+
+#: How each isometry lays a rectangle: int64 ``(8, 6)``. Its target's north-west pixel comes from
+#: the source's first (0) or last (1) row and column; then (rows, columns) to go in the source for
+#: a step south in the target, and for one east.
+LAYS = _lays()
+
+
+@dataclass(frozen=True)
+class Region:
+    """A crossing, a strip or a tile, laid.
+
+    corner : (row, column) of its north-west cell; stones : int32, what stands there; steps :
+    float64, mean step along the outline of each group, metres; repeated : how many groups make
+    a window come twice.
+    """
+
+    corner: tuple[int, int]
+    stones: np.ndarray
+    steps: np.ndarray
+    repeated: int
+
+
+class Plane:
+    """An endless fabric, a function of the seed and of the place.
+
+    Parameters
+    ----------
+    heights : float32 maps of the originals, sides whole cells; the first stands at (0, 0).
+    cell : side of a cell, px.
+    lattice : the tiles, for the first original.
+    shares : which original is laid where.
+    seed : of all that is drawn.
+    tolerance, candidates, turned : as of `grow`.
+
+    Attributes: ``brought`` and ``sides``, what kernels take of the originals.
+    """
+
+    def __init__(
+        self,
+        heights: list[np.ndarray],
+        cell: int,
+        lattice: Lattice,
+        shares: Shares,
+        seed: int,
+        *,
+        tolerance: float,
+        candidates: int,
+        turned: bool,
+    ):
+        self.cell, self.lattice, self.shares, self.seed = cell, lattice, shares, seed
+        self.tolerance, self.candidates = tolerance, candidates
+        self.isos = np.arange(isometries.COUNT if turned else 1)
+        heights = [one + np.float32(0) for one in heights]  # no −0: it would not be like 0
+        self.brought = np.concatenate([one.ravel() for one in heights])
+        counts = np.array([np.array(one.shape) // cell for one in heights])
+        self.sides = np.column_stack([counts, np.cumsum([0, *counts.prod(axis=1)])[:-1]])
+        self.surplus = np.concatenate([_surplus(one, cell) for one in heights])
+        self.windows = Windows(heights, self.isos, _BASE)
+        self._regions: OrderedDict[tuple[int, int, int], Region] = OrderedDict()
+
+    def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
+        """Float32 ``(height, width)`` heights from pixel (top, left) on."""
+        cell = self.cell
+        first, west = top // cell, left // cell
+        stones = self.stones(first, west, -(-(top + height) // cell), -(-(left + width) // cell))
+        out = np.empty((height, width), np.float32)
+        at = top - first * cell, left - west * cell
+        fabric_window(stones, self.brought, self.sides, LAYS, cell, *at, out)
+        return out
+
+    def stones(self, top: int, left: int, bottom: int, right: int) -> np.ndarray:
+        """Int32 stones of a rectangle of cells."""
+        out = np.empty((bottom - top, right - left), np.int32)
+        for i, j in self.tiles(top, left, bottom, right):
+            self._paste(out, (top, left), self.region(INSIDE, i, j))
+        return out
+
+    def tiles(self, top: int, left: int, bottom: int, right: int) -> list[tuple[int, int]]:
+        """The tiles that a rectangle of cells touches, row by row."""
+        if bottom <= top or right <= left:
+            return []
+        rows, columns = (
+            range(self.lattice.tile_of(axis, first), self.lattice.tile_of(axis, last - 1) + 1)
+            for axis, (first, last) in enumerate(((top, bottom), (left, right)))
+        )
+        return [(i, j) for i in rows for j in columns]
+
+    def account(
+        self,
+        top: int,
+        left: int,
+        bottom: int,
+        right: int,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> dict:
+        """What it took to lay the tiles that a rectangle of cells touches: see `Growth.account`."""
+        tiles = self.tiles(top, left, bottom, right)
+        keys = {}
+        for done, (i, j) in enumerate(tiles):
+            for key in ((INSIDE, i, j), *self.lattice.needs(INSIDE, i, j)):
+                keys[key] = self.region(*key)
+            if progress is not None:
+                progress(done + 1, len(tiles))
+        steps = np.concatenate([np.empty(0), *(region.steps for region in keys.values())])
+        return {
+            "groups": steps.size,
+            "step": round(float(steps.mean()), 4) if steps.size else 0.0,
+            "forced": int((steps > self.tolerance).sum()),
+            "repeated": sum(region.repeated for region in keys.values()),
+        }
+
+    def region(self, kind: int, i: int, j: int) -> Region:
+        """A crossing, strip or tile, laid now unless it is known."""
+        key = (kind, i, j)
+        found = self._regions.get(key)
+        if found is None:
+            found = self._laid(*key)
+            self._regions[key] = found
+            while len(self._regions) > _KEPT_REGIONS:
+                self._regions.popitem(last=False)
+        with contextlib.suppress(KeyError):  # another thread may have dropped it
+            self._regions.move_to_end(key)
+        return found
+
+    def _laid(self, kind: int, i: int, j: int) -> Region:
+        seen = self.lattice.seen(kind, i, j)
+        # its corner on an anchor, whatever the cell
+        corner = seen[0] // 8 * 8, seen[1] // 8 * 8
+        stones = np.full((seen[2] - corner[0], seen[3] - corner[1]), -1, np.int32)
+        known = stones[seen[0] - corner[0] :, seen[1] - corner[1] :]
+        original = self._original()
+        self._paste(known, seen[:2], original)
+        for key in self.lattice.needs(kind, i, j):
+            self._paste(known, seen[:2], self.region(*key))
+        top, left, bottom, right = self.lattice.laid(kind, i, j)
+        if kind == INSIDE:  # the whole tile, with the halves of its strips
+            top, bottom = (self.lattice.line(0, k) for k in (i, i + 1))
+            left, right = (self.lattice.line(1, k) for k in (j, j + 1))
+        own = stones[top - corner[0] : bottom - corner[0], left - corner[1] : right - corner[1]]
+        steps, repeated = np.empty(0), 0
+        if (own < 0).any():
+            steps, repeated = self._lay(stones, corner, kind, i, j)
+        own = own.copy()
+        own.setflags(write=False)
+        return Region((top, left), own, steps, repeated)
+
+    def _lay(self, stones: np.ndarray, corner, kind: int, i: int, j: int):
+        """Lay the groups of a region into ``stones``, from cell ``corner`` on."""
+        which = (2 * k if k >= 0 else -2 * k - 1 for k in (i, j))  # no entropy is negative
+        rng = np.random.default_rng([self.seed, kind, *which])
+        places = self.lattice.places(kind, i, j, rng)
+        middles = (places[:, :2] + places[:, 2:] / 2) * self.cell
+        owners = self.shares.owners(middles, rng.random(len(places)))
+        places[:, :2] -= corner
+        first = self.sides[0]
+        original = np.array([-corner[0], -corner[1], first[0] - corner[0], first[1] - corner[1]])
+        count = self.brought.size // self.cell**2
+        uses = 1 + np.bincount(stones[stones >= 0] >> 3, minlength=count)
+        table = self.windows.table()
+        at = tuple(int(np.clip(k * self.cell, -_FAR, _FAR)) + _BASE for k in corner)
+        steps, twice = np.empty(len(places)), np.empty(len(places), bool)
+        for start in range(0, len(places), _BATCH):
+            some = slice(start, start + _BATCH)
+            count = len(places[some])
+            draws = rng.integers(0, 1 << 62, (count, self.candidates))
+            table.make_room(count)
+            grown = lay_groups(
+                stones, original, self.brought, self.sides, LAYS, self.isos, self.cell,
+                places[some], owners[some], draws, self.tolerance, _KEPT, uses, self.surplus,
+                self.windows.common, self.windows.allowed, table.coarse, table.fine, at,
+                steps[some], twice[some],
+            )  # fmt: skip
+            table.filled = [old + new for old, new in zip(table.filled, grown, strict=True)]
+        return steps[np.isfinite(steps)], int(twice.sum())
+
+    def _original(self) -> Region:
+        rows, columns, _ = self.sides[0]
+        own = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        return Region((0, 0), 8 * own, np.empty(0), 0)
+
+    @staticmethod
+    def _paste(out: np.ndarray, corner: tuple[int, int], region: Region) -> None:
+        """Put what of a region lies in ``out``, from cell ``corner`` on, there."""
+        top, left = (there - here for there, here in zip(region.corner, corner, strict=True))
+        bottom, right = top + region.stones.shape[0], left + region.stones.shape[1]
+        within = out[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
+        y, x = max(-top, 0), max(-left, 0)
+        within[:] = region.stones[y : y + within.shape[0], x : x + within.shape[1]]
+
+
+def _surplus(heights: np.ndarray, cell: int) -> np.ndarray:
+    """By how much the built share of each cell, row by row, exceeds that of the whole map."""
+    built = CityMap(heights, 1.0).built
+    shares = built.reshape(built.shape[0] // cell, cell, -1, cell).mean(axis=(1, 3)).ravel()
+    return shares - shares.mean()

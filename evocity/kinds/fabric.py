@@ -1,0 +1,140 @@
+"""Fabric: a city as an iterated function system, a `Genome`."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from evocity.citymap import CityMap
+from evocity.coding.decoded import decoded
+from evocity.coding.encode import encode
+from evocity.condensation import Condensation
+from evocity.errors import EvocityError, shown
+from evocity.genome import FIELDS, NEWER, Genome, packed, unpacked
+from evocity.kinds.kind import Expressed, lists
+from evocity.pavement import Pavement
+
+#: The column of the range blocks' sides, px, in the order of `Pavement.side`.
+SIDE = "side"
+#: What versions of the log before leaves hold: lists of one length, no turns, lifs for places.
+_OLDER = [name for name in FIELDS if name not in NEWER]
+
+
+class Fabric:
+    """The kind of `Genome`. One list a nucleotide and a birth, and one of the sides of the range
+    blocks. A run of an older release, whose header tells one ``block``, is read, and goes on, as
+    it was written."""
+
+    name = "fabric"
+    first = ("pavement_fusion", "mutation")
+
+    def fields(self, header) -> list[tuple[str, pa.DataType]]:
+        if header.block is not None:
+            count = len(Pavement(header.height, header.width, header.block))
+            return [(name, pa.list_(_type(name), count)) for name in _OLDER]
+        return [*((name, pa.list_(_type(name))) for name in FIELDS), (SIDE, pa.list_(pa.int16()))]
+
+    def columns(self, genomes: Sequence[Genome | None], header) -> dict[str, pa.Array]:
+        def column(name: str, of, size=None) -> pa.Array:
+            rows = [None if one is None else of(one) for one in genomes]
+            return lists(rows, FIELDS[name].dtype if name in FIELDS else np.dtype(np.int16), size)
+
+        if header.block is None:
+            columns = {
+                name: column(name, lambda one, name=name: getattr(one, name)) for name in FIELDS
+            }
+            return columns | {SIDE: column(SIDE, lambda one: one.pavement.side)}
+        count = len(Pavement(header.height, header.width, header.block))
+        told = {name: lambda one, name=name: getattr(one, name) for name in _OLDER}
+        told["source"] = lambda one: _lifs(one.source, header)
+        return {name: column(name, of, count) for name, of in told.items()}
+
+    def genome(self, row, header, locked: Condensation | None, made: Mapping) -> Genome:
+        older = header.block is not None
+        arrays = {
+            name: row[name].values.to_numpy(zero_copy_only=False)
+            for name in (_OLDER if older else FIELDS)
+        }
+        if older:
+            pavement = Pavement(header.height, header.width, header.block)
+            line, place = np.divmod(arrays["source"].astype(np.int64), pavement.columns)
+            arrays["source"] = packed(line * header.block, place * header.block)
+        else:
+            sides = row[SIDE].values.to_numpy(zero_copy_only=False)
+            pavement = Pavement(header.height, header.width, sides)
+        return Genome(
+            pavement,
+            **arrays,
+            metres_per_pixel=header.metres_per_pixel,
+            cities=header.cities,
+            sigma_max=header.sigma_max,
+            attribution=header.attribution,
+            origin=header.origin,
+            crs=header.crs,
+            made=made,
+            condensation=locked,
+            settle=header.settle,
+        )
+
+    def adopt(
+        self, genome: Genome, header, locked: Condensation | None, made: Mapping | None = None
+    ) -> Genome:
+        lookup = np.array([header.cities.index(city) for city in genome.cities], dtype=np.uint8)
+        return genome.replace(
+            parent=lookup[genome.parent],
+            other=lookup[genome.other],
+            cities=header.cities,
+            sigma_max=header.sigma_max,
+            attribution=header.attribution,
+            origin=header.origin,
+            crs=header.crs,
+            condensation=locked,
+            made=genome.made if made is None else made,
+            settle=header.settle,
+        )
+
+    def faults(self, child, header) -> dict[str, str]:
+        if not isinstance(child, Genome):
+            return {f"a child that is {shown(child)}": "a Genome"}
+        faults = {}
+        size = child.pavement.height, child.pavement.width
+        if size != (header.height, header.width):
+            found = f"a child of {size[0]} × {size[1]} px"
+            faults[found] = f"{header.height} × {header.width} px, as the run"
+        elif header.block is not None and child.pavement != Pavement(*size, header.block):
+            found = f"range blocks of {child.pavement.finest}…{child.pavement.coarsest} px"
+            faults[found] = f"range blocks of {header.block} px, as the run"
+        if child.metres_per_pixel != header.metres_per_pixel:
+            found = f"pixels of {child.metres_per_pixel!r} m"
+            faults[found] = f"pixels of {header.metres_per_pixel!r} m"
+        steep = np.abs(child.sigma) > np.float32(header.sigma_max)
+        if steep.any():
+            found = f"|σ| up to {np.abs(child.sigma).max():.4g} in {np.count_nonzero(steep)} lifs"
+            faults[found] = f"|σ| ≤ {header.sigma_max:g}, the run's genome.sigma_max"
+        strange = [city for city in child.cities if city not in header.cities]
+        if strange:
+            found = f"cities {', '.join(map(shown, strange))}"
+            faults[found] = f"cities of the run: {', '.join(header.cities)}"
+        return faults
+
+    def prepare(self, city: CityMap, how: Mapping, locked: Condensation | None) -> Genome:
+        return encode(city, condensation=locked, **how).genome
+
+    def express(self, genome: Genome) -> Expressed:
+        try:
+            decoding = decoded(genome)
+        except EvocityError as error:
+            return Expressed(None, f"{error.found} (expected: {error.expected})")
+        if not decoding.converged:
+            return Expressed(None, f"decoding did not converge: still {decoding.change:.3g} m")
+        return Expressed(decoding.city)
+
+
+def _type(name: str) -> pa.DataType:
+    return pa.from_numpy_dtype(FIELDS[name].dtype)
+
+
+def _lifs(source: np.ndarray, header) -> np.ndarray:
+    """The numbers of the lifs that stand at the places ``source``, as older releases told them."""
+    row, column = unpacked(source)
+    return row // header.block * (header.width // header.block) + column // header.block

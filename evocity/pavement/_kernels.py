@@ -1,0 +1,82 @@
+"""Compiled loops over range blocks. Slow twins stand in tests/naive.py."""
+
+from evocity.accelerate import kernel
+
+
+@kernel
+def tile(side, index, top, left):
+    """Lay squares of the sides ``side`` (n,), one after the other, each with its north-west corner
+    at the first pixel, row by row, that is still bare.
+
+    ``index`` (H, W) gets the number of each pixel's square, ``top`` and ``left`` (n,) the corners.
+    Returns how many squares were laid: n if they tile the map, else the number of the first that
+    reaches beyond the map or onto another, or -1 if pixels stay bare.
+    """
+    rows, columns = index.shape
+    for y in range(rows):
+        for x in range(columns):
+            index[y, x] = -1
+    y = x = 0
+    for i in range(side.size):
+        while y < rows and index[y, x] >= 0:
+            x += 1
+            if x == columns:
+                y, x = y + 1, 0
+        s = side[i]
+        if y == rows or s < 1 or y + s > rows or x + s > columns:
+            return i
+        for u in range(x, x + s):  # all above is laid: what is in the way is in this row
+            if index[y, u] >= 0:
+                return i
+        top[i], left[i] = y, x
+        for v in range(y, y + s):
+            for u in range(x, x + s):
+                index[v, u] = i
+    for v in range(y, rows):
+        for u in range(columns):
+            if index[v, u] < 0:
+                return -1
+    return side.size
+
+
+@kernel
+def cut_squares(raster, top, left, which, blocks):
+    """``blocks`` (m, s, s) get the squares of ``raster`` whose corners are those of ``which``."""
+    count, side, _ = blocks.shape
+    for k in range(count):
+        y, x = top[which[k]], left[which[k]]
+        for i in range(side):
+            for j in range(side):
+                blocks[k, i, j] = raster[y + i, x + j]
+
+
+@kernel
+def spread(values, index, raster):
+    """raster[i] = values[index[i]], each of them flat."""
+    for i in range(index.size):
+        raster[i] = values[index[i]]
+
+
+@kernel
+def touching(where, top, left, side, found):
+    """found[i] = whether square i holds a true pixel of ``where`` (H, W)."""
+    for i in range(side.size):
+        found[i] = False
+        for y in range(top[i], top[i] + side[i]):
+            for x in range(left[i], left[i] + side[i]):
+                if where[y, x]:
+                    found[i] = True
+                    break
+            if found[i]:
+                break
+
+
+@kernel
+def sum_squares(raster, top, left, side, sums):
+    """sums[i] = the sum of ``raster`` over square i, in float64, row by row."""
+    for i in range(side.size):
+        total = 0.0
+        for y in range(top[i], top[i] + side[i]):
+            for x in range(left[i], left[i] + side[i]):
+                total += raster[y, x]
+        sums[i] = total

@@ -1,0 +1,234 @@
+"""`Pavement`: squares that tile a map, the range blocks."""
+
+from collections.abc import Iterable
+from functools import cached_property
+
+import numpy as np
+
+from evocity.errors import GenomeError, keyword, setting, shown
+from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
+
+
+class Pavement:
+    """The range blocks of a map: squares that tile it, without gaps and without overlap.
+
+    In Jacquin's uniform partition all have one side B. In an adaptive one, which follows the city
+    (asked for in Marsault 2002 §6.1, 2005 §4.1-4.2), their sides differ: they are leaves, as of a
+    quadtree. Range blocks are numbered by (top, left), row by row. So their sides, in that order,
+    say where each one lies.
+
+    Parameters
+    ----------
+    height, width : of the map, px.
+    block : the side of all range blocks, or the side of each, in their order; px, 2 or more.
+
+    Attributes
+    ----------
+    corners : (top, left) of each range block's north-west pixel, int32 ``(n,)`` each.
+    side : int32 ``(n,)``, the side of each, px.
+    block : the one side of all. Leaves have none: `GenomeError`. So have ``rows`` and
+        ``columns``, range blocks down and along the map.
+    finest, coarsest : the least and the largest side.
+    index : int32 ``(H, W)``, the number of the range block that holds each pixel.
+    levels : the range blocks of each side: side -> their numbers, ascending.
+
+    All arrays are read-only. Two pavements are equal if they tile maps of one size alike.
+
+    Raises
+    ------
+    GenomeError : the map's sides are not multiples of the block, or leaves of these sides do not
+        tile the map.
+    """
+
+    def __init__(self, height: int, width: int, block):
+        self.height, self.width = height, width
+        self._block: int | None = None
+        if isinstance(block, Iterable):
+            self._lay(np.array(block))
+        else:
+            self._block = block
+            _check_uniform(height, width, block)
+
+    def _lay(self, side: np.ndarray) -> None:
+        if side.ndim != 1 or side.size == 0 or side.dtype.kind not in "iu" or side.min() < 2:
+            raise GenomeError(
+                f"range blocks of sides {shown(side.tolist())}",
+                "whole numbers of pixels, 2 or more, one a range block",
+                "give the sides by rows from the north-west, as Pavement.side has them",
+            )
+        side = side.astype(np.int32)
+        top, left = np.empty((2, side.size), np.int32)
+        index = np.empty((self.height, self.width), np.int32)
+        laid = tile(side, index, top, left)
+        if laid != side.size:
+            where = "leave gaps" if laid < 0 else f"overlap or reach beyond it from the {laid}th on"
+            raise GenomeError(
+                f"{side.size} leaves on a map of {self.height} × {self.width} px that {where}",
+                "squares that tile the map, in the order of (top, left)",
+                "encode the map again",
+            )
+        if (side == side[0]).all():
+            self._block = int(side[0])
+        # what is cached below, known already
+        self.__dict__["side"] = _read_only(side)
+        self.__dict__["corners"] = (_read_only(top), _read_only(left))
+        self.__dict__["index"] = _read_only(index)
+
+    def __repr__(self) -> str:
+        sides = self.block if self.uniform else f"{self.finest}…{self.coarsest}, {len(self)} leaves"
+        return f"Pavement({self.height}, {self.width}, {sides})"
+
+    def __len__(self) -> int:
+        """Number of range blocks."""
+        return self.rows * self.columns if self.uniform else self.side.size
+
+    def __eq__(self, other) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Pavement):
+            return NotImplemented
+        if (self.height, self.width, self._block) != (other.height, other.width, other._block):
+            return False
+        return self.uniform or np.array_equal(self.side, other.side)
+
+    def __hash__(self) -> int:
+        return hash((self.height, self.width, self._block, len(self)))
+
+    def __reduce__(self):
+        sides = self._block if self.uniform else self.side.astype(np.int16)
+        return Pavement, (self.height, self.width, sides)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all range blocks have one side."""
+        return self._block is not None
+
+    @property
+    def block(self) -> int:
+        if self._block is None:
+            raise GenomeError(
+                f"the one side B of {len(self)} leaves of {self.finest}…{self.coarsest} px",
+                "a uniform pavement",
+                "ask for `side`, `finest` or `coarsest`, or encode with one side: "
+                f"{keyword('block', 4)}",
+            )
+        return self._block
+
+    @property
+    def rows(self) -> int:
+        return self.height // self.block
+
+    @property
+    def columns(self) -> int:
+        return self.width // self.block
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        return _read_only(np.full(len(self), self.block, np.int32))
+
+    @cached_property
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        y, x = np.divmod(np.arange(len(self), dtype=np.int32), self.columns)
+        return _read_only(y * self.block), _read_only(x * self.block)
+
+    @cached_property
+    def index(self) -> np.ndarray:
+        return _read_only(self.raster(np.arange(len(self), dtype=np.int32)))
+
+    @cached_property
+    def levels(self) -> dict[int, np.ndarray]:
+        if self.uniform:
+            return {self.block: np.arange(len(self))}
+        return {int(s): np.flatnonzero(self.side == s) for s in np.unique(self.side)}
+
+    @property
+    def finest(self) -> int:
+        return self._block or int(self.side.min())
+
+    @property
+    def coarsest(self) -> int:
+        return self._block or int(self.side.max())
+
+    @property
+    def area(self) -> np.ndarray:
+        """Int64 ``(n,)``: pixels of each range block."""
+        return self.side.astype(np.int64) ** 2
+
+    def scaled(self, step: int, per: int) -> "Pavement":
+        """The same partition with every side ``step`` / ``per`` times as long; sides must stay
+        whole numbers of pixels, 2 or more."""
+        if self.uniform:
+            block = self.block * step // per
+            return Pavement(self.rows * block, self.columns * block, block)
+        sides = (self.height * step // per, self.width * step // per)
+        return Pavement(*sides, self.side * step // per)
+
+    # -- pixels and range blocks -----------------------------------------------------------
+
+    def blocks(self, raster: np.ndarray, side: int | None = None) -> np.ndarray:
+        """``(m, s, s)`` copy of a ``(H, W)`` raster cut along the range blocks of side s, those of
+        `levels` in their order; all of a uniform pavement need no ``side``."""
+        if self.uniform and side in (None, self._block):
+            b = self.block
+            cut = raster.reshape(self.rows, b, self.columns, b).swapaxes(1, 2)
+            return np.ascontiguousarray(cut).reshape(len(self), b, b)
+        side = self.block if side is None else side
+        return self.squares(raster, self.levels[side], side)
+
+    def squares(self, raster: np.ndarray, which: np.ndarray, side: int) -> np.ndarray:
+        """``(m, s, s)`` copy of the range blocks ``which`` (m,) of a ``(H, W)`` raster, all of the
+        one side s."""
+        blocks = np.empty((which.size, side, side), raster.dtype)
+        cut_squares(raster, *self.corners, which, blocks)
+        return blocks
+
+    def raster(self, values: np.ndarray) -> np.ndarray:
+        """``(H, W)`` raster from ``(n,)`` one value a range block; of a uniform pavement from
+        ``(n, B, B)`` blocks too."""
+        if not self.uniform and values.ndim == 1:
+            raster = np.empty((self.height, self.width), values.dtype)
+            spread(values, self.index.ravel(), raster.ravel())
+            return raster
+        b = self.block
+        if values.ndim == 1:
+            return values.reshape(self.rows, self.columns).repeat(b, 0).repeat(b, 1)
+        tiles = values.reshape(self.rows, self.columns, b, b).swapaxes(1, 2)
+        return np.ascontiguousarray(tiles).reshape(self.height, self.width)
+
+    def sums(self, raster: np.ndarray) -> np.ndarray:
+        """Float64 ``(n,)``: the sum of a ``(H, W)`` raster over each range block."""
+        sums = np.empty(len(self))
+        sum_squares(raster, *self.corners, self.side, sums)
+        return sums
+
+    def maxima(self, raster: np.ndarray) -> np.ndarray:
+        """Float64 ``(n,)``: the largest value of a ``(H, W)`` raster in each range block."""
+        maxima = np.empty(len(self))
+        for side, which in self.levels.items():
+            maxima[which] = self.blocks(raster, side).max(axis=(1, 2))
+        return maxima
+
+
+def _check_uniform(height: int, width: int, block: int) -> None:
+    if block < 2:
+        raise GenomeError(
+            setting("block", block),
+            "a range block of at least 2 px",
+            f"use for example {keyword('block', 4)}",
+        )
+    if height % block or width % block or min(height, width) < 1:
+        fits = [
+            f"{low} or {low + block}" if side % block else f"{side}"
+            for side in (height, width)
+            for low in [max(side // block, 1) * block]
+        ]
+        raise GenomeError(
+            f"a map of {height} × {width} px for range blocks of {block} px",
+            f"sides that are multiples of {block}: height {fits[0]}, width {fits[1]}",
+            "crop or read the map at such a size, or choose another block",
+        )
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array

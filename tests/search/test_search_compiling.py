@@ -1,0 +1,112 @@
+"""Kernels are compiled once, before a search, in two processes; later ones find them."""
+
+import os
+import subprocess
+import sys
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from evocity import accelerate, fitness
+from evocity.operators import OPERATORS
+from evocity.search import Search, compiling, evaluation, read_recipe, warm
+
+
+@pytest.fixture
+def notes(tmp_path, monkeypatch):
+    """The folder of notes: an empty one, though the cache has what the tests before compiled."""
+    folder = tmp_path / "notes"
+    folder.mkdir()
+    monkeypatch.setattr(accelerate, "cache_folder", lambda: folder)
+    return folder
+
+
+def test_a_recipe_names_the_parts_that_it_calls(toy):
+    parts = compiling.needed(read_recipe("demo"))
+    assert parts[0] == warm.SEARCH
+    assert {"fit", "decode", "buildings", "operator:region_fusion", "measure:crumbs"} <= set(parts)
+    assert not {"views", "operator:gene_copy", "measure:street_width", "search everywhere"} & {
+        *parts
+    }
+    assert set(parts) - {"buildings"} <= set(warm.every_part())
+    own = toy(recipe='[[fitness]]\nname = "gsi"\ntarget = 0.3\n', genome='block = 4\nreach = "all"')
+    parts = compiling.needed(read_recipe(own))  # a measure of one's own may ask for any view
+    assert {"views", "search everywhere", "measure:gsi"} <= set(parts)
+    assert not [one for one in parts if "spread" in one]
+
+
+def test_every_part_does_what_it_is_for():
+    for part in warm.every_part():
+        kind, _, name = part.partition(":")
+        if kind == "operator":
+            parents = warm._genomes(8)[: OPERATORS[name].parents[0]]
+            assert OPERATORS[name]()(parents, np.random.default_rng(0)).pavement.block == 8
+        elif kind == "measure":
+            genome = warm._genomes(8)[0]
+            toys = [warm._toy(1, 8), warm._toy(2, 8)]
+            given = {"genome": genome, "parents": (genome,), "sources": toys, "reference": toys}
+            measure = fitness.get(name)
+            measure(toys[0], **{key: one for key, one in given.items() if key in measure.takes})
+    for view in warm._VIEWS:
+        assert getattr(warm._toy(1, 8), view) is not None
+
+
+def test_what_was_compiled_is_noted_and_not_done_again(notes):
+    told = []
+    parts = [warm.SEARCH, warm.DECODE, "operator:mutation", "measure:gsi"]
+    compiling.compile_once(4, parts, told.append)
+    assert len(list(notes.iterdir())) == 4
+    assert told[0].startswith("compiling, once on this machine: 0 of 4 parts")
+    with patch.object(compiling, "_started", side_effect=AssertionError):
+        compiling.compile_once(4, parts, pytest.fail)
+    with patch.object(accelerate, "stamp", lambda: ("another processor",)):
+        compiling.compile_once(4, ["measure:gsi"], told.append)
+    assert len(list(notes.iterdir())) == 5
+
+
+def test_parts_on_codes_wait_for_the_search_that_makes_them(notes):
+    crew = compiling._Crew(4, [warm.SEARCH, "operator:mutation", "measure:gsi"], {})
+    assert crew._next(from_front=False) == "measure:gsi"
+    assert crew._next(from_front=False) == warm.SEARCH
+    waits = patch.object(crew._lock, "wait", side_effect=InterruptedError)
+    with waits, pytest.raises(InterruptedError):
+        crew._next(from_front=False)
+    crew._notes[warm.SEARCH] = notes / "search"
+    crew._finished(warm.SEARCH)
+    assert crew._next(from_front=False) == "operator:mutation"
+    assert crew._next(from_front=True) is None
+
+
+def test_helpers_that_die_stop_nothing(notes, monkeypatch):
+    started, count = compiling._started, []
+
+    def first_ends(block):
+        count.append(block)
+        if len(count) % 2 == 0:
+            return started(block)
+        words = [sys.executable, "-c", "input()"]
+        return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    monkeypatch.setattr(compiling, "_PROCESSES", 2)
+    monkeypatch.setattr(compiling, "available_cores", lambda: 2)
+    monkeypatch.setattr(compiling, "_started", first_ends)
+    compiling.compile_once(4, [warm.SEARCH, "operator:mutation"], lambda text: None)
+    assert len(list(notes.iterdir())) == 1  # the search was begun by the one that ended
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    compiling.compile_once(4, [warm.SEARCH], lambda text: None)
+    with patch.object(accelerate, "cache_folder", lambda: None):
+        compiling.compile_once(4, [warm.SEARCH], lambda text: None)
+
+
+def test_a_search_says_what_it_waits_for(toy, tmp_path):
+    told = []
+    with Search(read_recipe(toy(generations=0)), tmp_path / "run", 1, told.append) as search:
+        list(search)
+    assert told[-1] == "starting 1 workers"
+    assert any(text.startswith("reading") for text in told)
+    told.clear()
+    Search.resume(tmp_path / "run", generations=1, workers=1, progress=told.append).close()
+    assert told[-1] == "starting 1 workers"
+    assert warm.VARIABLE not in os.environ
+    assert evaluation.VARIABLE == warm.VARIABLE

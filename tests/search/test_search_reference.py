@@ -1,0 +1,123 @@
+"""Measures that compare cities: what a recipe names, what workers get, what resuming watches."""
+
+import numpy as np
+import pytest
+
+from evocity.coding import decode
+from evocity.errors import FitnessError, RecipeError, RunError
+from evocity.fitness import Reference, fabric_distance, get
+from evocity.io import read_map
+from evocity.search import Search, read_recipe
+from evocity.search.preparation import prepare
+from evocity.store import open_run
+
+FABRIC = '[[fitness]]\nname = "fabric_distance"\n'
+
+
+def bred(recipe, out):
+    with Search(read_recipe(recipe), out) as search:
+        for _ in search:
+            pass
+    return open_run(out)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_children_are_compared_with_the_sources_they_are_laid_of(toy, tmp_path, workers):
+    recipe = toy(recipe=FABRIC, population=6, generations=1, workers=workers)
+    run = bred(recipe, tmp_path / "run")
+    reference = Reference.sources([source.city for source in run.sources()])
+    values = {row["id"]: row["fitness.fabric_distance"] for row in run.births().to_pylist()}
+    assert len(values) == 12
+    for number, value in values.items():
+        genome = run.genome(number)
+        expected = fabric_distance(decode(genome).city, reference, genome)
+        assert value == pytest.approx(float(expected), abs=1e-9, nan_ok=True)
+    assert len({value for value in values.values() if np.isfinite(value)}) > 6
+    noted = run.provenance["fitness"][-1]
+    assert (noted["name"], noted["goal"], noted["reference"]) == (
+        "fabric_distance",
+        "min",
+        "parents",
+    )
+
+
+def test_cities_that_are_named_weigh_alike(toy, tmp_path):
+    entry = '[[fitness]]\nname = "fabric_distance.roughness"\nreference = ["west", "model.npy"]\n'
+    path = toy(recipe=entry, population=4, generations=0, workers=0)
+    path.write_text(path.read_text().replace('"left.npy"', '"left.npy"\nname = "west"'))
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy").T)
+    run = bred(path, tmp_path / "run")
+    west = run.sources()[0].city
+    model = read_map(tmp_path / "model.npy", pixels=64, metres_per_pixel=2.0)
+    measure = get("fabric_distance.roughness")
+    for row in run.births().to_pylist():
+        city = decode(run.genome(row["id"])).city
+        value = row["fitness.fabric_distance.roughness"]
+        assert value == pytest.approx(measure(city, [west, model]), abs=1e-9)
+    noted = run.provenance["fitness"][-1]["reference"]
+    assert list(noted) == ["left.npy", "model.npy"]
+
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy"))
+    with pytest.raises(RunError, match=r"the map model\.npy, which cities are compared with"):
+        Search.resume(run.path, generations=1)
+
+
+def test_a_city_may_stand_alone(toy):
+    path = toy(recipe=FABRIC + 'reference = "right.npy"\n')
+    prepared = prepare(read_recipe(path))
+    (city,) = prepared.references["fabric_distance"].cities
+    assert city.name == "right"
+
+
+def test_a_resumed_run_compares_as_before(toy, tmp_path):
+    recipe = toy(recipe=FABRIC, population=6, generations=2, workers=0)
+    whole = bred(recipe, tmp_path / "whole")
+    with Search(read_recipe(recipe), tmp_path / "parted") as search:
+        next(iter(search))
+    with Search.resume(tmp_path / "parted") as search:
+        for _ in search:
+            pass
+    parted = open_run(tmp_path / "parted").births()
+    for column in ("id", "fitness.fabric_distance", "status"):
+        assert whole.births().column(column).equals(parted.column(column))
+
+
+def test_what_is_left_out_is_told_before_the_first_birth(toy, tmp_path):
+    heights = np.zeros((64, 64), np.float32)
+    rng = np.random.default_rng(5)
+    for row in range(5):
+        for column in range(6):
+            tall, wide = rng.integers(3, 8, 2)
+            heights[12 * row : 12 * row + tall, 10 * column : 10 * column + wide] = 9
+    path = toy(recipe=FABRIC + 'reference = ["flat.npy"]\n')
+    np.save(tmp_path / "flat.npy", heights)
+    told = []
+    prepare(read_recipe(path), told.append)
+    (line,) = [text for text in told if "leaves out" in text]
+    assert "share of party walls, roughness, height" in line
+    assert "flat" in line
+
+
+def test_a_reference_of_too_few_buildings_is_refused_at_the_start(toy, tmp_path):
+    path = toy(recipe=FABRIC + 'reference = ["bare.npy"]\n')
+    np.save(tmp_path / "bare.npy", np.zeros((64, 64), np.float32))
+    with pytest.raises(FitnessError, match="no meaning beside bare: 0 buildings"):
+        Search(read_recipe(path), tmp_path / "run").ask()
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ('name = "gsi"\ntarget = 0.3\nreference = "parents"', "which compares with no city"),
+        ('name = "fabric_distance"\nreference = []', '"parents", or a list of cities'),
+        ('name = "fabric_distance"\nreference = 3', '"parents", or a list of cities'),
+        ('name = "fabric_distance"\nreference = ["lyon-1er", 3]', '"parents", or a list'),
+        ('name = "fabric_distance"\nreference = ["lion-1er"]', "did you mean lyon-1er"),
+        ('name = "fabric_distance"\nlike = "lyon-1er"', "which asks for reference"),
+    ],
+)
+def test_references_that_are_none_are_told(toy, entry, says):
+    with pytest.raises(RecipeError) as caught:
+        read_recipe(toy(recipe=f"[[fitness]]\n{entry}\n"))
+    assert says in caught.value.found
