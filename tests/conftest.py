@@ -1,6 +1,7 @@
 """Fixtures that many tests share, and what no test may leave behind for the next."""
 
 import contextlib
+import signal
 from collections.abc import Iterator
 from unittest.mock import patch
 
@@ -9,6 +10,10 @@ from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.fitness import registry
+
+# A shell's background job ignores Ctrl-C, and so would all it starts; some tests press it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
