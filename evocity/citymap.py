@@ -11,7 +11,7 @@ from scipy import ndimage
 from evocity.errors import MapError, keyword, setting
 from evocity.views import ground
 from evocity.views.buildings import STEP, Buildings, outlines, told_apart
-from evocity.views.structure import structure
+from evocity.views.structure import gradients, structure
 
 if TYPE_CHECKING:
     import shapely
@@ -169,12 +169,7 @@ class CityMap:
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Float32 pair ``(d/dy, d/dx)`` of the heights, metres a metre, y to the south, by the
         Scharr operator, edges repeated. About 1 ms at 256²."""
-        padded = np.pad(self.heights, 1, mode="edge")
-        scale = np.float32(1 / (32 * self.metres_per_pixel))
-        across = padded[:, 2:] - padded[:, :-2]
-        down = padded[2:] - padded[:-2]
-        along_x = (3 * (across[:-2] + across[2:]) + 10 * across[1:-1]) * scale
-        along_y = (3 * (down[:, :-2] + down[:, 2:]) + 10 * down[:, 1:-1]) * scale
+        along_y, along_x = gradients(self.heights, self.metres_per_pixel)
         return _read_only(along_y), _read_only(along_x)
 
     @cached_property

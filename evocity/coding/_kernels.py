@@ -34,44 +34,59 @@ def box_means(heights, tall, wide, means):
 
 
 @kernel
-def gather_table(top, left, side, y, x, tall, wide, layer, iso, affine, table):
-    """table[py, px] = flat index, into the stack of box-mean layers, of the value that pixel
-    (py, px) is made from; 0 where its lifs has no domain (layer < 0), and so no σ.
+def walks(top, left, side, y, x, tall, wide, layer, iso, affine, rows, columns, walk):
+    """walk[i], (n, 5), gets what each pixel of range block i is made from in the stack of box-mean
+    layers, maps of ``rows`` × ``columns``: the flat index where the range block begins, its side,
+    the flat index in the layers of what its first pixel is made from (-1 for a lifs without a
+    domain, layer < 0), and the steps there of a row down and of a column on.
 
     ``side`` are the range blocks', ``tall`` and ``wide`` the pixels averaged into one; ``affine``
     (8, 6) tells where in its block an isometry takes each pixel from (`isometries.AFFINE`).
     """
-    rows, columns = table.shape
-    for i in range(top.size):
-        size = np.int64(side[i])
+    for i in range(side.size):
+        walk[i, 0], walk[i, 1] = np.int64(top[i]) * columns + left[i], side[i]
         if layer[i] < 0:
-            for a in range(size):
-                for b in range(size):
-                    table[top[i] + a, left[i] + b] = 0
+            walk[i, 2] = -1
             continue
         t = affine[iso[i]]
         one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
-        start = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
-        start += (one * t[0] + two * t[1]) * (size - 1)
-        south, east = one * t[2] + two * t[3], one * t[4] + two * t[5]
-        for a in range(size):
-            line, place = table[top[i] + a], start + south * a
-            for b in range(size):
-                line[np.uintp(left[i] + b)] = place + east * b
+        first = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
+        walk[i, 2] = first + (one * t[0] + two * t[1]) * (side[i] - 1)
+        walk[i, 3], walk[i, 4] = one * t[2] + two * t[3], one * t[4] + two * t[5]
 
 
 @kernel
-def gather(layers, table, sigma, beta, target):
-    """One step of the collage map W: every pixel from its place in the flat ``layers``."""
-    for p in range(table.size):
-        target[p] = sigma[p] * layers[np.uintp(table[p])] + beta[p]
+def lay_blocks(layers, walk, sigma, beta, columns, target):
+    """One step of the collage map W on the flat ``target``, a map of so many ``columns``, from the
+    flat ``layers``; see `walks`."""
+    for i in range(sigma.size):
+        at, side, first, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
+        slope, offset = sigma[i], beta[i]
+        for a in range(side):
+            place, line = first + south * a, at + columns * a
+            if first < 0:
+                for b in range(side):
+                    target[np.uintp(line + b)] = offset
+                continue
+            for b in range(side):
+                target[np.uintp(line + b)] = slope * layers[np.uintp(place + east * b)] + offset
 
 
 @kernel
-def moved(before, after, tolerance, sky):
-    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
-    counts as both. (Whole numbers: a maximum makes no vector code.)"""
-    some, most = np.int32(0), np.int32(0)
+def gather_table(walk, columns, table):
+    """table[p] = flat index, into the stack of box-mean layers, of the value that pixel p is made
+    from, see `walks`; 0 where its lifs has no domain, and so no σ. Maps are flat."""
+    for i in range(walk.shape[0]):
+        at, side, first, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
+        for a in range(side):
+            for b in range(side):
+                place = first + south * a + east * b if first >= 0 else 0
+                table[np.uintp(at + columns * a + b)] = place
+
+
+@kernel
+def _moved(before, after, tolerance, sky):
+    some, most = np.int32(0), np.int32(0)  # a maximum makes no vector code
     for p in range(after.size):
         change = abs(after[p] - before[p])
         some += np.int32(not change <= tolerance)
@@ -80,8 +95,22 @@ def moved(before, after, tolerance, sky):
 
 
 @kernel
+def moved(before, after, tolerance, sky, whole):
+    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
+    counts as both. Unless the ``whole`` map is to be looked at, it may end once some changed."""
+    some, most = np.int32(0), np.int32(0)
+    for start in range(0, after.size, 4096):
+        part = slice(start, start + 4096)
+        few, many = _moved(before[part], after[part], tolerance, sky)
+        some, most = some + few, most + many
+        if some > 0 and not whole:
+            break
+    return some, most
+
+
+@kernel
 def scatter(values, table, sigma, layers):
-    """Adjoint of `gather` without β: each pixel's share of the flat ``values`` goes back to the
+    """Adjoint of `lay_blocks` without β: each pixel's share of the flat ``values`` goes back to the
     place in the flat ``layers``, which are overwritten, that the pixel was made from."""
     layers[:] = 0
     for p in range(table.size):

@@ -1,7 +1,9 @@
 """Genome -> CityMap: the attractor of its collage map W."""
 
 import copy
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -9,12 +11,13 @@ from evocity import isometries
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.coding._kernels import (
     box_means,
-    gather,
     gather_table,
+    lay_blocks,
     scatter,
     shrink_blocks,
     spread_blocks,
     spread_means,
+    walks,
 )
 from evocity.coding.fixed_point import SKY, fixed_point
 from evocity.coding.zoom import area_means, legal_zoom, zoomed_corner, zoomed_pavement
@@ -28,9 +31,10 @@ from evocity.views.buildings.settled import settled
 class Decoding:
     """An attractor, and how it was reached.
 
-    city : the decoded map; traces below ground are cut at 0, and roofs settled if wished.
-    attractor : float32 ``(H, W)``, the fixed point of W itself, metres; its means by area where
-        the zoom lies between those that the range blocks allow.
+    city : the decoded map; traces below ground are cut at 0, and roofs settled if wished. Made when
+        first asked for.
+    attractor : float32 ``(H, W)``, read-only, the fixed point of W itself, metres; its means by
+        area where the zoom lies between those that the range blocks allow.
     iterations : how often W was applied.
     converged : whether the last step changed no pixel by more than the tolerance.
     change : largest change of a pixel in the last step, metres.
@@ -38,12 +42,16 @@ class Decoding:
         largest change first among them; empty once converged.
     """
 
-    city: CityMap
     attractor: np.ndarray
     iterations: int
     converged: bool
     change: float
     blamed: np.ndarray
+    _make_city: Callable[[], CityMap] = field(repr=False)
+
+    @cached_property
+    def city(self) -> CityMap:
+        return self._make_city()
 
 
 class CollageMap:
@@ -84,12 +92,12 @@ class CollageMap:
         y[rare], x[rare], tall[rare], wide[rare] = top[rare], left[rare], 1, 1
         count = len(self._kinds) + (rare.size > 0)
         self._layers = np.zeros((max(count, 1), *self.shape), dtype)
-        self._table = np.empty(self.shape, np.int32)
-        gather_table(
-            top, left, side, y, x, tall, wide, layer, genome.iso, isometries.AFFINE, self._table
-        )
+        reads = (y, x, tall, wide, layer, genome.iso)
+        self._walk = np.empty((len(pavement), 5), np.int64)
+        walks(top, left, side, *reads, isometries.AFFINE, *self.shape, self._walk)
         layer = genome.condensation
         self._kept = None if layer is None else layer.resampled(*self.shape)
+        self._held = None if self._kept is None else np.flatnonzero(self._kept.mask)
         self._recode(genome.sigma, genome.beta)
 
     @property
@@ -104,20 +112,24 @@ class CollageMap:
     @property
     def flat_start(self) -> np.ndarray:
         """The β of every block, and what is condensed: what W makes of bare ground."""
-        return self._beta.copy()
+        return self._condensed(self.pavement.raster(self._beta))
+
+    def _condensed(self, heights: np.ndarray) -> np.ndarray:
+        """``heights``, with what is condensed laid in them."""
+        if self._held is not None:
+            heights.ravel()[self._held] = self._kept.heights.ravel()[self._held]
+        return heights
 
     def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
         """W of the same domain blocks with other σ and β, one a lifs; σ of uniform lifs is 0."""
+        _ = self._table  # made once for all
         other = copy.copy(self)
         other._recode(sigma, beta)
         return other
 
     def _recode(self, sigma: np.ndarray, beta: np.ndarray) -> None:
-        self._sigma = self.pavement.raster(np.asarray(sigma, self._layers.dtype))
-        self._beta = self.pavement.raster(np.asarray(beta, self._layers.dtype))
-        if self._kept is not None:  # σ = 0 and β = C: W lays C there, and Wᵀ takes nothing thence
-            self._sigma[self._kept.mask] = 0
-            self._beta[self._kept.mask] = self._kept.heights[self._kept.mask]
+        kind = self._layers.dtype
+        self._sigma, self._beta = (np.ascontiguousarray(one, kind) for one in (sigma, beta))
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
@@ -131,18 +143,17 @@ class CollageMap:
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
         self._shrink_rare(heights)
-        gather(
-            self._layers.ravel(),
-            self._table.ravel(),
-            self._sigma.ravel(),
-            self._beta.ravel(),
-            target.ravel(),
-        )
+        layers, columns = self._layers.ravel(), self.shape[1]
+        lay_blocks(layers, self._walk, self._sigma, self._beta, columns, target.ravel())
+        self._condensed(target)  # whatever the lifs say
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
         """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
         ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
-        scatter(values.ravel(), self._table.ravel(), self._sigma.ravel(), self._layers.ravel())
+        slopes = self.pavement.raster(self._sigma)
+        if self._held is not None:  # W lays C there, so Wᵀ takes nothing thence
+            slopes.ravel()[self._held] = 0
+        scatter(values.ravel(), self._table.ravel(), slopes.ravel(), self._layers.ravel())
         target = np.zeros(self.shape, self._layers.dtype)
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             _shift_back(layer, *shift)
@@ -151,6 +162,13 @@ class CollageMap:
             layer = self._layers[-1]
             spread_blocks(layer if share is None else share * layer, *rare, target)
         return target
+
+    @cached_property
+    def _table(self) -> np.ndarray:
+        """Int32 ``(H, W)``: which place of the layers each pixel is made from."""
+        table = np.empty(self.shape, np.int32)
+        gather_table(self._walk, self.shape[1], table.ravel())
+        return table
 
     def _shrink_rare(self, heights: np.ndarray) -> None:
         layer = self._layers[-1]
@@ -245,19 +263,20 @@ def decode(
     if legal - zoom > 1e-9:
         heights = area_means(heights, legal / zoom)
         kept = None if kept is None else area_means(kept, legal / zoom) > 0
+    heights.setflags(write=False)  # the city is made of it later
+    settle = genome.settle if settle is None else settle
     pixel = genome.metres_per_pixel / zoom
+    named = {"name": " × ".join(genome.cities), "attribution": genome.attribution}
+    placed = {"origin": genome.origin, "crs": genome.crs}
+    make = partial(_city, heights, pixel, settle, kept, **named, **placed)
+    return Decoding(heights, found.steps, found.settled, found.change, blamed, make)
+
+
+def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) -> CityMap:
     roofs = np.maximum(heights, 0)
-    if genome.settle if settle is None else settle:
+    if settle:
         roofs = settled(roofs, roofs > BUILT_ABOVE, pixel, kept)
-    city = CityMap(
-        roofs,
-        pixel,
-        name=" × ".join(genome.cities),
-        attribution=genome.attribution,
-        origin=genome.origin,
-        crs=genome.crs,
-    )
-    return Decoding(city, heights, found.steps, found.settled, found.change, blamed)
+    return CityMap(roofs, pixel, **described)
 
 
 def _common_shrinkings(
@@ -270,24 +289,20 @@ def _common_shrinkings(
     One box mean of the whole map serves all lifs of one extent, but costs as much as some
     hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
     """
-    layer = np.full(able.size, -1, np.int64)
     if len(extents) == 2:  # small whole numbers: counted, not sorted
-        tall, wide = (extent[able] for extent in extents)
+        tall, wide = extents
         most = int(wide.max(initial=0)) + 1
         which = tall.astype(np.int64) * most + wide
         counts = np.bincount(which)
+        counts[0] = 0  # uniform lifs
         kinds = np.stack(np.divmod(np.arange(counts.size), most))
     else:
-        kinds, which, counts = np.unique(
-            np.stack([extent[able] for extent in extents]),
-            axis=1,
-            return_inverse=True,
-            return_counts=True,
-        )
+        kinds, which = np.unique(np.stack(extents), axis=1, return_inverse=True)
+        counts = np.bincount(which[able], minlength=kinds.shape[1])
     (common,) = np.nonzero(counts >= max(able.size / 8, 1))
     place = np.full(counts.size, -1, np.int64)
     place[common] = np.arange(common.size)
-    layer[able] = place[which]
+    layer = np.where(able, place[which], -1)
     return [(int(t), int(w), *shift) for t, w, *shift in kinds[:, common].T], layer
 
 

@@ -40,8 +40,7 @@ class Decodings:
                 self._kept.move_to_end(key)
                 return known
         found = decode(genome)
-        found.attractor.setflags(write=False)  # many share it
-        found.blamed.setflags(write=False)
+        found.blamed.setflags(write=False)  # many share it
         with self._lock:
             found = self._kept.setdefault(key, found)
             self._kept.move_to_end(key)

@@ -9,6 +9,8 @@ from evocity.coding._kernels import moved
 
 #: A pixel that moves by so much, metres, is taken as proof of divergence.
 SKY = 1e7
+#: Divergence is looked for every so many steps; whether something moves is soon told.
+_LOOKED_FOR = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,8 @@ def fixed_point(
         before, values = values, before
         lay(before, values)
         steps += 1
-        unsettled, lost = moved(before.ravel(), values.ravel(), *limits)
+        whole = steps % _LOOKED_FOR == 0 or steps == most
+        unsettled, lost = moved(before.ravel(), values.ravel(), *limits, whole)
     with np.errstate(invalid="ignore", over="ignore"):
         moves = np.abs(values - before)
     return FixedPoint(values, moves, steps, not unsettled, bool(lost))

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.fitness._kernels import pool_rows
+from evocity.fitness._kernels import fourfold, pool_rows
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
@@ -76,13 +76,9 @@ def alignment_global(city: CityMap) -> float:
 
 def _fourfold(city: CityMap) -> np.ndarray | None:
     """Float32 ``(3, H, W)``: w cos 4θ, w sin 4θ and w of a map's façades; None if it has none."""
-    real, imaginary = city.structure
-    w = np.hypot(real, imaginary)
-    if not w.max() > _FLAT**2:
-        return None
-    # w e^{4iθ} = (w e^{2iθ})² / w
-    turned = 2 * real / np.maximum(w, np.finfo(np.float32).tiny)
-    return np.stack([real * turned - w, imaginary * turned, w])
+    fields = np.empty((3, *city.shape), np.float32)
+    steepest = fourfold(city.structure, fields)
+    return fields if steepest > _FLAT**2 else None
 
 
 def _pooled(fields: np.ndarray, window: np.ndarray) -> np.ndarray:

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evocity.coding.decode import CollageMap, decode
+from evocity.coding.decode import CollageMap
 from evocity.coding.encode import with_matches
+from evocity.coding.fixed_point import fixed_point
 from evocity.coding.matching import best_matches
 from evocity.coding.matching.domains import DomainPool, domain_pools
-from evocity.errors import GenomeError
 from evocity.genome import Genome, split
 from evocity.pavement import Pavement, touched
 
@@ -22,6 +22,8 @@ _CONTRACTIVE = 0.9
 #: Range blocks of more than this, px, are split before they are matched again: of a large one that
 #: strays, most may be as it should.
 _GRAIN = 4
+#: Decoding ends when no pixel moves by more than a tenth of the threshold, within these, metres.
+_TOLERANCES = (0.01, 0.05)
 
 
 def collage_repair(
@@ -58,11 +60,12 @@ def collage_repair(
     matching = _Matching(genome, intended, threshold, reach, domains)
     replaced = np.zeros(intended.shape, bool)
     # with a cap below 1 nothing can diverge; else the last round looks for that alone
+    heights = intended
     for turn in range(rounds + (genome.sigma_max >= 1)):
-        decoded, steep = _decoded(genome, intended)
+        heights, steep = _decoded(genome, heights, threshold)
         where = genome.pavement.raster(steep)
         if turn < rounds:
-            error = (decoded - intended) ** 2
+            error = (heights - intended) ** 2
             where |= _strayed(genome.pavement, matching.grain, error, threshold) & ~replaced
         if not where.any():
             break
@@ -77,6 +80,7 @@ def collage_repair(
                 here = genome.pavement.raster(here)
                 genome = split(genome, int(genome.pavement.side[bad].max()) // 2, here)
                 bad = _touched(genome.pavement, here)
+        heights = np.where(where, intended, heights)
     return genome, _touched(genome.pavement, replaced).size
 
 
@@ -131,15 +135,16 @@ def _touched(pavement: Pavement, where: np.ndarray) -> np.ndarray:
     return np.flatnonzero(touched(where, *pavement.corners, pavement.side))
 
 
-def _decoded(genome: Genome, intended: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the genome decodes to, and which lifs are to be matched again whatever they decode to.
+def _decoded(genome: Genome, start: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """What the genome decodes to, as well as the ``threshold`` asks for, and which lifs are to be
+    matched again whatever they decode to.
 
-    Codes without a cap on σ may diverge once crossed: then one step from what is ``intended``
-    stands for the decoded map, and the lifs that do not contract are to blame.
+    Codes without a cap on σ may diverge once crossed: then one step from where decoding should
+    ``start`` stands for the decoded map, and the lifs that do not contract are to blame.
     """
-    try:
-        return np.maximum(decode(genome, start=intended, settle=False).attractor, 0), np.zeros(
-            len(genome), bool
-        )
-    except GenomeError:
-        return CollageMap(genome)(intended), np.abs(genome.sigma) >= 1
+    collage = CollageMap(genome)
+    tolerance = min(max(threshold / 10, _TOLERANCES[0]), _TOLERANCES[1])
+    found = fixed_point(collage.lay, start, tolerance=tolerance)
+    if found.lost:
+        return collage(start), np.abs(genome.sigma) >= 1
+    return np.maximum(found.values, 0), np.zeros(len(genome), bool)

@@ -191,7 +191,7 @@ class Pavement:
             return raster
         b = self.block
         if values.ndim == 1:
-            return values.reshape(self.rows, self.columns).repeat(b, 0).repeat(b, 1)
+            return values.reshape(self.rows, self.columns).repeat(b, 1).repeat(b, 0)
         tiles = values.reshape(self.rows, self.columns, b, b).swapaxes(1, 2)
         return np.ascontiguousarray(tiles).reshape(self.height, self.width)
 

@@ -1,6 +1,21 @@
 """Which way walls run, pixel by pixel: the structure of the gradient of heights."""
 
+from math import comb
+
 import numpy as np
+
+from evocity.views._kernels import scharr, smooth, square
+
+#: The binomial filter of 8 steps, σ = √2 px: its middle weight, and those at distance 1…4.
+_BINOMIAL = np.array([comb(8, 4 + k) / 2**8 for k in range(5)], np.float32)
+
+
+def gradients(heights: np.ndarray, metres_per_pixel: float) -> tuple[np.ndarray, np.ndarray]:
+    """Float32 pair ``(d/dy, d/dx)``, ``(H, W)`` each, of ``heights``, metres a metre, y to the
+    south, by the Scharr operator, edges repeated."""
+    along_y, along_x = np.empty_like(heights), np.empty_like(heights)
+    scharr(heights, np.float32(1 / (32 * metres_per_pixel)), along_y, along_x)
+    return along_y, along_x
 
 
 def structure(along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
@@ -16,18 +31,15 @@ def structure(along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
 
     Source: Bigün & Granlund 1987, Optimal orientation detection of linear symmetry.
     """
-    dy, dx = _smoothed(np.stack([along_y, along_x]), 8)
+    dy, dx = _smoothed(np.stack([along_y, along_x]))
     # z² of z = dx + i dy, whose direction is twice the gradient's.
-    return _smoothed(np.stack([dx * dx - dy * dy, 2 * dx * dy]), 8)
+    squared = np.empty((2, *along_y.shape), np.float32)
+    square(dy, dx, squared)
+    return _smoothed(squared)
 
 
-def _smoothed(fields: np.ndarray, passes: int) -> np.ndarray:
-    """``fields`` ``(n, H, W)`` under the binomial filter of ``passes`` (even) steps, which has
-    σ = √passes / 2 px; edges repeated."""
-    edge = passes // 2
-    fields = np.pad(fields, ((0, 0), (edge, edge), (edge, edge)), mode="edge")
-    for _ in range(passes):
-        fields = fields[:, 1:] + fields[:, :-1]
-    for _ in range(passes):
-        fields = fields[:, :, 1:] + fields[:, :, :-1]
-    return fields * np.float32(0.25**passes)
+def _smoothed(fields: np.ndarray) -> np.ndarray:
+    """``fields`` ``(n, H, W)`` under `_BINOMIAL`, edges repeated."""
+    smoothed = np.empty_like(fields)
+    smooth(fields, _BINOMIAL, smoothed)
+    return smoothed

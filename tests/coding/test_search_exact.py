@@ -190,8 +190,11 @@ def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
         assert uniformly(town, threads=2, reach=None, domains=(2, 3)).genome == several
     monkeypatch.setattr("evocity.coding.matching.FEW", 0)
     monkeypatch.setattr("evocity.coding.matching.CHUNK", 7)
-    monkeypatch.setattr("evocity.coding.matching.NEARBY", 7)
     assert uniformly(town, threads=2, reach=None).genome == one
+    near = uniformly(town, threads=1, reach=9).genome
+    assert uniformly(town, threads=3, reach=9).genome == near
+    monkeypatch.setattr("evocity.coding.matching.together", lambda reach: 7)
+    assert uniformly(town, threads=2, reach=9).genome == near
 
 
 @pytest.mark.parametrize("block", [2, 3, 4, 5, 8])

@@ -28,7 +28,7 @@ from evocity.coding.matching.crew import Crew, available_cores
 from evocity.coding.matching.domains import DomainPool
 from evocity.coding.matching.likeness import domain_blocks
 from evocity.coding.matching.matches import TIE, Matches, Search
-from evocity.coding.matching.nearby import NEARBY, best_correlations, best_nearby, pairs_compared
+from evocity.coding.matching.nearby import best_correlations, best_nearby, pairs_compared, together
 from evocity.coding.matching.shapes import Shapes
 from evocity.coding.matching.tiles import CHUNK, best_everywhere, cut_tiles
 from evocity.coding.topology import Candidates
@@ -186,7 +186,7 @@ def _sweep(search: Search, ready, corners, reach: int | None, crew: Crew, act, t
     """``act(pool, part, which, y, x)`` on the domains that may be the best of a chunk of range
     blocks, or within the ``tolerance`` of it: yields (pool, part, what it returned) in order.
     """
-    count, most = len(search.ranges.codes), CHUNK if reach is None else NEARBY
+    count, most = len(search.ranges.codes), CHUNK if reach is None else together(reach)
     step = max(1, min(most, -(-count // crew.threads)))
     parts = [slice(k, min(k + step, count)) for k in range(0, count, step)]
     whole, few = slice(0, count), reach is None and count < FEW

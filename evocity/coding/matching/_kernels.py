@@ -320,40 +320,38 @@ def window_kernels(block):
     """The kernels of the search within reach: lane_maxima, list_windows."""
 
     @kernel
-    def lane_maxima(planes, norms, codes, window, cap, first_row, band, lanes, best):
+    def lane_maxima(planes, norms, codes, window, cap, band, lanes, best):
         """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes
         the largest over the domains in column window.left + j, in the s-th ``band`` of rows from
-        ``first_row`` on.
+        window.top on.
 
         ``window`` holds (top, bottom, left, right) of each range's domain positions; lanes beyond
         the window, which fill up the last `GROUP`, are set back to 0.
         """
-        gains = lanes.reshape(-1, lanes.shape[2])
-        for start in range(0, codes.shape[0], NEIGHBOURS):
-            end = min(start + NEIGHBOURS, codes.shape[0])
-            for strip in range(lanes.shape[0]):
-                top = first_row + strip * band
-                first, last = top + band, top
+        gains, count = lanes.reshape(-1, lanes.shape[2]), codes.shape[0]
+        for start in range(0, count, NEIGHBOURS):
+            end = min(start + NEIGHBOURS, count)
+            first, last = window[start, 0], window[start, 1]
+            for i in range(start, end):
+                first, last = min(first, window[i, 0]), max(last, window[i, 1])
+            # rows outside: so that one stays in the cache while neighbours go by
+            for y in range(first, last):
                 for i in range(start, end):
-                    first, last = min(first, window[i, 0]), max(last, window[i, 1])
-                # rows outside: so that one stays in the cache while neighbours go by
-                for y in range(max(first, top), min(last, top + band)):
-                    for i in range(start, end):
-                        if y < window[i, 0] or y >= window[i, 1]:
-                            continue
-                        left, width, j = window[i, 2], window[i, 3] - window[i, 2], 0
-                        line = strip * codes.shape[0] + i
-                        while j < width - GROUP:
-                            raise_gains(
-                                block, LANES, planes, y, left + j,
-                                norms, codes, i, cap, gains, line, j,
-                            )  # fmt: skip
-                            j += LANES
-                        if j < width:
-                            raise_gains(
-                                block, GROUP, planes, y, left + j,
-                                norms, codes, i, cap, gains, line, j,
-                            )  # fmt: skip
+                    if y < window[i, 0] or y >= window[i, 1]:
+                        continue
+                    left, width, j = window[i, 2], window[i, 3] - window[i, 2], 0
+                    line = (y - window[i, 0]) // band * count + i
+                    while j < width - GROUP:
+                        raise_gains(
+                            block, LANES, planes, y, left + j,
+                            norms, codes, i, cap, gains, line, j,
+                        )  # fmt: skip
+                        j += LANES
+                    if j < width:
+                        raise_gains(
+                            block, GROUP, planes, y, left + j,
+                            norms, codes, i, cap, gains, line, j,
+                        )  # fmt: skip
             for i in range(start, end):
                 width, most = max(window[i, 3] - window[i, 2], 0), best[i]
                 for strip in range(lanes.shape[0]):
@@ -365,13 +363,11 @@ def window_kernels(block):
                 best[i] = most
 
     @kernel
-    def list_windows(
-        planes, norms, codes, window, cap, best, first_row, band, near, which, down, across
-    ):
+    def list_windows(planes, norms, codes, window, cap, best, band, near, which, down, across):
         """The domains whose gain is at least near[i]: block down[n], across[n] of the pool for
         range which[n], as far as there is room. Returns how many there are.
 
-        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from ``first_row`` on: only
+        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from each window's top on: only
         where these reach near[i] are positions looked at again, in groups of `GROUP`.
         """
         gains = np.empty((1, GROUP), np.float32)
@@ -379,12 +375,12 @@ def window_kernels(block):
         for i in range(codes.shape[0]):
             left, right = window[i, 2], window[i, 3]
             for strip in range(best.shape[0]):
-                line, start, x = best[strip, i], first_row + strip * band, left
+                line, start, x = best[strip, i], window[i, 0] + strip * band, left
                 while x < right:
                     if line[x - left] < near[i]:
                         x += 1
                         continue
-                    for y in range(max(start, window[i, 0]), min(start + band, window[i, 1])):
+                    for y in range(start, min(start + band, window[i, 1])):
                         gains[:] = 0
                         raise_gains(block, GROUP, planes, y, x, norms, codes, i, cap, gains, 0, 0)
                         for j in range(min(GROUP, right - x)):

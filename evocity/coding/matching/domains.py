@@ -67,8 +67,9 @@ class DomainPool:
     def folded(self) -> tuple[np.ndarray, np.ndarray]:
         """Planes and norms, made when first asked for."""
         (rows, columns), block = self.shape, self.block
-        planes = np.zeros((rows, block * block, columns + LANES), np.float32)
-        norms = np.zeros((rows, columns + LANES), np.float32)
+        planes = np.empty((rows, block * block, columns + LANES), np.float32)
+        norms = np.empty((rows, columns + LANES), np.float32)
+        planes[:, :, columns:] = norms[:, columns:] = 0
         ones, band = d4_ones(block).astype(self.shrunk.dtype), self.shrunk[self.top :]
         fold(band, self.multiple, d4_slots(block), ones, self.least, planes, norms)
         return planes, norms

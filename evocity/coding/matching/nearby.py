@@ -9,8 +9,16 @@ from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools
 from evocity.coding.matching.matches import Search, listed
 
-#: Range blocks whose surroundings are searched at a time.
-NEARBY = 128
+#: Gains remembered at a time: as many range blocks are searched together.
+_TOGETHER = 1 << 19
+#: Rows of domain blocks that share their remembered gains, at least.
+_BAND = 16
+
+
+def together(reach: int) -> int:
+    """How many range blocks to search at a time."""
+    side = 2 * reach + 1
+    return max(64, _TOGETHER // (side * -(-side // _BAND)))
 
 
 def best_nearby(
@@ -23,23 +31,31 @@ def best_nearby(
     """
     lane_maxima, list_nearby = window_kernels(search.block)
     window = _window(pool, tuple(corner[part] for corner in corners), reach)
-    first_row, last_row = int(window[:, 0].min()), int(window[:, 1].max())
-    width = int((window[:, 3] - window[:, 2]).max())
-    if first_row >= last_row or width <= 0:
+    band, lanes = _bands(window, _BAND)
+    if not lanes.size:
         return np.empty((3, 0), np.int64)
-    band = max(16, -(-(last_row - first_row) // 32))
-    strips = -(-(last_row - first_row) // band)
-    lanes = np.zeros((strips, len(window), width + -width % GROUP), np.float32)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.ranges.codes[part], window, cap, first_row, band,
+        pool.planes, pool.norms, search.ranges.codes[part], window, cap, band,
         lanes, search.best[part],
     )  # fmt: skip
     which, y, x = listed(
         list_nearby, 3, pool.planes, pool.norms, search.ranges.codes[part], window, cap, lanes,
-        first_row, band, search.near(part, tolerance),
+        band, search.near(part, tolerance),
     )  # fmt: skip
     return which, y + pool.top, x
+
+
+def _bands(window: np.ndarray, band: int | None = None) -> tuple[int, np.ndarray]:
+    """How many rows of a ``window`` share their gains, ``band`` or a little more, all if None; and
+    the room for these gains, `lane_maxima`'s lanes: zeros, none where no window has a place."""
+    tall = int((window[:, 1] - window[:, 0]).max(initial=0))
+    wide = int((window[:, 3] - window[:, 2]).max(initial=0))
+    if min(tall, wide) <= 0:
+        return 1, np.zeros((0, len(window), 0), np.float32)
+    strips = 1 if band is None else max(1, tall // band)
+    band = -(-tall // strips)
+    return band, np.zeros((strips, len(window), wide + -wide % GROUP), np.float32)
 
 
 def best_correlations(
@@ -57,27 +73,34 @@ def best_correlations(
     """
     height, width = heights.shape
     rows, columns = height // block, width // block
-    cut = heights.reshape(rows, block, columns, block).swapaxes(1, 2)
-    flat_blocks = np.ascontiguousarray(cut, np.float32).reshape(rows * columns, block * block)
-    uniform = np.ptp(flat_blocks, axis=1) <= flat
+    cut = heights.reshape(rows, block, columns, block)
+    uniform = (_spread(cut, np.maximum) - _spread(cut, np.minimum)).ravel() <= flat
     (busy,) = np.nonzero(~uniform)
-    codes = d4_codes(flat_blocks[busy])
+    blocks = cut.swapaxes(1, 2).reshape(rows * columns, block * block)[busy]
+    codes = d4_codes(blocks.astype(np.float32, copy=False))
     corners = (busy // columns * block, busy % columns * block)
     gain = np.zeros(busy.size, np.float32)
     lane_maxima, _ = window_kernels(block)
     for pool in domain_pools(heights, block, domains, flat, exact=False):
-        for start in range(0, busy.size, NEARBY):
-            part = slice(start, start + NEARBY)
-            window = _window(pool, tuple(corner[part] for corner in corners), reach)
-            width = max(0, int((window[:, 3] - window[:, 2]).max()))
-            lanes = np.zeros((1, len(window), width + -width % GROUP), np.float32)
-            lane_maxima(
-                pool.planes, pool.norms, codes[part], window, UNCAPPED, 0, pool.shape[0],
-                lanes, gain[part],
-            )  # fmt: skip
+        window = _window(pool, corners, reach)
+        step = together(reach or max(height, width))
+        for part in (slice(k, k + step) for k in range(0, busy.size, step)):
+            band, lanes = _bands(window[part])
+            if lanes.size:
+                lane_maxima(
+                    pool.planes, pool.norms, codes[part], window[part], UNCAPPED, band,
+                    lanes, gain[part],
+                )  # fmt: skip
     rho2 = np.zeros(rows * columns, np.float32)
     rho2[busy] = np.clip(gain / np.einsum("nk,nk->n", codes, codes), 0, 1)
     return rho2, uniform
+
+
+def _spread(cut: np.ndarray, extreme: np.ufunc) -> np.ndarray:
+    """The ``extreme`` of each block of a map cut (rows, B, columns, B)."""
+    rows, _, columns, block = cut.shape
+    lines = extreme.reduce(cut.reshape(rows, block, columns * block), axis=1)  # along memory
+    return extreme.reduce(lines.reshape(rows, columns, block), axis=2)
 
 
 def pairs_compared(

@@ -96,6 +96,17 @@ def _facing(zones, pixels, least, sides):
 
 
 @kernel
+def _sides(zones, count, pixels, least):
+    """The pairs that `_facing` tells, (n, 2), of ``count`` zones."""
+    sides = np.empty((8 * count + 1024, 2), np.int32)  # one pass will do for most maps
+    number = _facing(zones, pixels, least, sides)
+    if number > sides.shape[0]:
+        sides = np.empty((number, 2), np.int32)
+        _facing(zones, pixels, least, sides)
+    return sides[:number]
+
+
+@kernel
 def _neighbour(a, facing, pixels, means, shared):
     """Of the zones that zone ``a`` is ``facing``, once a pixel side, the one to give it to; 0 if
     it faces none. ``shared`` is 0 throughout, before and after."""
@@ -123,9 +134,7 @@ def join_crumbs(heights, zones, count, least):
             a = np.uintp(zones[y, x])
             pixels[a] += 1
             total[a] += heights[y, x]
-    sides = np.empty((0, 2), np.int32)
-    sides = np.empty((_facing(zones, pixels, least, sides), 2), np.int32)
-    _facing(zones, pixels, least, sides)
+    sides = _sides(zones, count, pixels, least)
     parent = np.arange(count + 1).astype(np.int32)
     chosen, shared = np.zeros(count + 1, np.int64), np.zeros(count + 1, np.int64)
     starts, facing = np.empty(count + 2, np.int64), np.empty(2 * sides.shape[0], np.int32)
@@ -381,9 +390,7 @@ def level(heights, zones, count, step, roofs):
     medians = np.empty(count + 1, np.float32)
     for a in range(1, count + 1):
         medians[a] = _lower_median(by_zone[ends[a] - pixels[a] : ends[a]])
-    sides = np.empty((0, 2), np.int32)
-    sides = np.empty((_facing(zones, pixels, heights.size + 1, sides), 2), np.int32)
-    _facing(zones, pixels, heights.size + 1, sides)
+    sides = _sides(zones, count, pixels, heights.size + 1)
     parent = np.arange(count + 1).astype(np.int32)
     before, grown = parent.copy(), np.empty(count + 1, np.bool_)
     sizes, places = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)

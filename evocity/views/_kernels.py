@@ -1,0 +1,70 @@
+"""Compiled filters of height maps. Slow twins stand in tests/naive.py."""
+
+import numpy as np
+
+from evocity.accelerate import kernel
+
+
+@kernel
+def scharr(heights, scale, along_y, along_x):
+    """``along_y`` and ``along_x`` (H, W) get ``scale`` times the Scharr differences of ``heights``
+    (weights 3, 10, 3), edges repeated."""
+    rows, columns = heights.shape
+    three, ten = heights.dtype.type(3), heights.dtype.type(10)
+    level = np.empty(columns + 2, heights.dtype)
+    slope = np.empty(columns + 2, heights.dtype)
+    for y in range(rows):
+        above, here, below = heights[max(y - 1, 0)], heights[y], heights[min(y + 1, rows - 1)]
+        for x in range(columns):
+            level[x + 1] = three * (above[x] + below[x]) + ten * here[x]
+            slope[x + 1] = below[x] - above[x]
+        level[0], level[columns + 1] = level[1], level[columns]
+        slope[0], slope[columns + 1] = slope[1], slope[columns]
+        for x in range(columns):
+            along_x[y, x] = scale * (level[x + 2] - level[x])
+            along_y[y, x] = scale * (three * (slope[x] + slope[x + 2]) + ten * slope[x + 1])
+
+
+@kernel
+def smooth(fields, weights, smoothed):
+    """``smoothed`` (n, H, W) gets ``fields`` under a symmetric filter along both axes, edges
+    repeated; ``weights`` (r + 1,) are its middle one and those at distance 1…r.
+
+    Pixels at equal distance are added first, so a mirrored map has mirrored bits.
+    """
+    count, rows, columns = fields.shape
+    reach = weights.size - 1
+    line = np.empty(columns + 2 * reach, fields.dtype)
+    for f in range(count):
+        field = fields[f]
+        for y in range(rows):
+            middle = line[reach : reach + columns]
+            here = field[y]
+            for x in range(columns):
+                middle[x] = weights[0] * here[x]
+            for k in range(1, reach + 1):
+                above, below, weight = field[max(y - k, 0)], field[min(y + k, rows - 1)], weights[k]
+                for x in range(columns):
+                    middle[x] += weight * (above[x] + below[x])
+            line[:reach] = middle[0]
+            line[reach + columns :] = middle[columns - 1]
+            target = smoothed[f, y]
+            for x in range(columns):
+                target[x] = weights[0] * middle[x]
+            for k in range(1, reach + 1):
+                west, east = line[reach - k : reach - k + columns], line[reach + k :]
+                weight = weights[k]
+                for x in range(columns):
+                    target[x] += weight * (west[x] + east[x])
+
+
+@kernel
+def square(along_y, along_x, squared):
+    """``squared`` (2, H, W) gets real and imaginary part of (along_x + i along_y)²."""
+    rows, columns = along_y.shape
+    two = along_y.dtype.type(2)
+    for y in range(rows):
+        for x in range(columns):
+            down, across = along_y[y, x], along_x[y, x]
+            squared[0, y, x] = across * across - down * down
+            squared[1, y, x] = two * across * down
