@@ -34,54 +34,104 @@ def box_means(heights, tall, wide, means):
 
 
 @kernel
-def walks(top, left, side, y, x, tall, wide, layer, iso, affine, rows, columns, walk):
-    """walk[i], (n, 5), gets what each pixel of range block i is made from in the stack of box-mean
-    layers, maps of ``rows`` × ``columns``: the flat index where the range block begins, its side,
-    the flat index in the layers of what its first pixel is made from (-1 for a lifs without a
-    domain, layer < 0), and the steps there of a row down and of a column on.
+def shared_extents(dy, dx, side, least, tall, wide, layer):
+    """tall[i] and wide[i] get how many range blocks the domain block of lifs i measures; layer[i]
+    the number of that extent among those that at least so many lifs have, ``least``, or -1; also
+    for a lifs without a domain. Returns these extents, int64 ``(n, 2)``, in order."""
+    most = np.int64(0)
+    for i in range(side.size):
+        tall[i], wide[i] = dy[i] // side[i], dx[i] // side[i]
+        most = max(most, tall[i], wide[i])
+    counts = np.zeros((most + 1, most + 1), np.int64)
+    for i in range(side.size):
+        counts[tall[i], wide[i]] += 1
+    counts[0, 0] = 0
+    kinds, number = np.empty((counts.size, 2), np.int64), 0
+    for t in range(most + 1):
+        for w in range(most + 1):
+            shared = counts[t, w] >= least
+            counts[t, w] = number if shared else -1
+            if shared:
+                kinds[number, 0], kinds[number, 1] = t, w
+                number += 1
+    for i in range(side.size):
+        layer[i] = counts[tall[i], wide[i]]
+    return kinds[:number]
+
+
+@kernel
+def walks(which, top, left, side, y, x, tall, wide, layer, iso, affine, rows, columns, walk):
+    """walk[k], (m, 5), gets what the pixels of the range block of lifs which[k], which has a
+    domain, are made from in the stack of box-mean layers, maps of ``rows`` × ``columns``: the flat
+    index where the range block begins, its side, the flat index in the layers of what its first
+    pixel is made from, and the steps there of a row down and of a column on.
 
     ``side`` are the range blocks', ``tall`` and ``wide`` the pixels averaged into one; ``affine``
     (8, 6) tells where in its block an isometry takes each pixel from (`isometries.AFFINE`).
     """
-    for i in range(side.size):
-        walk[i, 0], walk[i, 1] = np.int64(top[i]) * columns + left[i], side[i]
-        if layer[i] < 0:
-            walk[i, 2] = -1
-            continue
+    for k in range(which.size):
+        i = which[k]
         t = affine[iso[i]]
         one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
         first = (np.int64(layer[i]) * rows + y[i]) * columns + x[i]
-        walk[i, 2] = first + (one * t[0] + two * t[1]) * (side[i] - 1)
-        walk[i, 3], walk[i, 4] = one * t[2] + two * t[3], one * t[4] + two * t[5]
+        walk[k, 0], walk[k, 1] = np.int64(top[i]) * columns + left[i], side[i]
+        walk[k, 2] = first + (one * t[0] + two * t[1]) * (side[i] - 1)
+        walk[k, 3], walk[k, 4] = one * t[2] + two * t[3], one * t[4] + two * t[5]
+
+
+@kernel
+def _lay_four(layers, place, east, slope, offset, target, at):
+    one, two = layers[np.uintp(place)], layers[np.uintp(place + east)]
+    three, four = layers[np.uintp(place + 2 * east)], layers[np.uintp(place + 3 * east)]
+    target[np.uintp(at)] = slope * one + offset
+    target[np.uintp(at + 1)] = slope * two + offset
+    target[np.uintp(at + 2)] = slope * three + offset
+    target[np.uintp(at + 3)] = slope * four + offset
 
 
 @kernel
 def lay_blocks(layers, walk, sigma, beta, columns, target):
-    """One step of the collage map W on the flat ``target``, a map of so many ``columns``, from the
-    flat ``layers``; see `walks`."""
+    """One step of the collage map W: the range blocks of ``walk`` (see `walks`) on the flat
+    ``target``, a map of so many ``columns``, from the flat ``layers``.
+
+    Range blocks of one side should follow each other: loops over few pixels cost as much as
+    guesses at how many there are. So the sides that are most frequent are written out.
+    """
     for i in range(sigma.size):
-        at, side, first, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
+        at, side, place, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
         slope, offset = sigma[i], beta[i]
-        for a in range(side):
-            place, line = first + south * a, at + columns * a
-            if first < 0:
+        if side == 2:
+            one, two = layers[np.uintp(place)], layers[np.uintp(place + east)]
+            place += south
+            three, four = layers[np.uintp(place)], layers[np.uintp(place + east)]
+            target[np.uintp(at)] = slope * one + offset
+            target[np.uintp(at + 1)] = slope * two + offset
+            target[np.uintp(at + columns)] = slope * three + offset
+            target[np.uintp(at + columns + 1)] = slope * four + offset
+        elif side == 4:
+            for a in range(4):
+                _lay_four(layers, place + south * a, east, slope, offset, target, at + columns * a)
+        elif side % 4 == 0:
+            for a in range(side):
+                for b in range(0, side, 4):
+                    start, line = place + south * a + east * b, at + columns * a + b
+                    _lay_four(layers, start, east, slope, offset, target, line)
+        else:
+            for a in range(side):
+                start, line = place + south * a, at + columns * a
                 for b in range(side):
-                    target[np.uintp(line + b)] = offset
-                continue
-            for b in range(side):
-                target[np.uintp(line + b)] = slope * layers[np.uintp(place + east * b)] + offset
+                    target[np.uintp(line + b)] = slope * layers[np.uintp(start + east * b)] + offset
 
 
 @kernel
 def gather_table(walk, columns, table):
     """table[p] = flat index, into the stack of box-mean layers, of the value that pixel p is made
-    from, see `walks`; 0 where its lifs has no domain, and so no σ. Maps are flat."""
+    from, see `walks`; what belongs to no lifs with a domain stays as it is. Maps are flat."""
     for i in range(walk.shape[0]):
         at, side, first, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
         for a in range(side):
             for b in range(side):
-                place = first + south * a + east * b if first >= 0 else 0
-                table[np.uintp(at + columns * a + b)] = place
+                table[np.uintp(at + columns * a + b)] = first + south * a + east * b
 
 
 @kernel

@@ -14,6 +14,7 @@ from evocity.coding._kernels import (
     gather_table,
     lay_blocks,
     scatter,
+    shared_extents,
     shrink_blocks,
     spread_blocks,
     spread_means,
@@ -74,27 +75,32 @@ class CollageMap:
             )
         self.pavement = zoomed_pavement(pavement, zoom)
         side = self.pavement.side
-        tall, wide = genome.dy // pavement.side, genome.dx // pavement.side
         top, left = self.pavement.corners
         y, down = zoomed_corner(genome.y, zoom)
         x, across = zoomed_corner(genome.x, zoom)
-        extents = [tall, wide]
-        if down.any() or across.any():
-            extents += [down, across]
-        self._kinds, layer = _common_shrinkings(extents, ~genome.uniform)
+        # One box mean of the whole map serves all lifs of one extent, but costs as much as some
+        # hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
+        tall, wide, layer = np.empty((3, len(pavement)), np.int64)
+        few, within = max(len(pavement) / 8, 1), zoom != 1 and (down.any() or across.any())
+        kinds = shared_extents(genome.dy, genome.dx, pavement.side, few, tall, wide, layer)
+        if within:  # of one extent, and begun at the same fractions of a pixel
+            kinds, layer = _common_kinds([tall, wide, down, across], ~genome.uniform, few)
+        self._kinds = [(int(t), int(w), *shift) for t, w, *shift in kinds]
         # domain blocks of rare extents are shrunk one by one, each at its range block's place
         (rare,) = np.nonzero((layer < 0) & ~genome.uniform)
         corners = (top[rare], left[rare], y[rare], x[rare])
         self._rare = [(None, (*corners, tall[rare], wide[rare], side[rare]))]
-        if len(extents) > 2:
+        if within:
             self._rare = _within_pixels(self.pavement, *self._rare[0][1], down, across, rare)
         layer[rare] = len(self._kinds)
         y[rare], x[rare], tall[rare], wide[rare] = top[rare], left[rare], 1, 1
         count = len(self._kinds) + (rare.size > 0)
         self._layers = np.zeros((max(count, 1), *self.shape), dtype)
         reads = (y, x, tall, wide, layer, genome.iso)
-        self._walk = np.empty((len(pavement), 5), np.int64)
-        walks(top, left, side, *reads, isometries.AFFINE, *self.shape, self._walk)
+        (which,) = np.nonzero(layer >= 0)
+        self._which = which[np.argsort(side[which].astype(np.int16), kind="stable")]
+        self._walk = np.empty((which.size, 5), np.int64)
+        walks(self._which, top, left, side, *reads, isometries.AFFINE, *self.shape, self._walk)
         layer = genome.condensation
         self._kept = None if layer is None else layer.resampled(*self.shape)
         self._held = None if self._kept is None else np.flatnonzero(self._kept.mask)
@@ -112,7 +118,7 @@ class CollageMap:
     @property
     def flat_start(self) -> np.ndarray:
         """The β of every block, and what is condensed: what W makes of bare ground."""
-        return self._condensed(self.pavement.raster(self._beta))
+        return self._flat.copy()
 
     def _condensed(self, heights: np.ndarray) -> np.ndarray:
         """``heights``, with what is condensed laid in them."""
@@ -129,7 +135,9 @@ class CollageMap:
 
     def _recode(self, sigma: np.ndarray, beta: np.ndarray) -> None:
         kind = self._layers.dtype
-        self._sigma, self._beta = (np.ascontiguousarray(one, kind) for one in (sigma, beta))
+        self._sigma, beta = np.asarray(sigma, kind), np.asarray(beta, kind)
+        self._slopes, self._offsets = self._sigma[self._which], beta[self._which]
+        self._flat = self._condensed(self.pavement.raster(beta))
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
@@ -143,8 +151,9 @@ class CollageMap:
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
         self._shrink_rare(heights)
+        target[:] = self._flat
         layers, columns = self._layers.ravel(), self.shape[1]
-        lay_blocks(layers, self._walk, self._sigma, self._beta, columns, target.ravel())
+        lay_blocks(layers, self._walk, self._slopes, self._offsets, columns, target.ravel())
         self._condensed(target)  # whatever the lifs say
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
@@ -165,8 +174,9 @@ class CollageMap:
 
     @cached_property
     def _table(self) -> np.ndarray:
-        """Int32 ``(H, W)``: which place of the layers each pixel is made from."""
-        table = np.empty(self.shape, np.int32)
+        """Int32 ``(H, W)``: which place of the layers each pixel is made from; 0 without a domain,
+        and so without σ."""
+        table = np.zeros(self.shape, np.int32)
         gather_table(self._walk, self.shape[1], table.ravel())
         return table
 
@@ -240,14 +250,15 @@ def decode(
             f"{collage.shape}, the size of the decoded map",
             "leave start out, or give it that shape",
         )
-    if start is None and not np.abs(heights).max() < SKY:
+    within = np.abs(heights).max() < SKY
+    if start is None and not within:
         worst = int(np.argmax(np.abs(np.nan_to_num(genome.beta, nan=np.inf))))
         raise GenomeError(
             f"β = {genome.beta[worst]:.3g} m in lifs {worst}",
             f"heights below {SKY:g} m",
             "correct the lifs: so high is no roof",
         )
-    if not np.abs(heights).max() < SKY:
+    if not within:
         raise GenomeError(
             f"a start of heights {heights.min():.3g}…{heights.max():.3g} m",
             f"finite heights, below {SKY:g} m",
@@ -279,31 +290,16 @@ def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) ->
     return CityMap(roofs, pixel, **described)
 
 
-def _common_shrinkings(
-    extents: list[np.ndarray], able: np.ndarray
-) -> tuple[list[tuple[float, ...]], np.ndarray]:
-    """The extents, in range blocks (and fractions of a pixel at which domain blocks begin, if
-    given), that many of the ``able`` lifs share, and for each lifs which of them is its own, −1
-    for none.
-
-    One box mean of the whole map serves all lifs of one extent, but costs as much as some
-    hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
-    """
-    if len(extents) == 2:  # small whole numbers: counted, not sorted
-        tall, wide = extents
-        most = int(wide.max(initial=0)) + 1
-        which = tall.astype(np.int64) * most + wide
-        counts = np.bincount(which)
-        counts[0] = 0  # uniform lifs
-        kinds = np.stack(np.divmod(np.arange(counts.size), most))
-    else:
-        kinds, which = np.unique(np.stack(extents), axis=1, return_inverse=True)
-        counts = np.bincount(which[able], minlength=kinds.shape[1])
-    (common,) = np.nonzero(counts >= max(able.size / 8, 1))
-    place = np.full(counts.size, -1, np.int64)
+def _common_kinds(
+    terms: list[np.ndarray], able: np.ndarray, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The combinations of ``terms`` that at least so many of the ``able`` lifs share, a row each,
+    and for each lifs which of them is its own, −1 for none."""
+    kinds, which = np.unique(np.stack(terms), axis=1, return_inverse=True)
+    (common,) = np.nonzero(np.bincount(which[able], minlength=kinds.shape[1]) >= least)
+    place = np.full(kinds.shape[1], -1, np.int64)
     place[common] = np.arange(common.size)
-    layer = np.where(able, place[which], -1)
-    return [(int(t), int(w), *shift) for t, w, *shift in kinds[:, common].T], layer
+    return kinds[:, common].T, np.where(able, place[which], -1)
 
 
 def _shift(layer: np.ndarray, down: float = 0, across: float = 0) -> None:

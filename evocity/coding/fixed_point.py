@@ -18,17 +18,23 @@ class FixedPoint:
     """What an iteration came to.
 
     values : ``(H, W)``, where it ended.
-    moves : ``(H, W)``, how far each pixel moved in the last step.
+    before : ``(H, W)``, where it was a step before.
     steps : how many were made.
     settled : whether no pixel moved by more than the tolerance.
     lost : whether a pixel moved as far as the sky, or to no number at all.
     """
 
     values: np.ndarray
-    moves: np.ndarray
+    before: np.ndarray
     steps: int
     settled: bool
     lost: bool
+
+    @property
+    def moves(self) -> np.ndarray:
+        """``(H, W)``: how far each pixel moved in the last step."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.abs(self.values - self.before)
 
     @property
     def change(self) -> float:
@@ -59,6 +65,4 @@ def fixed_point(
         steps += 1
         whole = steps % _LOOKED_FOR == 0 or steps == most
         unsettled, lost = moved(before.ravel(), values.ravel(), *limits, whole)
-    with np.errstate(invalid="ignore", over="ignore"):
-        moves = np.abs(values - before)
-    return FixedPoint(values, moves, steps, not unsettled, bool(lost))
+    return FixedPoint(values, before, steps, not unsettled, bool(lost))

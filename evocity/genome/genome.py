@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -144,6 +145,10 @@ class Genome:
 
     def replace(self, **changes) -> "Genome":
         """A new genome with some fields changed, checked as at construction."""
+        if changes.keys() == {"made"}:  # nothing to check, nothing to copy
+            other = copy(self)
+            object.__setattr__(other, "made", dict(changes["made"]))
+            return other
         fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return Genome(**(fields | changes))
 

@@ -205,7 +205,7 @@ def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) ->
         )
     found = found[:, :count]
     found = found[:, np.argsort(found[0] * width + found[1])]
-    pavement = Pavement(height, width, found[2])
+    pavement = _paved(height, width, found[2], pavements)
     whose, lifs, iso = found[3], found[4], found[7].astype(np.uint8)
     pointers, common = descended(genomes)
     columns = {}
@@ -221,6 +221,14 @@ def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) ->
         columns |= _laid_turned(columns, found, pavement, pavements, iso, carried)
     child = genomes[0].replace(pavement=pavement, **columns, **common)
     return Laid(child, whose, lifs)
+
+
+def _paved(height: int, width: int, side: np.ndarray, known: Sequence[Pavement]) -> Pavement:
+    """The pavement of range blocks of these sides; one of the ``known`` if that is it."""
+    for one in known:
+        if (one.height, one.width) == (height, width) and np.array_equal(one.side, side):
+            return one
+    return Pavement(height, width, side)
 
 
 def _part(genome: Genome, lifs, down, along, side) -> dict[str, np.ndarray]:

@@ -79,6 +79,17 @@ class Fabric:
     def adopt(
         self, genome: Genome, header, locked: Condensation | None, made: Mapping | None = None
     ) -> Genome:
+        made = genome.made if made is None else made
+        told = (genome.cities, genome.sigma_max, genome.attribution, genome.origin, genome.crs)
+        same = told == (
+            header.cities,
+            header.sigma_max,
+            header.attribution,
+            header.origin,
+            header.crs,
+        )
+        if same and genome.settle == header.settle and genome.condensation is locked:
+            return genome.replace(made=made)
         lookup = np.array([header.cities.index(city) for city in genome.cities], dtype=np.uint8)
         return genome.replace(
             parent=lookup[genome.parent],
@@ -89,7 +100,7 @@ class Fabric:
             origin=header.origin,
             crs=header.crs,
             condensation=locked,
-            made=genome.made if made is None else made,
+            made=made,
             settle=header.settle,
         )
 

@@ -108,7 +108,8 @@ class _Matching:
         for side in np.unique(pavement.side[which]).tolist():
             found = which[pavement.side[which] == side]
             if side not in self._pools:
-                self._pools[side] = list(domain_pools(self._intended, side, self._domains))
+                pools = domain_pools(self._intended, side, self._domains, exact=False)
+                self._pools[side] = list(pools)
             corners = tuple(corner[found] for corner in pavement.corners)
             blocks = pavement.squares(self._intended, found, side)
             matches = best_matches(self._pools[side], blocks, corners, **self._asked)

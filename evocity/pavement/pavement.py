@@ -1,7 +1,7 @@
 """`Pavement`: squares that tile a map, the range blocks."""
 
 from collections.abc import Iterable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -95,8 +95,9 @@ class Pavement:
         return hash((self.height, self.width, self._block, len(self)))
 
     def __reduce__(self):
-        sides = self._block if self.uniform else self.side.astype(np.int16)
-        return Pavement, (self.height, self.width, sides)
+        if self.uniform:
+            return _uniform, (self.height, self.width, self._block)
+        return Pavement, (self.height, self.width, self.side.astype(np.int16))
 
     @property
     def uniform(self) -> bool:
@@ -207,6 +208,12 @@ class Pavement:
         for side, which in self.levels.items():
             maxima[which] = self.blocks(raster, side).max(axis=(1, 2))
         return maxima
+
+
+@lru_cache(maxsize=8)
+def _uniform(height: int, width: int, block: int) -> Pavement:
+    """One object for all genomes that come from another process: what it caches is known then."""
+    return Pavement(height, width, block)
 
 
 def _check_uniform(height: int, width: int, block: int) -> None:

@@ -186,7 +186,7 @@ def _sweep(search: Search, ready, corners, reach: int | None, crew: Crew, act, t
     """``act(pool, part, which, y, x)`` on the domains that may be the best of a chunk of range
     blocks, or within the ``tolerance`` of it: yields (pool, part, what it returned) in order.
     """
-    count, most = len(search.ranges.codes), CHUNK if reach is None else together(reach)
+    count, most = len(search.codes), CHUNK if reach is None else together(reach)
     step = max(1, min(most, -(-count // crew.threads)))
     parts = [slice(k, min(k + step, count)) for k in range(0, count, step)]
     whole, few = slice(0, count), reach is None and count < FEW

@@ -28,6 +28,7 @@ class DomainPool:
         whole map.
     top, rows : the map row where the band begins, and how many.
     least : blocks of no more energy, m², count as flat.
+    exact : whether blocks are folded in float64, or in float32.
     """
 
     multiple: int
@@ -36,6 +37,7 @@ class DomainPool:
     top: int
     rows: int
     least: np.float32
+    exact: bool = True
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -70,7 +72,10 @@ class DomainPool:
         planes = np.empty((rows, block * block, columns + LANES), np.float32)
         norms = np.empty((rows, columns + LANES), np.float32)
         planes[:, :, columns:] = norms[:, columns:] = 0
-        ones, band = d4_ones(block).astype(self.shrunk.dtype), self.shrunk[self.top :]
+        kind = np.float64 if self.exact else np.float32
+        band = self.shrunk[self.top : self.top + rows + self.multiple * (block - 1)]
+        band = band.astype(kind, copy=False)
+        ones = d4_ones(block).astype(kind)
         fold(band, self.multiple, d4_slots(block), ones, self.least, planes, norms)
         return planes, norms
 
@@ -102,11 +107,9 @@ def domain_pools(
             continue
         shrunk = np.empty((height - multiple + 1, width - multiple + 1))
         box_means(heights.astype(np.float64), multiple, multiple, shrunk)
-        if not exact:
-            shrunk = shrunk.astype(np.float32)
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
-            yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least)
+            yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least, exact)
 
 
 def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:

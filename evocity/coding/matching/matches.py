@@ -1,6 +1,7 @@
 """The best domain block of each range block, decided in float64 however it was found."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,7 +45,8 @@ class Matches:
 class Search:
     """What is known of n range blocks ``(n, B²)`` while pool after pool goes by.
 
-    ranges : D4 coordinates of the blocks made zero-mean, and their norms.
+    codes : float32 ``(n, B²)``, D4 coordinates of the blocks made zero-mean, m.
+    ranges : the same with the norms of their parts.
     energy : float64 ``(n,)``, ‖r̃‖², m².
     best : float32 ``(n,)``, the largest gain so far.
     unsure : float32 ``(n,)``, how far that may be off.
@@ -55,14 +57,17 @@ class Search:
         self.block, self.cap = int(np.sqrt(pixels)), float(np.float32(sigma_max))
         self.centred = flat - flat.mean(axis=1, keepdims=True)
         self.energy = np.einsum("nk,nk->n", self.centred, self.centred)
-        codes = d4_codes(self.centred.astype(np.float32))
-        self.ranges = RangeCodes.of(codes)
+        self.codes = d4_codes(self.centred.astype(np.float32))
         self.unsure = (UNSURE * max(1, self.block / _SIDE) * self.energy).astype(np.float32)
         self.best = np.zeros(count, np.float32)
         self.records = np.zeros((count, _ROOM))
         self.places = np.zeros((count, _ROOM), np.int64)
         self.count = np.zeros(count, np.int64)
         self.shrunk: dict[int, np.ndarray] = {}
+
+    @cached_property
+    def ranges(self) -> RangeCodes:
+        return RangeCodes.of(self.codes)
 
     def near(self, part: slice, tolerance: float = 0.0) -> np.ndarray:
         """Float32 gains from which on a domain may be the best of its range block, or within

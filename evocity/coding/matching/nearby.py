@@ -36,11 +36,11 @@ def best_nearby(
         return np.empty((3, 0), np.int64)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.ranges.codes[part], window, cap, band,
+        pool.planes, pool.norms, search.codes[part], window, cap, band,
         lanes, search.best[part],
     )  # fmt: skip
     which, y, x = listed(
-        list_nearby, 3, pool.planes, pool.norms, search.ranges.codes[part], window, cap, lanes,
+        list_nearby, 3, pool.planes, pool.norms, search.codes[part], window, cap, lanes,
         band, search.near(part, tolerance),
     )  # fmt: skip
     return which, y + pool.top, x
