@@ -217,23 +217,27 @@ def fill_courts(region, count, inside, columns):
 
 
 @kernel
-def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
-    """Grow the blocks ``seed`` over every building of ``donor`` that they touch, over every
-    building standing on the map of which they would take a part so large that more than the
-    share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
-    these enclose, until there is none.
+def _room(blocks, buildings):
+    """What `_grown` works in: the region, which blocks are in it, which buildings were brought in
+    whole, how many pixels of each are hit, and lists of these two."""
+    region, inside = np.empty(blocks, np.int64), np.zeros(blocks, np.bool_)
+    brought, hit = np.zeros(buildings, np.bool_), np.zeros(buildings, np.int64)
+    return (
+        region,
+        inside,
+        brought,
+        hit,
+        np.empty(buildings, np.int64),
+        np.empty(buildings, np.int64),
+    )
 
-    ``buildings`` are `evocity.operators.footings.Footings`; there are ``columns`` blocks a row;
-    ``owner`` says whose each block is now, ``standing`` how many pixels of each building stand
-    now. Returns the region's blocks, none if it grows beyond ``limit`` of them, and how many
-    buildings of ``donor`` it holds.
-    """
+
+@kernel
+def _spread(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room):
+    """`_grown` without clearing up: how many blocks, how many buildings of the donor, how many of
+    both lists are used. More blocks than ``limit``, or none, for a region that is refused."""
     starts, labels, pixels, spans, places, whose, whole = buildings
-    region = np.empty(owner.size, np.int64)
-    inside = np.zeros(owner.size, np.bool_)
-    brought = np.zeros(whole.size, np.bool_)
-    hit = np.zeros(whole.size, np.int64)
-    struck = np.empty(whole.size, np.int64)
+    region, inside, brought, hit, struck, fetched = room
     count, done, touched, held = 0, 0, 0, 0
     for b in seed:
         if not inside[b]:
@@ -250,10 +254,11 @@ def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
                 one = labels[k]
                 if brought[one]:
                     continue
-                if spans[one + 1] - spans[one] > limit:
-                    return region[:0].copy(), 0
                 brought[one] = True
+                fetched[held] = one
                 held += 1
+                if spans[one + 1] - spans[one] > limit:
+                    return limit + 1, count, held, touched
                 for q in range(spans[one], spans[one + 1]):
                     if not inside[places[q]]:
                         inside[places[q]] = True
@@ -281,10 +286,42 @@ def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
                     region[count] = b
                     count += 1
                 if count > limit:
-                    return region[:0].copy(), 0
+                    return count, count, held, touched
         if before == count <= limit:
             count = fill_courts(region, count, inside, columns)
-    return (region[:count].copy(), held) if count <= limit else (region[:0].copy(), 0)
+    return count, count, held, touched
+
+
+@kernel
+def _grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room):
+    """`grown` in a `_room`, which is left as it came."""
+    region, inside, brought, hit, struck, fetched = room
+    found, count, held, touched = _spread(
+        seed, columns, owner, donor, buildings, standing, kept, cut, limit, room
+    )
+    for k in range(count):
+        inside[region[k]] = False
+    for k in range(held):
+        brought[fetched[k]] = False
+    for k in range(touched):
+        hit[struck[k]] = 0
+    return (region[:count], held) if found <= limit else (region[:0], 0)
+
+
+@kernel
+def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
+    """Grow the blocks ``seed`` over every building of ``donor`` that they touch, over every
+    building standing on the map of which they would take a part so large that more than the
+    share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
+    these enclose, until there is none.
+
+    ``buildings`` are `evocity.operators.footings.Footings`; there are ``columns`` blocks a row;
+    ``owner`` says whose each block is now, ``standing`` how many pixels of each building stand
+    now. Returns the region's blocks, none if it grows beyond ``limit`` of them, and how many
+    buildings of ``donor`` it holds.
+    """
+    room = _room(owner.size, standing.size)
+    return _grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room)
 
 
 @kernel
@@ -306,7 +343,7 @@ def inject_regions(
     for value in whose:
         if value == donor:
             bare = False
-    seed = np.empty(size * size, np.int64)
+    seed, room = np.empty(size * size, np.int64), _room(blocks, standing.size)
     here = np.zeros(2, np.int64)
     for m in range(len(corners)):
         if owned >= least:
@@ -319,7 +356,9 @@ def inject_regions(
                 gained += owner[b] != donor
         if gained == 0 or owned + gained > most:
             continue
-        region, held = grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit)
+        region, held = _grown(
+            seed, columns, owner, donor, buildings, standing, kept, cut, limit, room
+        )
         gained = 0
         for b in region:
             gained += owner[b] != donor

@@ -16,6 +16,8 @@ from evocity.operators.grid import in_cells, side_checks
 from evocity.operators.parameters import Check
 from evocity.operators.pavement_fusion import PavementFusion
 
+#: Regions that cut nothing come first, then those that cut up to so much of what they may.
+_STAGES = (0.0, 0.5, 1.0)
 #: The largest region unless told, m².
 _AREA = 25_600.0
 
@@ -38,9 +40,9 @@ class RegionFusion(PavementFusion):
     fill, margin, void, places : as in `PavementFusion`. Dense fabric, whose buildings are
         as large as the map, takes few regions: see ``made["fill_reached"]``.
     tolerance : S, metres, along a region's outline.
-    cut : share of a standing building that regions may take away while the rest stays, 0…1.
-        0 leaves every building of the child whole; 1 grows over the donor's buildings alone,
-        and over those injected before.
+    cut : share of a standing building that regions may take away while the rest stays, 0…1; at
+        each size those that take least are tried first. 0 leaves every building of the child
+        whole; 1 grows over the donor's buildings alone, and over those injected before.
     area_max : regions that grow beyond this are refused, m²; None for 25 600.
     limit, size_min, size_max, positions : the same in range blocks, of uniform pavements;
         deprecated.
@@ -87,22 +89,25 @@ class RegionFusion(PavementFusion):
             corners = np.stack(
                 self._candidates(grid, parents[0].metres_per_pixel, size, rng), axis=1
             )
-            inject_regions(
-                current,
-                maps[donor],
-                owner,
-                donor,
-                size,
-                corners[: self.tries],
-                grid.columns,
-                buildings,
-                standing,
-                kept,
-                self.tolerance,
-                self.cut,
-                limit,
-                (shares[donor] - margin) * owner.size if margin < shares[donor] else 0,
-                (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0,
-            )
+            least = (shares[donor] - margin) * owner.size if margin < shares[donor] else 0
+            most = (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0
+            for share in _STAGES if self.cut else (1.0,):
+                inject_regions(
+                    current,
+                    maps[donor],
+                    owner,
+                    donor,
+                    size,
+                    corners[: self.tries],
+                    grid.columns,
+                    buildings,
+                    standing,
+                    kept,
+                    self.tolerance,
+                    share * self.cut,
+                    limit,
+                    least,
+                    most,
+                )
             margin *= 0.8
         return owner, grid.raster(current)

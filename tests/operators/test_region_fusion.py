@@ -148,7 +148,7 @@ def test_standing_buildings_lose_the_cut_at_most(cut):
     labels = decode(parents[0]).city.labels
     lost = []
     for seed in range(6):
-        operator = RegionFusion(cut=cut, tolerance=1000.0, fill=0.3, margin=0.02)
+        operator = RegionFusion(cut=cut, tolerance=1000.0, fill=0.5, limit=60)
         owner = owner_of(operator(parents, np.random.default_rng(seed)), parents)
         stands = parents[0].pavement.raster(owner == 0)
         share = 1 - np.bincount(labels[stands], minlength=labels.max() + 1) / np.bincount(
