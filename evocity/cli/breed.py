@@ -14,6 +14,7 @@ from evocity.cli.common import (
     writing,
 )
 from evocity.cli.encode import check_no_map_name
+from evocity.cli.given import ids_option
 from evocity.cli.parents import parent_options, parents_of
 from evocity.cli.settings import settings_of, settings_option
 from evocity.errors import OperatorError
@@ -38,14 +39,8 @@ Examples:
     help="Seed of all random draws: the same seed makes the same child.",
 )
 @settings_option("the operator's own")
-@click.option(
-    "--id",
-    "identifiers",
-    type=int,
-    multiple=True,
-    metavar="N",
-    show_default="none",
-    help="Which individual of a run folder. Give it once for each run among the parents, in order.",
+@ids_option(
+    "Which individual of a run folder. Give it once for each run among the parents, in order."
 )
 @parent_options
 @json_option

@@ -21,6 +21,19 @@ id_option = click.option(
 )
 
 
+def ids_option(told: str):
+    """The option ``--id`` of a command that takes several runs; ``told`` is its help."""
+    return click.option(
+        "--id",
+        "identifiers",
+        type=int,
+        multiple=True,
+        metavar="N",
+        show_default="none",
+        help=told,
+    )
+
+
 def is_genome(source: str) -> bool:
     """Whether a file is meant to be a genome: Parquet by its name or by its first bytes."""
     path = Path(source)

@@ -16,6 +16,7 @@ from evocity.cli.common import (
     progress_bar,
     writing,
 )
+from evocity.cli.given import ids_option
 from evocity.cli.parents import parent_options, parents_of
 from evocity.errors import EvocityError
 
@@ -141,15 +142,7 @@ Examples:
     is_flag=True,
     help="Turn and mirror no group: streets keep their directions.",
 )
-@click.option(
-    "--id",
-    "identifiers",
-    type=int,
-    multiple=True,
-    metavar="N",
-    show_default="none",
-    help="Of a run folder: which individual. Once for each run among the genomes, in order.",
-)
+@ids_option("Of a run folder: which individual. Once for each run among the genomes, in order.")
 @parent_options
 @json_option
 def grow(

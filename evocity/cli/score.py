@@ -19,7 +19,7 @@ from evocity.cli.common import (
     quiet_stdout,
     warn,
 )
-from evocity.cli.given import case_of, city_of, is_genome, is_run, measures_of
+from evocity.cli.given import case_of, city_of, ids_option, is_genome, is_run, measures_of
 from evocity.errors import EvocityError
 
 
@@ -35,15 +35,9 @@ Examples:
 `evocity fitness new` begins a measure of your own."""
 )
 @click.argument("maps", metavar="MAP|GENOME|RUN...", nargs=-1, required=True)
-@click.option(
-    "--id",
-    "identifiers",
-    type=int,
-    multiple=True,
-    metavar="N",
-    show_default="none",
-    help="Which individual of a run folder, by the number its report and `status` give it. One run "
-    "takes several; among several maps, give it once for each run, in order.",
+@ids_option(
+    "Which individual of a run folder, by the number its report and `status` give it. One run "
+    "takes several; among several maps, give it once for each run, in order."
 )
 @click.option(
     "--fitness",

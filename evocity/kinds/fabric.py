@@ -66,43 +66,20 @@ class Fabric:
             pavement,
             **arrays,
             metres_per_pixel=header.metres_per_pixel,
-            cities=header.cities,
-            sigma_max=header.sigma_max,
-            attribution=header.attribution,
-            origin=header.origin,
-            crs=header.crs,
             made=made,
-            condensation=locked,
-            settle=header.settle,
+            **_common(header, locked),
         )
 
     def adopt(
         self, genome: Genome, header, locked: Condensation | None, made: Mapping | None = None
     ) -> Genome:
         made = genome.made if made is None else made
-        told = (genome.cities, genome.sigma_max, genome.attribution, genome.origin, genome.crs)
-        same = told == (
-            header.cities,
-            header.sigma_max,
-            header.attribution,
-            header.origin,
-            header.crs,
-        )
-        if same and genome.settle == header.settle and genome.condensation is locked:
+        common = _common(header, locked)
+        if all(getattr(genome, key) == value for key, value in common.items()):
             return genome.replace(made=made)
         lookup = np.array([header.cities.index(city) for city in genome.cities], dtype=np.uint8)
-        return genome.replace(
-            parent=lookup[genome.parent],
-            other=lookup[genome.other],
-            cities=header.cities,
-            sigma_max=header.sigma_max,
-            attribution=header.attribution,
-            origin=header.origin,
-            crs=header.crs,
-            condensation=locked,
-            made=made,
-            settle=header.settle,
-        )
+        pointers = {"parent": lookup[genome.parent], "other": lookup[genome.other]}
+        return genome.replace(**pointers, **common, made=made)
 
     def faults(self, child, header) -> dict[str, str]:
         if not isinstance(child, Genome):
@@ -139,6 +116,12 @@ class Fabric:
         if not decoding.converged:
             return Expressed(None, f"decoding did not converge: still {decoding.change:.3g} m")
         return Expressed(decoding.city)
+
+
+def _common(header, locked: Condensation | None) -> dict:
+    """What all genomes of a run have alike."""
+    told = ("cities", "sigma_max", "attribution", "origin", "crs", "settle")
+    return {name: getattr(header, name) for name in told} | {"condensation": locked}
 
 
 def _type(name: str) -> pa.DataType:

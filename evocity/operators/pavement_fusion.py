@@ -145,18 +145,25 @@ class PavementFusion(Drafting):
         turns = -(-(count - 1) // len(sizes))
         return [size for size in sizes for _ in range(turns)]
 
-    def _candidates(self, grid, pixel, size, rng) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of macro-blocks that fit, as contiguous rows and columns, in cells."""
+    def _candidates(
+        self, grid, pixel, size, rng, most: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of macro-blocks that fit, ``most`` of them if given, as contiguous rows and
+        columns, in cells."""
         high, wide = grid.rows - size + 1, grid.columns - size + 1
         if self.positions is None and self.places is None:
-            return np.divmod(rng.permutation(high * wide), wide)
+            if most is None:
+                return np.divmod(rng.permutation(high * wide), wide)
+            few = rng.choice(high * wide, min(most, high * wide), replace=False)
+            return np.divmod(few, wide)
         if self.places is None:
             given = np.array(self.positions, np.int64).reshape(-1, 2)
         else:
             metres = np.array(self.places, float).reshape(-1, 2)
             given = np.rint(metres / (grid.block * pixel)).astype(np.int64)
         fits = (given >= 0).all(axis=1) & (given[:, 0] < high) & (given[:, 1] < wide)
-        return given[fits, 0].copy(), given[fits, 1].copy()
+        given = given[fits][:most]
+        return given[:, 0].copy(), given[:, 1].copy()
 
 
 def _are_places(places) -> bool:

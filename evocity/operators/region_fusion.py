@@ -86,9 +86,8 @@ class RegionFusion(PavementFusion):
         kept = np.zeros(standing.size, bool)
         for size in self._sizes(grid, *sizes, len(parents)):
             donor = (donor + 1) % len(parents)
-            corners = np.stack(
-                self._candidates(grid, parents[0].metres_per_pixel, size, rng), axis=1
-            )
+            pixel = parents[0].metres_per_pixel
+            corners = np.stack(self._candidates(grid, pixel, size, rng, self.tries), axis=1)
             least = (shares[donor] - margin) * owner.size if margin < shares[donor] else 0
             most = (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0
             for share in _STAGES if self.cut else (1.0,):
@@ -98,7 +97,7 @@ class RegionFusion(PavementFusion):
                     owner,
                     donor,
                     size,
-                    corners[: self.tries],
+                    corners,
                     grid.columns,
                     buildings,
                     standing,

@@ -24,16 +24,6 @@ from evocity.growth.lattice import CROSSING, EAST, INSIDE, SOUTH, TILE, Lattice
 RNG = np.random.default_rng
 
 
-@pytest.fixture(scope="module")
-def code():
-    return uniformly(draw_town(1, side=96, buildings=90)).genome
-
-
-@pytest.fixture(scope="module")
-def fabric(code):
-    return grow(code, 200, 264, RNG(5))
-
-
 # -- a function of seed and place -------------------------------------------------------------
 
 

@@ -17,16 +17,6 @@ from evocity.growth.lifs import lifs_laid
 RNG = np.random.default_rng
 
 
-@pytest.fixture(scope="module")
-def code():
-    return uniformly(draw_town(1, side=96, buildings=90)).genome
-
-
-@pytest.fixture(scope="module")
-def fabric(code):
-    return grow(code, 200, 264, RNG(5))
-
-
 def test_a_fabric_of_the_original_size_is_the_original(code):
     same = grow(code, 96, 96, RNG(0))
     assert same.genome() == code

@@ -1,5 +1,6 @@
 """Laws every operator obeys on leaves of many sides, alone or with blocks of one side."""
 
+import dataclasses
 from functools import cache
 
 import naive
@@ -9,6 +10,7 @@ from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_breeding_laws import MOVING, parents_for
+from test_breeding_laws import VARIANTS as IN_BLOCKS
 from towns import draw_town
 
 from evocity.coding import decode, encode
@@ -17,54 +19,29 @@ from evocity.errors import OperatorError
 from evocity.genome import Genome, merged, refined, unpacked
 from evocity.operators import (
     OPERATORS,
-    AsymmetricFusion,
-    BlockExchange,
     DirectFusion,
-    GeneCopy,
-    GeneExchange,
     Interpolation,
     LambdaCrossover,
     Mutation,
     PavementFusion,
     RegionFusion,
-    Relocation,
-    SymmetricFusion,
     make,
 )
-from evocity.operators.grid import common_grid
+from evocity.operators.grid import METRES, common_grid
 from evocity.operators.pavement_fusion import VOID
 from evocity.pavement import Pavement, common_refinement
 
-#: Each operator with and without repair; sizes in metres, so that they mean the same on any grid.
-VARIANTS = [
-    PavementFusion(),
-    PavementFusion(repair=None, side_min=8, tolerance=100),
-    PavementFusion(void=True, fill=(0.3, 0.3, 0.4)),
-    LambdaCrossover(),
-    LambdaCrossover(blend=1.0, grain_side=8, repair=None),
-    LambdaCrossover(blend=0.3, share=0.7),
-    RegionFusion(),
-    RegionFusion(repair=None, cut=1.0, tolerance=100),
-    DirectFusion(),
-    DirectFusion(fill=0.2, repair=None),
-    AsymmetricFusion(),
-    AsymmetricFusion(isometries=True, repair=None),
-    SymmetricFusion(),
-    SymmetricFusion(choose=False, share=0.3, isometries=True, repair=None),
-    Interpolation(),
-    Interpolation(share=0.8, repair=None),
-    Interpolation(stepwise=True),
-    GeneCopy(rate=0.5),
-    GeneCopy(rate=1.0, group_side=8, tolerance=None, repair=None),
-    GeneExchange(rate=0.5),
-    GeneExchange(rate=1.0, group_side=8, tolerance=None, repair=None),
-    BlockExchange(),
-    BlockExchange(count=9, tolerance=None, repair=None),
-    Relocation(),
-    Relocation(mode="copy", shape="square", tolerance=None, repair=None),
-    Mutation(),
-    Mutation(group_side=8, sigma=1, beta=1, x=1, y=1, dx=1, dy=1, iso=1, repair=None, move=80),
-]
+
+def in_metres(operator):
+    """The operator with its sizes, told in range blocks of 4 px at 2 m, in metres: so that they
+    mean the same on any grid."""
+    given = {key: getattr(operator, key, None) for key in METRES}
+    given = {key: size for key, size in given.items() if size is not None}
+    metric = {METRES[key]: 8.0 * size for key, size in given.items()}
+    return dataclasses.replace(operator, **dict.fromkeys(given), **metric)
+
+
+VARIANTS = [in_metres(operator) for operator in IN_BLOCKS]
 #: Which partitions the parents have.
 PAIRS = ("leaves", "leaves and blocks", "blocks and leaves")
 

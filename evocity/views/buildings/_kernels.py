@@ -78,21 +78,20 @@ def flat_zones(heights, built, step, zones):
 def _facing(zones, pixels, least, sides):
     """Pairs of zones that face each other across a pixel side, one of them at least of fewer
     than ``least`` pixels, into ``sides`` (n, 2) where there is room; returns how many."""
-    number, room = np.uintp(0), np.uintp(sides.shape[0])
-    rows, columns, one = np.uintp(zones.shape[0]), np.uintp(zones.shape[1]), np.uintp(1)
+    number, room = 0, sides.shape[0]
+    rows, columns = zones.shape
     for y in range(rows):
+        line, below = zones[y], zones[min(y + 1, rows - 1)]
         for x in range(columns):
-            a = zones[y, x]
-            if a == 0:
+            a, east, south = line[x], line[min(x + 1, columns - 1)], below[x]
+            if a == 0 or (east == a and south == a):
                 continue
-            east = zones[y, x + one] if x + one < columns else a
-            south = zones[y + one, x] if y + one < rows else a
             for b in (east, south):
                 if b != a and b and min(pixels[np.uintp(a)], pixels[np.uintp(b)]) < least:
                     if number < room:
                         sides[number, 0], sides[number, 1] = a, b
-                    number += one
-    return np.int64(number)
+                    number += 1
+    return number
 
 
 @kernel
