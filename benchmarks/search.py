@@ -1,9 +1,10 @@
 """Exact search side by side: python benchmarks/search.py [--large MAP]
 
 On a real city and on scikit-image's camera: this package with 1 and 2 threads, numpy (matrix
-product and running maximum, one thread) and a plain numba loop; then the growth with the map's
-side, and the reach of 24 px. All must have found the same optimum before a time is printed.
-With --large, a tenth of the range blocks of that map at 2048² is searched and projected.
+product and running maximum, one thread) and a plain numba loop; encoding to leaves beside the
+searches of their sides; then the growth with the map's side, and the reach of 24 px. All must have
+found the same optimum before a time is printed. With --large, a tenth of the range blocks of that
+map at 2048² is searched and projected.
 """
 
 import os
@@ -183,6 +184,23 @@ def growth(heights_at, block):
             before = spent
 
 
+def by_levels():
+    """The default encoding, chosen of four sides, beside the searches of these sides alone."""
+    print("\nencoding to leaves of 2…16 px, reach 24, beside the sum of its sides' searches, ms")
+    for name in cities():
+        city = evocity.read_map(name)
+        line = f"  {name:26}"
+        for threads in (1, 2):
+            how = {"block": (2, 16), "fit": False, "threads": threads}
+            _, whole = fastest(functools.partial(evocity.encode, city, **how), 3)
+            parts = [
+                fastest(functools.partial(ours, city.heights, side, threads, 24), 3)[1]
+                for side in (16, 8, 4, 2)
+            ]
+            line += f"{1e3 * whole:8.0f} /{1e3 * sum(parts):5.0f} ({whole / sum(parts):.2f} x)"
+        print(line)
+
+
 def large(path, block=8, side=2048):
     city = evocity.read_map(path)
     heights = skimage.transform.resize(city.heights, (side, side), order=1).astype(np.float32)
@@ -221,6 +239,7 @@ def main() -> None:
         for side, block in ((256, 8), (256, 4), (512, 8)):
             side_by_side(name, image(side), block)
     effective_rates()
+    by_levels()
     for block in (8, 4):
         growth(lyon, block)
     if "--large" in sys.argv:

@@ -98,16 +98,16 @@ def best_correlations(heights, block=4, domains=(2,), reach=12, flat=0.1):
 
 
 def collage(genome, heights):
-    """W applied once: every lifs of ``genome`` on ``heights``, block by block."""
+    """W applied once: every lifs of ``genome`` on ``heights``, range block by range block."""
     p = genome.pavement
     target = np.empty(heights.shape)
-    for i, (top, left) in enumerate(zip(*p.corners, strict=True)):
-        block = np.full((p.block, p.block), float(genome.beta[i]))
+    for i, (top, left, side) in enumerate(zip(*p.corners, p.side.tolist(), strict=True)):
+        block = np.full((side, side), float(genome.beta[i]))
         if genome.dx[i]:
-            tall, wide = genome.dy[i] // p.block, genome.dx[i] // p.block
-            domain = shrunk(heights, genome.y[i], genome.x[i], tall, wide, p.block)
+            tall, wide = genome.dy[i] // side, genome.dx[i] // side
+            domain = shrunk(heights, genome.y[i], genome.x[i], tall, wide, side)
             block += isometries.apply(int(genome.iso[i]), float(genome.sigma[i]) * domain)
-        target[top : top + p.block, left : left + p.block] = block
+        target[top : top + side, left : left + side] = block
     return target
 
 
@@ -155,19 +155,27 @@ def spread_means(means, tall, wide, rows, columns):
 
 
 def collage_transposed(genome, values):
-    """Adjoint of W without β, block by block."""
+    """Adjoint of W without β, range block by range block."""
     p = genome.pavement
     target = np.zeros(values.shape)
-    for i, (top, left) in enumerate(zip(*p.corners, strict=True)):
+    for i, (top, left, side) in enumerate(zip(*p.corners, p.side.tolist(), strict=True)):
         if genome.dx[i]:
-            tall, wide = genome.dy[i] // p.block, genome.dx[i] // p.block
-            block = values[top : top + p.block, left : left + p.block]
+            tall, wide = genome.dy[i] // side, genome.dx[i] // side
+            block = values[top : top + side, left : left + side]
             back = isometries.apply(int(isometries.INVERSE[genome.iso[i]]), block)
             y, x = int(genome.y[i]), int(genome.x[i])
-            target[y : y + tall * p.block, x : x + wide * p.block] += np.kron(
+            target[y : y + tall * side, x : x + wide * side] += np.kron(
                 back, np.full((tall, wide), float(genome.sigma[i]) / (tall * wide))
             )
     return target
+
+
+def shared_extents(dy, dx, side, least):
+    """(tall, wide, layer, kinds) as the kernel tells them."""
+    extents = list(zip((dy // side).tolist(), (dx // side).tolist(), strict=True))
+    kinds = sorted(e for e in set(extents) if e != (0, 0) and extents.count(e) >= least)
+    layer = [kinds.index(e) if e in kinds else -1 for e in extents]
+    return *zip(*extents, strict=True), layer, kinds
 
 
 def area_weighted(domain, block):

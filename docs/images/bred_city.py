@@ -21,7 +21,7 @@ def bred() -> tuple[list[evocity.CityMap], evocity.CityMap]:
     """The parents as read, and their child as decoded."""
     parents = [evocity.read_map(name) for name in PARENTS]
     genomes = [evocity.encode(parent).genome for parent in parents]
-    fuse = make("pavement_fusion", size_min=6, size_max=24, tolerance=5.0, fill=0.5)
+    fuse = make("pavement_fusion", side_min=48, side_max=192, tolerance=5.0, fill=0.5)
     return parents, evocity.decode(fuse(genomes, np.random.default_rng(37))).city
 
 

@@ -12,7 +12,8 @@ from evocity.operators import make
 from evocity.pictures.picture import render
 
 PARENTS = ("new-york-west-village", "montpellier-pas-du-loup")
-SIZES = ((1, 4), (4, 16), (12, 32))
+#: Sides of the macro-blocks, metres.
+SIZES = ((8, 32), (32, 128), (96, 256))
 TOLERANCES = (2.0, 6.0, 20.0)
 
 
@@ -21,13 +22,13 @@ def main() -> None:
     parents = [evocity.encode(city).genome for city in cities]
     rows = [[(f"parent: {city.name}", drawn(city)) for city in cities]]
     titles = ["Parents"]
-    for size_min, size_max in SIZES:
+    for side_min, side_max in SIZES:
         row = []
         for tolerance in TOLERANCES:
             fuse = make(
                 "pavement_fusion",
-                size_min=size_min,
-                size_max=size_max,
+                side_min=side_min,
+                side_max=side_max,
                 tolerance=tolerance,
                 fill=0.5,
             )
@@ -40,7 +41,7 @@ def main() -> None:
                 )
             )
         rows.append(row)
-        titles.append(f"Macro-blocks of {size_min} to {size_max} range blocks, fill .5 wanted")
+        titles.append(f"Macro-blocks of {side_min} to {side_max} m, fill .5 wanted")
     thanks = [f"{city.name}: {city.attribution}" for city in cities]
     save(contact_sheet(rows, titles=titles, thanks=thanks), "pavement-fusion.png", colours=48)
 

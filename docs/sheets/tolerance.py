@@ -22,8 +22,8 @@ PAIRS = (
     ("new-york-west-village", "montpellier-pas-du-loup"),
 )
 TOLERANCES = (1.0, 3.0, 6.0, 12.0, 24.0, 48.0)
-#: Sides of the macro-blocks, range blocks: the default, the paper's small ones, its large ones.
-SIZES = ((4, 16), (1, 8), (1, 32))
+#: Sides of the macro-blocks, metres: the default, the paper's small ones, its large ones.
+SIZES = ((32, 128), (8, 64), (8, 256))
 SEEDS = range(10)
 #: The seed that is drawn.
 DRAWN = 5
@@ -51,10 +51,10 @@ class Figures:
     child: float
 
 
-def bred(parents: list[Genome], sizes: tuple[int, int], tolerance: float, seed: int):
+def bred(parents: list[Genome], sides: tuple[int, int], tolerance: float, seed: int):
     """(figures, the decoded child, whose each pixel is: bool, the second parent's)."""
     fuse = make(
-        "pavement_fusion", size_min=sizes[0], size_max=sizes[1], tolerance=tolerance, fill=0.5
+        "pavement_fusion", side_min=sides[0], side_max=sides[1], tolerance=tolerance, fill=0.5
     )
     draft = fuse.draft(parents, np.random.default_rng(seed))
     child = fuse(parents, np.random.default_rng(seed))
@@ -110,12 +110,12 @@ def main() -> None:
     rows, titles, thanks = [], [], {}
     for names in PAIRS:
         cities = [evocity.read_map(name) for name in names]
-        parents = [evocity.encode(city, block=4).genome for city in cities]
+        parents = [evocity.encode(city).genome for city in cities]
         known = ", ".join(f"{crumbs(decode(parent).city):.2f}" for parent in parents)
         print(f"\n{' x '.join(names)}; crumbs a hectare of the parents' codes: {known}")
         thanks |= {city.name: city.attribution for city in cities}
         for sizes in SIZES:
-            print(f"macro-blocks of {sizes[0]} to {sizes[1]} range blocks, {len(SEEDS)} seeds")
+            print(f"macro-blocks of {sizes[0]} to {sizes[1]} m, {len(SEEDS)} seeds")
             print("| S, m | fill | seam, m/ha | step, m | cut | joined | meant | child |")
             for tolerance in TOLERANCES:
                 every = [astuple(bred(parents, sizes, tolerance, seed)[0]) for seed in SEEDS]

@@ -135,26 +135,14 @@ def gather_table(walk, columns, table):
 
 
 @kernel
-def _moved(before, after, tolerance, sky):
-    some, most = np.int32(0), np.int32(0)  # a maximum makes no vector code
+def moved(before, after, tolerance, sky):
+    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
+    counts as both. (Whole numbers: a maximum makes no vector code.)"""
+    some, most = np.int32(0), np.int32(0)
     for p in range(after.size):
         change = abs(after[p] - before[p])
         some += np.int32(not change <= tolerance)
         most += np.int32(not change < sky)
-    return some, most
-
-
-@kernel
-def moved(before, after, tolerance, sky, whole):
-    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
-    counts as both. Unless the ``whole`` map is to be looked at, it may end once some changed."""
-    some, most = np.int32(0), np.int32(0)
-    for start in range(0, after.size, 4096):
-        part = slice(start, start + 4096)
-        few, many = _moved(before[part], after[part], tolerance, sky)
-        some, most = some + few, most + many
-        if some > 0 and not whole:
-            break
     return some, most
 
 

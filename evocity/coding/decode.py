@@ -128,7 +128,6 @@ class CollageMap:
 
     def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
         """W of the same domain blocks with other σ and β, one a lifs; σ of uniform lifs is 0."""
-        _ = self._table  # made once for all
         other = copy.copy(self)
         other._recode(sigma, beta)
         return other
@@ -138,6 +137,7 @@ class CollageMap:
         self._sigma, beta = np.asarray(sigma, kind), np.asarray(beta, kind)
         self._slopes, self._offsets = self._sigma[self._which], beta[self._which]
         self._flat = self._condensed(self.pavement.raster(beta))
+        self._steep: np.ndarray | None = None  # σ of each pixel, once it is asked for
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
@@ -146,12 +146,17 @@ class CollageMap:
         return target
 
     def lay(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """W applied once to ``heights``, in ``target``: both ``(H, W)`` and of W's own type."""
+        """W applied once to ``heights``, in ``target``: both ``(H, W)``, in C order and of W's own
+        type."""
+        target[:] = self._flat
+        self.lay_again(heights, target)
+
+    def lay_again(self, heights: np.ndarray, target: np.ndarray) -> None:
+        """`lay` on a ``target`` that was laid before: only what depends on ``heights``."""
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
         self._shrink_rare(heights)
-        target[:] = self._flat
         layers, columns = self._layers.ravel(), self.shape[1]
         lay_blocks(layers, self._walk, self._slopes, self._offsets, columns, target.ravel())
         self._condensed(target)  # whatever the lifs say
@@ -159,10 +164,11 @@ class CollageMap:
     def transposed(self, values: np.ndarray) -> np.ndarray:
         """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
         ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
-        slopes = self.pavement.raster(self._sigma)
-        if self._held is not None:  # W lays C there, so Wᵀ takes nothing thence
-            slopes.ravel()[self._held] = 0
-        scatter(values.ravel(), self._table.ravel(), slopes.ravel(), self._layers.ravel())
+        if self._steep is None:
+            self._steep = self.pavement.raster(self._sigma)
+            if self._held is not None:  # W lays C there, so Wᵀ takes nothing thence
+                self._steep.ravel()[self._held] = 0
+        scatter(values.ravel(), self._table.ravel(), self._steep.ravel(), self._layers.ravel())
         target = np.zeros(self.shape, self._layers.dtype)
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             _shift_back(layer, *shift)
@@ -264,7 +270,9 @@ def decode(
             f"finite heights, below {SKY:g} m",
             "leave start out, or start from such heights",
         )
-    found = fixed_point(collage.lay, heights, tolerance=tolerance, most=max_iterations)
+    found = fixed_point(
+        collage.lay, heights, tolerance=tolerance, most=max_iterations, again=collage.lay_again
+    )
     if found.lost:
         _diverged(genome, collage, found.moves, found.steps)
     blamed = np.empty(0, np.intp)

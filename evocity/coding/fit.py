@@ -102,7 +102,7 @@ class AttractorError:
     ) -> tuple[float, np.ndarray, np.ndarray] | None:
         """(E, ∂E/∂σ, ∂E/∂β) in m², m² and m; None where the fixed point is out of reach."""
         collage = self._collage.recoded(sigma, beta)
-        attractor = self._fixed_point(collage.lay, self._attractor)
+        attractor = self._fixed_point(collage.lay, self._attractor, collage.lay_again)
         if attractor is None:
             return None
         difference = attractor - self._heights
@@ -117,8 +117,9 @@ class AttractorError:
         by_sigma = self._block_sums(adjoint * self._shrink(attractor))
         return float(np.sum(difference**2)), by_sigma, self._block_sums(adjoint)
 
-    def _fixed_point(self, lay: Callable, start: np.ndarray) -> np.ndarray | None:
-        found = fixed_point(lay, start, tolerance=self._tolerance, most=_MOST_STEPS, sky=self._sky)
+    def _fixed_point(self, lay: Callable, start: np.ndarray, again=None) -> np.ndarray | None:
+        limits = {"tolerance": self._tolerance, "most": _MOST_STEPS, "sky": self._sky}
+        found = fixed_point(lay, start, **limits, again=again)
         return found.values if found.settled else None
 
     def _block_sums(self, values: np.ndarray) -> np.ndarray:

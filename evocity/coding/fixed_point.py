@@ -9,8 +9,6 @@ from evocity.coding._kernels import moved
 
 #: A pixel that moves by so much, metres, is taken as proof of divergence.
 SKY = 1e7
-#: Divergence is looked for every so many steps; whether something moves is soon told.
-_LOOKED_FOR = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +47,21 @@ def fixed_point(
     tolerance: float,
     most: int = 500,
     sky: float = SKY,
+    again: Callable[[np.ndarray, np.ndarray], None] | None = None,
 ) -> FixedPoint:
     """Iterate from ``start`` (H, W) until no pixel moves by more than ``tolerance``, one moves by
     ``sky`` or more, or ``most`` steps are made.
 
     ``lay(before, after)`` writes the next map into ``after``; both are of the type of ``start``,
-    which stays as it is.
+    which stays as it is. ``again``, if given, is called in its place from the third step on: by
+    then it has written all of both maps, and what never changes stands in them.
     """
-    before, values = np.empty_like(start), start.copy()
+    before, values = np.empty(start.shape, start.dtype), start.copy(order="C")
     limits = values.dtype.type(tolerance), values.dtype.type(sky)
     steps, unsettled, lost = 0, values.size, 0
     while unsettled and not lost and steps < most:
         before, values = values, before
-        lay(before, values)
+        (lay if steps < 2 else again or lay)(before, values)
         steps += 1
-        whole = steps % _LOOKED_FOR == 0 or steps == most
-        unsettled, lost = moved(before.ravel(), values.ravel(), *limits, whole)
+        unsettled, lost = moved(before.ravel(), values.ravel(), *limits)
     return FixedPoint(values, before, steps, not unsettled, bool(lost))

@@ -101,12 +101,12 @@ def fourfold(structure, fields):
     """``fields`` (3, H, W) get w cos 4θ, w sin 4θ and w of a ``structure`` (2, H, W), w cos 2θ and
     w sin 2θ: w e^{4iθ} = (w e^{2iθ})² / w. Returns the largest w."""
     _, rows, columns = structure.shape
-    least, most, two = np.float32(1e-38), np.float32(0), np.float32(2)
+    none, most, two = np.float32(0), np.float32(0), np.float32(2)
     for y in range(rows):
         for x in range(columns):
             real, imaginary = structure[0, y, x], structure[1, y, x]
             w = np.sqrt(real * real + imaginary * imaginary)
-            turned = two * real / max(w, least)
+            turned = two * real / w if w > none else none
             fields[0, y, x] = real * turned - w
             fields[1, y, x] = imaginary * turned
             fields[2, y, x] = w

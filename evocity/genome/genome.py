@@ -145,7 +145,7 @@ class Genome:
 
     def replace(self, **changes) -> "Genome":
         """A new genome with some fields changed, checked as at construction."""
-        if changes.keys() == {"made"}:  # nothing to check, nothing to copy
+        if changes.keys() == {"made"} and type(self) is Genome:  # nothing to check, or to copy
             other = copy(self)
             object.__setattr__(other, "made", dict(changes["made"]))
             return other

@@ -234,8 +234,8 @@ def _room(blocks, buildings):
 
 @kernel
 def _spread(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room):
-    """`_grown` without clearing up: how many blocks, how many buildings of the donor, how many of
-    both lists are used. More blocks than ``limit``, or none, for a region that is refused."""
+    """`_grown` without clearing up: how many blocks the region has, how many are in the room, and
+    how many of both lists are used. The first is above ``limit`` for a region that is refused."""
     starts, labels, pixels, spans, places, whose, whole = buildings
     region, inside, brought, hit, struck, fetched = room
     count, done, touched, held = 0, 0, 0, 0

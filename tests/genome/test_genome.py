@@ -8,7 +8,7 @@ import pytest
 from codes import uniformly
 
 from evocity.errors import GenomeError
-from evocity.genome import FIELDS, NUCLEOTIDES, merged_cities, read_genome
+from evocity.genome import FIELDS, NUCLEOTIDES, Genome, merged_cities, read_genome
 from evocity.pavement import Pavement
 
 
@@ -127,6 +127,22 @@ def test_a_file_at_fault_gives_one_clear_error(genome, tmp_path, change, word):
     rewritten(path, change)
     with pytest.raises(GenomeError, match=word):
         read_genome(path)
+
+
+def test_another_account_of_itself_changes_nothing_else(genome):
+    told = {"operator": "by hand"}
+    other = genome.replace(made=told)
+    told["operator"] = "changed later"
+    assert other == genome
+    assert (dict(other.made), dict(genome.made)) == ({"operator": "by hand"}, dict(genome.made))
+    assert other.made != genome.made
+    assert not any(getattr(other, name).flags.writeable for name in FIELDS)
+
+    class Own(Genome):
+        pass
+
+    own = Own(**{name: getattr(genome, name) for name in Genome.__dataclass_fields__})
+    assert type(own.replace(made={})) is Genome
 
 
 def test_files_that_are_no_genome(genome, tmp_path):

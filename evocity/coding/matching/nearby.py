@@ -14,12 +14,14 @@ from evocity.coding.matching.matches import Search, listed
 _TOGETHER = 1 << 19
 #: Rows of domain blocks that share their remembered gains, at least.
 _BAND = 16
+#: So many bands of a window at most.
+_MOST_STRIPS = 32
 
 
 def together(reach: int) -> int:
     """How many range blocks to search at a time."""
     side = 2 * reach + 1
-    return max(64, _TOGETHER // (side * -(-side // _BAND)))
+    return max(64, _TOGETHER // (side * min(-(-side // _BAND), _MOST_STRIPS)))
 
 
 def best_nearby(
@@ -54,7 +56,7 @@ def _bands(window: np.ndarray, band: int | None = None) -> tuple[int, np.ndarray
     wide = int((window[:, 3] - window[:, 2]).max(initial=0))
     if min(tall, wide) <= 0:
         return 1, np.zeros((0, len(window), 0), np.float32)
-    strips = 1 if band is None else max(1, tall // band)
+    strips = 1 if band is None else min(max(1, tall // band), _MOST_STRIPS)
     band = -(-tall // strips)
     return band, np.zeros((strips, len(window), wide + -wide % GROUP), np.float32)
 
