@@ -386,6 +386,21 @@ def inject_regions(
     return current, owner, kept
 
 
+def give_back(current, maps, owner, buildings):
+    """As the kernel, on copies: returns (current, owner, buildings that are whole again)."""
+    current, owner, mended = current.copy(), owner.copy(), 0
+    row_of = np.repeat(np.arange(len(buildings.starts) - 1), np.diff(buildings.starts))
+    whose, place = np.divmod(row_of, len(owner))
+    for one, mine in enumerate(buildings.whose):
+        blocks = np.unique(place[buildings.labels == one])
+        lost = [b for b in blocks if owner[b] != mine]
+        built = [b for b in lost if ((whose == owner[b]) & (place == b)).any()]
+        if lost and len(lost) < len(blocks) and not built:
+            current[lost], owner[lost] = maps[mine][lost], mine
+            mended += 1
+    return current, owner, mended
+
+
 def block_traits(blocks):
     """B · mean and the norm of the rest, of blocks (n, B²)."""
     side = np.sqrt(blocks.shape[1])

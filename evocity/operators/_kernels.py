@@ -384,3 +384,34 @@ def inject_regions(
             current[b] = brought[b]
         owned += gained
     return owned
+
+
+@kernel
+def give_back(current, maps, owner, buildings, standing):
+    """Make buildings that were cut whole again where what took their blocks has no building there.
+
+    ``maps`` (m, n, B, B) are all parents' blocks; the rest as in `inject_regions`. ``current``,
+    ``owner`` and ``standing`` are changed in place. Returns how many buildings are whole again."""
+    starts, labels, pixels, spans, places, whose, whole = buildings
+    blocks, mended = owner.size, 0
+    for one in range(whole.size):
+        if not 0 < standing[one] < whole[one]:
+            continue
+        mine, free = whose[one], True
+        for q in range(spans[one], spans[one + 1]):
+            b = places[q]
+            row = owner[b] * blocks + b
+            if owner[b] != mine and starts[row] < starts[row + 1]:
+                free = False
+                break
+        if not free:
+            continue
+        for q in range(spans[one], spans[one + 1]):
+            b = places[q]
+            if owner[b] != mine:
+                owner[b] = mine
+                current[b] = maps[mine, b]
+                for k in range(starts[mine * blocks + b], starts[mine * blocks + b + 1]):
+                    standing[labels[k]] += pixels[k]
+        mended += 1
+    return mended

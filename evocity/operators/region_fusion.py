@@ -9,7 +9,7 @@ import numpy as np
 from evocity.citymap import MAX_PIXELS
 from evocity.coding.decoded import decoded
 from evocity.genome import Genome
-from evocity.operators._kernels import inject_regions
+from evocity.operators._kernels import give_back, inject_regions
 from evocity.operators.crossing import Draft, raw_heights
 from evocity.operators.footings import footings_of
 from evocity.operators.grid import in_cells, side_checks
@@ -31,7 +31,8 @@ class RegionFusion(PavementFusion):
     touches, over standing ones of which it would take too much and leave a part, and over the
     courts they enclose. It holds one of the donor's at least, unless that has none. What is
     injected is never cut later: another region replaces such a building wholly, or grows over
-    it, or is refused.
+    it, or is refused. At the end, buildings that were cut are given back what they lost where
+    nothing is built in its place.
 
     Parameters
     ----------
@@ -110,4 +111,5 @@ class RegionFusion(PavementFusion):
                     most,
                 )
             margin *= 0.8
+        give_back(current, np.stack(maps), owner, buildings, standing)
         return owner, grid.raster(current)

@@ -12,7 +12,6 @@ import pyarrow.compute as pc
 
 from evocity import fitness
 from evocity.citymap import CityMap
-from evocity.coding import decode
 from evocity.errors import EvocityError, RunError
 from evocity.search import Archive, archive
 from evocity.search.archiving import aims_of_run
@@ -324,7 +323,14 @@ class Facts:
         bred_from = self.run.parents(births) if asked else [()] * len(births)
         shown = []
         for row, birth, parents in zip(rows, births, bred_from, strict=True):
-            city = decode(birth.genome).city
+            expressed = self.run.header.chromosome.express(birth.genome)
+            if expressed.city is None:
+                raise RunError(
+                    f"individual {birth.id}: {expressed.problem}",
+                    "individuals that stand for a map, as when they were evaluated",
+                    "the run's files are damaged: see what is left with evocity status",
+                )
+            city = expressed.city
             extras = {"genome": birth.genome, "parents": parents, "sources": sources}
             values = [(m.name, _measured(m, city, extras), m.unit) for m in others]
             shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))

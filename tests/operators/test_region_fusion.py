@@ -16,7 +16,13 @@ from evocity.coding import decode
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import NUCLEOTIDES
-from evocity.operators._kernels import fill_courts, grown, inject_regions, tallied
+from evocity.operators._kernels import (
+    fill_courts,
+    give_back,
+    grown,
+    inject_regions,
+    tallied,
+)
 from evocity.operators.footings import footings_of
 from evocity.operators.pavement_fusion import VOID, PavementFusion
 from evocity.operators.region_fusion import RegionFusion
@@ -300,11 +306,7 @@ def test_growth_against_its_naive_twin(cut):
         cities, pavement = table((3 * trial, 3 * trial + 1, 3 * trial + 2))
         buildings = footings_of(pavement, cities)
         owner = rng.integers(0, 3, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
-        standing = np.zeros(buildings.whole.size, np.int64)
-        for one in range(standing.size):
-            mine = buildings.whose[one]
-            labels = pavement.blocks(cities[mine].labels)[owner == mine]
-            standing[one] = (labels == one + 1 - (buildings.whose < mine).sum()).sum()
+        standing = standing_of(cities, pavement, owner, buildings)
         kept = rng.random(standing.size) < 0.2
         for limit in (12, 40, 64):
             seed = np.unique(rng.integers(0, 64, 2))
@@ -347,8 +349,35 @@ def test_injection_against_its_naive_twin(cut):
             assert np.array_equal(kept, truth[2])
             assert owned == (owner == donor).sum()
             injections += not np.array_equal(owner, before)
-            for one in range(standing.size):  # the pixels that stand are kept up to date
-                mine = buildings.whose[one]
-                labels = pavement.blocks(cities[mine].labels)[owner == mine]
-                assert standing[one] == (labels == one + 1 - (buildings.whose < mine).sum()).sum()
+            assert np.array_equal(standing, standing_of(cities, pavement, owner, buildings))
     assert injections > 3
+
+
+def test_giving_back_against_its_naive_twin():
+    rng = np.random.default_rng(4)
+    found = 0
+    for trial in range(12):
+        cities, pavement = table((2 * trial + 90, 2 * trial + 91))
+        buildings = footings_of(pavement, cities)
+        maps = np.stack([pavement.blocks(city.heights) for city in cities])
+        owner = rng.integers(0, 2, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
+        owner[rng.random(64) < 0.1] ^= 1
+        current = maps[owner, np.arange(64)]
+        truth = naive.give_back(current, maps, owner, buildings)
+        standing = standing_of(cities, pavement, owner, buildings)
+        mended = give_back(current, maps, owner, buildings, standing)
+        assert np.array_equal(current, truth[0])
+        assert np.array_equal(owner, truth[1])
+        assert mended == truth[2]
+        assert np.array_equal(standing, standing_of(cities, pavement, owner, buildings))
+        found += mended
+    assert found > 0
+
+
+def standing_of(cities, pavement, owner, buildings) -> np.ndarray:
+    """How many pixels of each building stand where ``owner`` says whose each block is."""
+    standing = np.zeros(buildings.whole.size, np.int64)
+    for one, mine in enumerate(buildings.whose):
+        labels = pavement.blocks(cities[mine].labels)[owner == mine]
+        standing[one] = (labels == one + 1 - (buildings.whose < mine).sum()).sum()
+    return standing
