@@ -142,3 +142,22 @@ def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
     assert [told(process) for process in racing] == ["3\n", "5\n"]
     later = "from versions import version_of\nprint(version_of(3)(1), version_of(5)(1))"
     assert told(begin(later)) == "3 5\n"
+
+
+def test_processes_number_what_they_compile_apart():
+    program = (
+        "import os\n"
+        "import evocity.accelerate\n"
+        "from numba.core.bytecode import FunctionIdentity\n"
+        "def told():\n"
+        "    print(next(FunctionIdentity._unique_ids), flush=True)\n"
+        "told()\n"
+        "if hasattr(os, 'fork'):\n"
+        "    child = os.fork()\n"
+        "    told()\n"
+        "    os.waitpid(child, 0) if child else os._exit(0)\n"
+    )
+    words = [sys.executable, "-c", program]
+    told = [subprocess.run(words, capture_output=True, text=True, check=True) for _ in range(3)]
+    numbers = [int(line) for one in told for line in one.stdout.split()]
+    assert len(set(numbers)) == len(numbers) >= 3

@@ -17,7 +17,9 @@ import numba
 from numba import njit
 from numba.core import event
 
-from evocity.accelerate.caching import share_cache
+from evocity.accelerate.caching import count_apart, share_cache
+
+count_apart()
 
 
 def kernel(function=None, **options):

@@ -4,12 +4,19 @@ Numba names a compiled kernel in an index, by number, and writes the two files o
 Two processes that compile two versions of one kernel (for two types, or for two block sizes) may
 both take the same number: then the index leads to the wrong code, in every later process. So one
 process writes at a time, and none reads meanwhile.
+
+Numba also counts the functions it compiles, from 1 in each process, and finds what belongs to one,
+in all that is loaded from the cache, by a name with that number. Where two processes give one
+kernel one number, once as another kernel calls it and once by itself, its code may take the other's
+constants. So each process counts from a number of its own.
 """
 
 import contextlib
+import itertools
 import os
 from collections.abc import Iterator
 
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import IndexDataCacheFile
 
 try:
@@ -40,6 +47,17 @@ class SharedCacheFile(IndexDataCacheFile):
 def share_cache(dispatcher) -> None:
     """Let the kernel's cache on disk be written by several processes at once."""
     dispatcher._cache._cache_file.__class__ = SharedCacheFile
+
+
+def count_apart() -> None:
+    """Have this process, and those forked from it, number what they compile as no other does."""
+    _begin_anywhere()
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=_begin_anywhere)
+
+
+def _begin_anywhere() -> None:
+    FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(6), "big"))
 
 
 @contextlib.contextmanager

@@ -107,7 +107,8 @@ Examples:
     type=float,
     metavar="METRES",
     show_default="none",
-    help="Of leaves, instead of --lifs: the collage error (root mean square) that none may exceed.",
+    help="Of leaves, instead of --lifs: the collage error (root mean square) above which they are "
+    "split; the finest stay.",
 )
 @click.option(
     "--domains",
@@ -135,7 +136,8 @@ Examples:
     "--fit/--no-fit",
     default=True,
     show_default=True,
-    help="Refine σ and β until the decoded map is closest: a higher PSNR, a second or two more.",
+    help="Refine σ and β to bring the decoded map, before roofs are settled, closest: a second "
+    "or two.",
 )
 @click.option(
     "--settle/--no-settle",

@@ -23,8 +23,8 @@ def halved_sides(finest: int, root: int) -> tuple[int, ...]:
     if finest < 2 or sides[-1] != finest:
         raise GenomeError(
             f"leaves from {finest} to {root} px",
-            "sides that come from the largest by halving it, 2 px or more: 2…16, 4…32, 3…12",
-            f"use for example 2…16, or {finest}…{4 * max(finest, 2)}",
+            "sides that come from the largest by halving it, 2 px or more: 2-16, 4-32, 3-12",
+            f"use for example 2-16, or {finest}-{4 * max(finest, 2)}",
         )
     return tuple(sides)
 
