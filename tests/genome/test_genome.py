@@ -105,6 +105,13 @@ def rewritten(path, change):
     pq.write_table(table.replace_schema_metadata({"evocity.genome": json.dumps(about)}), path)
 
 
+def check_refused(genome, path, change, word) -> None:
+    genome.write(path)
+    rewritten(path, change)
+    with pytest.raises(GenomeError, match=word):
+        read_genome(path)
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [
@@ -122,11 +129,7 @@ def rewritten(path, change):
     ],
 )
 def test_a_file_at_fault_gives_one_clear_error(genome, tmp_path, change, word):
-    path = tmp_path / "g.parquet"
-    genome.write(path)
-    rewritten(path, change)
-    with pytest.raises(GenomeError, match=word):
-        read_genome(path)
+    check_refused(genome, tmp_path / "g.parquet", change, word)
 
 
 def test_another_account_of_itself_changes_nothing_else(genome):
@@ -193,11 +196,7 @@ def test_cities_are_merged_without_doubles(genome):
     ],
 )
 def test_a_strangers_description_is_checked_before_it_is_used(genome, tmp_path, change, word):
-    path = tmp_path / "g.parquet"
-    genome.write(path)
-    rewritten(path, change)
-    with pytest.raises(GenomeError, match=word):
-        read_genome(path)
+    check_refused(genome, tmp_path / "g.parquet", change, word)
 
 
 @pytest.mark.parametrize("text", ["[]", "3", "[" * 100_000, '{"schema_version": [[1]]}', "{}"])
