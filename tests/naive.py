@@ -323,39 +323,48 @@ def tallied(rows):
     return [{one: row.count(one) for one in set(row) if one >= 0} for row in rows.tolist()]
 
 
-def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
+def blocks_of(footings, count):
+    """The blocks that each building of ``footings`` touches on its map of ``count`` blocks, with
+    its pixels there: a dict each."""
+    table = [{} for _ in footings.whole]
+    for row in range(len(footings.starts) - 1):
+        for k in range(footings.starts[row], footings.starts[row + 1]):
+            table[footings.labels[k]][row % count] = int(footings.pixels[k])
+    return table
+
+
+def grown(seed, columns, owner, donor, components, buildings, standing, kept, cut, limit):
     """The kernel's region as a set, grown one rule at a time until none changes it."""
-    table = [{} for _ in buildings.whole]
-    for row in range(len(buildings.starts) - 1):
-        for k in range(buildings.starts[row], buildings.starts[row + 1]):
-            table[buildings.labels[k]][row % len(owner)] = int(buildings.pixels[k])
+    brought = [
+        set(blocks)
+        for blocks, whose in zip(blocks_of(components, len(owner)), components.whose, strict=True)
+        if whose == donor
+    ]
+    table = blocks_of(buildings, len(owner))
     region, before = set(seed.tolist()), None
     while region != before:
         before = set(region)
+        for blocks in brought:
+            if region & blocks:
+                region |= blocks
         for one, blocks in enumerate(table):
             whose = buildings.whose[one]
             stands = {b for b in blocks if owner[b] == whose}
             hit = sum(blocks[b] for b in stands & region)
             gone = buildings.whole[one] - standing[one] + hit
-            if whose == donor and region & set(blocks):
-                region |= set(blocks)
-            elif whose != donor and hit and (kept[one] or gone > cut * buildings.whole[one]):
+            if whose != donor and hit and (kept[one] or gone > cut * buildings.whole[one]):
                 region |= stands
         mask = np.zeros(len(owner), bool)
         mask[list(region)] = True
         filled = ndimage.binary_fill_holes(mask.reshape(-1, columns))
         region |= set(np.flatnonzero(filled).tolist())
-    held = sum(
-        bool(region & set(blocks))
-        for one, blocks in enumerate(table)
-        if buildings.whose[one] == donor
-    )
+    held = sum(bool(region & blocks) for blocks in brought)
     return (region, held) if len(region) <= limit else (set(), 0)
 
 
 def inject_regions(
-    current, brought, owner, donor, size, corners, columns, buildings, kept,
-    tolerance, cut, limit, least, most,
+    current, brought, owner, donor, size, corners, columns, components, buildings,
+    kept, tolerance, cut, limit, least, most,
 ):  # fmt: skip
     """As the kernel, on copies: returns (current, owner, kept)."""
     current, owner, kept = current.copy(), owner.copy(), kept.copy()
@@ -371,13 +380,22 @@ def inject_regions(
         if not 0 < (owner[square] != donor).sum() <= most - (owner == donor).sum():
             continue
         region, held = grown(
-            np.array(square), columns, owner, donor, buildings, standing, kept, cut, limit
+            np.array(square),
+            columns,
+            owner,
+            donor,
+            components,
+            buildings,
+            standing,
+            kept,
+            cut,
+            limit,
         )
         region = sorted(region)
         if not 0 < (owner[region] != donor).sum() <= most - (owner == donor).sum():
             continue
         group = np.stack(np.divmod(region, columns))
-        if (donor in buildings.whose and not held) or (
+        if (donor in components.whose and not held) or (
             outline_step(current, brought, columns, group, (0, 0), (0, 0)) > tolerance
         ):
             continue
@@ -395,7 +413,9 @@ def give_back(current, maps, owner, buildings):
         blocks = np.unique(place[buildings.labels == one])
         lost = [b for b in blocks if owner[b] != mine]
         built = [b for b in lost if ((whose == owner[b]) & (place == b)).any()]
-        if lost and len(lost) < len(blocks) and not built:
+        near = np.unique(buildings.labels[(whose == mine) & np.isin(place, lost)])
+        there = [(owner[place[buildings.labels == other]] == mine).any() for other in near]
+        if lost and len(lost) < len(blocks) and not built and all(there):
             current[lost], owner[lost] = maps[mine][lost], mine
             mended += 1
     return current, owner, mended

@@ -217,26 +217,27 @@ def fill_courts(region, count, inside, columns):
 
 
 @kernel
-def _room(blocks, buildings):
-    """What `_grown` works in: the region, which blocks are in it, which buildings were brought in
-    whole, how many pixels of each are hit, and lists of these two."""
+def _room(blocks, components, buildings):
+    """What `_grown` works in: the region, which blocks are in it, which components were brought
+    in, how many pixels of each building are hit, and lists of these two."""
     region, inside = np.empty(blocks, np.int64), np.zeros(blocks, np.bool_)
-    brought, hit = np.zeros(buildings, np.bool_), np.zeros(buildings, np.int64)
+    brought, hit = np.zeros(components, np.bool_), np.zeros(buildings, np.int64)
     return (
         region,
         inside,
         brought,
         hit,
         np.empty(buildings, np.int64),
-        np.empty(buildings, np.int64),
+        np.empty(components, np.int64),
     )
 
 
 @kernel
-def _spread(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room):
+def _spread(
+    seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
+):  # fmt: skip
     """`_grown` without clearing up: how many blocks the region has, how many are in the room, and
     how many of both lists are used. The first is above ``limit`` for a region that is refused."""
-    starts, labels, pixels, spans, places, whose, whole = buildings
     region, inside, brought, hit, struck, fetched = room
     count, done, touched, held = 0, 0, 0, 0
     for b in seed:
@@ -250,38 +251,39 @@ def _spread(seed, columns, owner, donor, buildings, standing, kept, cut, limit, 
             b = region[done]
             done += 1
             row = donor * owner.size + b
-            for k in range(starts[row], starts[row + 1]):
-                one = labels[k]
+            for k in range(components.starts[row], components.starts[row + 1]):
+                one = components.labels[k]
                 if brought[one]:
                     continue
                 brought[one] = True
                 fetched[held] = one
                 held += 1
-                if spans[one + 1] - spans[one] > limit:
+                if components.spans[one + 1] - components.spans[one] > limit:
                     return limit + 1, count, held, touched
-                for q in range(spans[one], spans[one + 1]):
-                    if not inside[places[q]]:
-                        inside[places[q]] = True
-                        region[count] = places[q]
+                for q in range(components.spans[one], components.spans[one + 1]):
+                    if not inside[components.places[q]]:
+                        inside[components.places[q]] = True
+                        region[count] = components.places[q]
                         count += 1
             if owner[b] == donor:
                 continue
             row = owner[b] * owner.size + b
-            for k in range(starts[row], starts[row + 1]):
-                one = labels[k]
+            for k in range(buildings.starts[row], buildings.starts[row + 1]):
+                one = buildings.labels[k]
                 if hit[one] == 0:
                     struck[touched] = one
                     touched += 1
-                hit[one] += pixels[k]
+                hit[one] += buildings.pixels[k]
         before = count
         for t in range(touched):
             one = struck[t]
-            gone = whole[one] - standing[one] + hit[one]
-            if hit[one] == standing[one] or not (kept[one] or gone > cut * whole[one]):
+            whole = buildings.whole[one]
+            gone = whole - standing[one] + hit[one]
+            if hit[one] == standing[one] or not (kept[one] or gone > cut * whole):
                 continue
-            for q in range(spans[one], spans[one + 1]):
-                b = places[q]
-                if owner[b] == whose[one] and not inside[b]:
+            for q in range(buildings.spans[one], buildings.spans[one + 1]):
+                b = buildings.places[q]
+                if owner[b] == buildings.whose[one] and not inside[b]:
                     inside[b] = True
                     region[count] = b
                     count += 1
@@ -293,11 +295,13 @@ def _spread(seed, columns, owner, donor, buildings, standing, kept, cut, limit, 
 
 
 @kernel
-def _grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room):
+def _grown(
+    seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
+):  # fmt: skip
     """`grown` in a `_room`, which is left as it came."""
     region, inside, brought, hit, struck, fetched = room
     found, count, held, touched = _spread(
-        seed, columns, owner, donor, buildings, standing, kept, cut, limit, room
+        seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
     )
     for k in range(count):
         inside[region[k]] = False
@@ -309,41 +313,44 @@ def _grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit, r
 
 
 @kernel
-def grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit):
-    """Grow the blocks ``seed`` over every building of ``donor`` that they touch, over every
+def grown(seed, columns, owner, donor, components, buildings, standing, kept, cut, limit):
+    """Grow the blocks ``seed`` over every built component of ``donor`` that they touch, over every
     building standing on the map of which they would take a part so large that more than the
     share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
     these enclose, until there is none.
 
-    ``buildings`` are `evocity.operators.footings.Footings`; there are ``columns`` blocks a row;
-    ``owner`` says whose each block is now, ``standing`` how many pixels of each building stand
-    now. Returns the region's blocks, none if it grows beyond ``limit`` of them, and how many
-    buildings of ``donor`` it holds.
+    ``components`` and ``buildings`` are `evocity.operators.footings.Footings` of the same maps;
+    there are ``columns`` blocks a row; ``owner`` says whose each block is now, ``standing`` how
+    many pixels of each building stand now. Returns the region's blocks, none if it grows beyond
+    ``limit`` of them, and how many components of ``donor`` it holds.
     """
-    room = _room(owner.size, standing.size)
-    return _grown(seed, columns, owner, donor, buildings, standing, kept, cut, limit, room)
+    room = _room(owner.size, components.whole.size, buildings.whole.size)
+    return _grown(
+        seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
+    )
 
 
 @kernel
 def inject_regions(
-    current, brought, owner, donor, size, corners, columns, buildings, standing, kept,
-    tolerance, cut, limit, least, most,
+    current, brought, owner, donor, size, corners, columns, components, buildings, standing,
+    kept, tolerance, cut, limit, least, most,
 ):  # fmt: skip
-    """As `inject`, but each macro-block is `grown` first and holds a building of the donor, if
+    """As `inject`, but each macro-block is `grown` first and holds a component of the donor, if
     that has any. Maps are blocks ``(n, B, B)``, ``owner`` is ``(n,)``, candidate ``corners``
     (row, column) are ``(m, 2)``, in blocks. ``current``, ``owner``, ``standing`` and ``kept``
     are changed in place. Returns the blocks owned."""
-    starts, labels, pixels, _, _, whose, _ = buildings
+    starts, labels, pixels = buildings.starts, buildings.labels, buildings.pixels
     blocks = owner.size
     owned = 0
     for value in owner:
         if value == donor:
             owned += 1
     bare = True
-    for value in whose:
+    for value in components.whose:
         if value == donor:
             bare = False
-    seed, room = np.empty(size * size, np.int64), _room(blocks, standing.size)
+    seed = np.empty(size * size, np.int64)
+    room = _room(blocks, components.whole.size, buildings.whole.size)
     here = np.zeros(2, np.int64)
     for m in range(len(corners)):
         if owned >= least:
@@ -357,7 +364,7 @@ def inject_regions(
         if gained == 0 or owned + gained > most:
             continue
         region, held = _grown(
-            seed, columns, owner, donor, buildings, standing, kept, cut, limit, room
+            seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
         )
         gained = 0
         for b in region:
@@ -388,7 +395,8 @@ def inject_regions(
 
 @kernel
 def give_back(current, maps, owner, buildings, standing):
-    """Make buildings that were cut whole again where what took their blocks has no building there.
+    """Make buildings that were cut whole again where what took their blocks has no building there,
+    and no part of a building that is gone would come back with them.
 
     ``maps`` (m, n, B, B) are all parents' blocks; the rest as in `inject_regions`. ``current``,
     ``owner`` and ``standing`` are changed in place. Returns how many buildings are whole again."""
@@ -401,8 +409,16 @@ def give_back(current, maps, owner, buildings, standing):
         for q in range(spans[one], spans[one + 1]):
             b = places[q]
             row = owner[b] * blocks + b
-            if owner[b] != mine and starts[row] < starts[row + 1]:
+            if owner[b] == mine:
+                continue
+            if starts[row] < starts[row + 1]:
                 free = False
+                break
+            row = mine * blocks + b
+            for k in range(starts[row], starts[row + 1]):
+                if standing[labels[k]] == 0:
+                    free = False
+            if not free:
                 break
         if not free:
             continue

@@ -1,4 +1,4 @@
-"""Which buildings stand on which range blocks?"""
+"""Which buildings, or built components, stand on which range blocks?"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from evocity.citymap import CityMap
 from evocity.operators._kernels import tallied
 from evocity.pavement import Pavement
 
 
 class Footings(NamedTuple):
-    """Which buildings (`CityMap.labels`) of several maps on one pavement touch which blocks.
+    """Which buildings of several maps on one pavement touch which blocks.
 
     Block b of map m is row m·n + b, n being the pavement's blocks; buildings are numbered from
-    0 through all maps.
+    0 through all maps. They are those of the labels given: buildings told apart by gaps and
+    steps, or whole built components.
 
     starts, labels, pixels : row r holds ``pixels[k]`` pixels of building ``labels[k]`` for each
         k in ``starts[r] : starts[r + 1]``.
@@ -32,14 +32,16 @@ class Footings(NamedTuple):
     whole: np.ndarray
 
 
-def footings_of(pavement: Pavement, maps: Sequence[CityMap]) -> Footings:
-    """The `Footings` of ``maps`` on ``pavement``."""
-    counts = [int(city.labels.max()) for city in maps]
+def footings_of(pavement: Pavement, maps: Sequence[np.ndarray]) -> Footings:
+    """The `Footings` on ``pavement`` of ``maps``, given as labels: int32 ``(H, W)``, 0 on open
+    ground, 1…n on n buildings (``CityMap.buildings.labels``) or components (``CityMap.labels``).
+    """
+    counts = [int(one.max()) for one in maps]
     whose = np.repeat(np.arange(len(maps)), counts)
     first = np.cumsum(counts) - counts
     rows = [
-        pavement.blocks(np.where(city.labels > 0, city.labels + np.int32(start - 1), -1))
-        for city, start in zip(maps, first, strict=True)
+        pavement.blocks(np.where(one > 0, one + np.int32(start - 1), -1))
+        for one, start in zip(maps, first, strict=True)
     ]
     starts, labels, pixels = tallied(np.concatenate(rows).reshape(len(rows) * len(pavement), -1))
     turned = csr_array((pixels, labels, starts), shape=(starts.size - 1, whose.size)).tocsc()

@@ -104,20 +104,21 @@ class Rearrangement:
         self.blocks = self.grid.blocks(raw_heights(parent)).copy()
         self.genome = parent
         self.stone = np.arange(len(self.grid))
-        self._buildings: Footings | None = None
+        self._components: Footings | None = None
 
     def grown(
         self, group: np.ndarray, corner: np.ndarray, limit: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The cells of a group and of all buildings it touches, and so on, so that none is cut,
-        as another group and its corner; no cells where these are more than ``limit``."""
-        if self._buildings is None:
+        """The cells of a group and of all built components it touches, and so on, so that none is
+        cut, as another group and its corner; no cells where these are more than ``limit``."""
+        if self._components is None:
             city = CityMap(self.grid.raster(self.blocks), self.genome.metres_per_pixel)
-            self._buildings = footings_of(self.grid, [city])
-        whole = self._buildings.whole
+            self._components = footings_of(self.grid, [city.labels])
+        every = self._components
+        whole = every.whole
         owner, kept = np.zeros(self.stone.size, np.int64), np.zeros(whole.size, bool)
         seed, columns = self._places(group, corner), self.grid.columns
-        places, _ = grown(seed, columns, owner, 0, self._buildings, whole, kept, 0.0, limit)
+        places, _ = grown(seed, columns, owner, 0, every, every, whole, kept, 0.0, limit)
         if not places.size:
             return group[:, :0], corner
         blocks = np.stack(np.divmod(places, self.grid.columns))
@@ -208,7 +209,7 @@ class Rearrangement:
         """Lay a copy of the group at ``start`` at ``end``; domain blocks inside the group go
         along with the copy if they are to be ``carried``."""
         here, there = self._places(group, start), self._places(group, end)
-        self._buildings = None
+        self._components = None
         for column in (self.blocks, self.stone):
             column[there] = column[here]
         if carried:
@@ -222,7 +223,7 @@ class Rearrangement:
         """Exchange the groups at ``start`` and ``end``, clear of one another; domain blocks
         inside either, whosever they are, go along with it if they are to be ``carried``."""
         here, there = self._places(group, start), self._places(group, end)
-        self._buildings = None
+        self._components = None
         for column in (self.blocks, self.stone):
             column[here], column[there] = column[there], column[here]
         if carried:

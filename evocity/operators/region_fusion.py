@@ -17,7 +17,7 @@ from evocity.operators.parameters import Check
 from evocity.operators.pavement_fusion import PavementFusion
 
 #: Regions that cut nothing come first, then those that cut up to so much of what they may.
-_STAGES = (0.0, 0.5, 1.0)
+_STAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 #: The largest region unless told, m².
 _AREA = 25_600.0
 
@@ -26,13 +26,14 @@ _AREA = 25_600.0
 class RegionFusion(PavementFusion):
     """Pavement fusion with regions that follow the buildings (Marsault 2002 §6.2).
 
-    As in `PavementFusion`, but before it is injected a macro-block grows until it cuts no
-    building (built component, `CityMap.labels` of the decoded map): over the donor's that it
-    touches, over standing ones of which it would take too much and leave a part, and over the
-    courts they enclose. It holds one of the donor's at least, unless that has none. What is
-    injected is never cut later: another region replaces such a building wholly, or grows over
-    it, or is refused. At the end, buildings that were cut are given back what they lost where
-    nothing is built in its place.
+    As in `PavementFusion`, but before it is injected a macro-block grows: over the donor's built
+    components that it touches (`CityMap.labels` of the decoded map: buildings side by side share
+    range blocks, and come together), over standing buildings of which it would take too much and
+    leave a part (told apart by gaps and steps, `CityMap.buildings`), and over the courts these
+    enclose. It holds a component of the donor at least, unless that has none. What is injected is
+    never cut later: another region replaces such a building wholly, or grows over it, or is
+    refused. At the end, buildings that were cut are given back what they lost where nothing is
+    built in its place.
 
     Parameters
     ----------
@@ -42,8 +43,8 @@ class RegionFusion(PavementFusion):
         as large as the map, takes few regions: see ``made["fill_reached"]``.
     tolerance : S, metres, along a region's outline.
     cut : share of a standing building that regions may take away while the rest stays, 0…1. At
-        each size regions that take nothing come first, then those that take up to half of it,
-        then all. 0 leaves every building of the child whole; with 1 any but those injected
+        each size regions that take nothing come first, then those that take up to a fifth of
+        it, and so on. 0 leaves every building of the child whole; with 1 any but those injected
         before may be cut.
     area_max : regions that grow beyond this are refused, m²; None for 25 600.
     limit, size_min, size_max, positions : the same in range blocks, of uniform pavements;
@@ -53,7 +54,7 @@ class RegionFusion(PavementFusion):
     """
 
     tolerance: float = 12.0
-    cut: float = 0.2
+    cut: float = 0.4
     area_max: float | None = None
     limit: int | None = None
     tries: int | None = 60
@@ -81,7 +82,9 @@ class RegionFusion(PavementFusion):
             self.name, "limit", self.area_max, self.limit, _AREA, grid, parents, power=2
         )
         maps = [grid.blocks(raw_heights(parent)) for parent in parents]
-        buildings = footings_of(grid, [decoded(parent).city for parent in parents])
+        cities = [decoded(parent).city for parent in parents]
+        components = footings_of(grid, [city.labels for city in cities])
+        buildings = footings_of(grid, [city.buildings.labels for city in cities])
         margin, donor = self.margin, int(np.argmax(shares))
         owner, current = np.full(len(grid), donor), maps[donor].copy()
         standing = np.where(buildings.whose == donor, buildings.whole, 0)
@@ -101,6 +104,7 @@ class RegionFusion(PavementFusion):
                     size,
                     corners,
                     grid.columns,
+                    components,
                     buildings,
                     standing,
                     kept,

