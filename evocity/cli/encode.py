@@ -251,7 +251,13 @@ def encode(
     )
     if encoding.above:
         click.echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
-    click.echo(f"decoded PSNR {psnr:.1f} dB, collage error {encoding.collage_rmse:.2f} m (RMS)")
+    flat = ""
+    if encoding.genome.settle:
+        raw = evocity.decode(encoding.genome, settle=False).city
+        flat = f" ({evocity.coding.psnr(city, raw):.1f} dB before its roofs were settled)"
+    click.echo(
+        f"decoded PSNR {psnr:.1f} dB{flat}, collage error {encoding.collage_rmse:.2f} m (RMS)"
+    )
     click.echo(f"wrote {output}")
 
 

@@ -163,7 +163,7 @@ def _individual(folder: str, identifier: int | None):
     raise EvocityError(
         f"{folder} is a run, with many genomes",
         "--id N, the number of one individual",
-        f"find it above the pictures of {Path(folder) / 'report.html'}, or in "
+        f"find it under the pictures of {Path(folder) / 'report.html'}, or in "
         f"`evocity status {folder}`{example}",
     )
 

@@ -118,7 +118,7 @@ class Run:
                 raise RunError(
                     f"{self.path}: individual {identifier!r}",
                     "a whole number, the id of a birth",
-                    "see the births' `id` column",
+                    self._where_ids_are,
                 )
         found: dict[int, Birth] = {}
         spans = self._with_pieces(self._spans)
@@ -137,9 +137,13 @@ class Run:
                 f"an id from 0 to {max(last for _, _, last in spans)}"
                 if spans
                 else "a run with a whole generation",
-                "see the births' `id` column",
+                self._where_ids_are,
             )
         return [found[identifier] for identifier in ids]
+
+    @property
+    def _where_ids_are(self) -> str:
+        return f"take one from `evocity status {self.path}`, the report, or the births' `id` column"
 
     def genome(self, identifier: int) -> Genome:
         """The genome of one individual. `RunError` if it was never bred."""
@@ -188,7 +192,7 @@ class Run:
             raise RunError(
                 f"{self.path}: no individual {identifier!r}",
                 f"an id of a birth in generations 0…{len(self.generations) - 1}",
-                "see the births' `id` column",
+                self._where_ids_are,
             )
         found, further = set(), [int(identifier)]
         while further:

@@ -450,8 +450,8 @@ def test_no_window_comes_twice_within_4096_pixels(name):
 
 def test_what_must_repeat_is_told():
     # no window of it is without the house, so that straight copies cannot but show it again
-    code = uniformly(CityMap(one_house(96), 2)).genome
-    fabric = grow(code, 160, 176, RNG(1), turned=False)
+    code = uniformly(CityMap(one_house(80), 2)).genome
+    fabric = grow(code, 120, 128, RNG(1), turned=False)
     assert fabric.account()["repeated"] > 0
     assert fabric.repeats() > 0
 
