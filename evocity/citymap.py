@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from evocity.errors import MapError, keyword, setting
 from evocity.views import ground
-from evocity.views.buildings import STEP, Buildings, outlines, told_apart
+from evocity.views.buildings import STEP, Buildings, measured, outlines, told_apart, zones_of
 from evocity.views.structure import gradients, structure
 
 if TYPE_CHECKING:
@@ -147,10 +147,16 @@ class CityMap:
         return _read_only(counts * self.metres_per_pixel**2)
 
     @cached_property
+    def building_labels(self) -> np.ndarray:
+        """Int32 ``(H, W)``: 0 on open ground, 1…n on the n `buildings`, without the table. About
+        1 ms at 256²; what a genome decodes to with settled roofs knows it already."""
+        return _read_only(zones_of(self.heights, self.labels, self.metres_per_pixel))
+
+    @cached_property
     def buildings(self) -> Buildings:
         """The buildings, told apart by gaps and by steps of height of more than half a storey:
         their labels and a table. `told_apart` takes another step. About 2 ms at 256²."""
-        return self.told_apart()
+        return measured(self.heights, self.labels, self.building_labels, self.metres_per_pixel)
 
     def told_apart(self, step: float = STEP) -> Buildings:
         """The buildings, told apart by gaps and by steps of height of more than ``step`` metres:
@@ -163,7 +169,7 @@ class CityMap:
         `buildings`: in ``crs`` if the map has an ``origin``; else in metres from its south-west
         corner, x to the east, y to the north. About 20 ms at 256²."""
         corner = self.origin or (0.0, self.shape[0] * self.metres_per_pixel)
-        return outlines(self.buildings.labels, self.metres_per_pixel, corner)
+        return outlines(self.building_labels, self.metres_per_pixel, corner)
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:

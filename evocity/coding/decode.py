@@ -25,7 +25,7 @@ from evocity.coding.zoom import area_means, legal_zoom, zoomed_corner, zoomed_pa
 from evocity.errors import GenomeError, setting
 from evocity.genome import Genome
 from evocity.pavement import Pavement
-from evocity.views.buildings.settled import settled
+from evocity.views.buildings.settled import settled_zones
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,9 +293,14 @@ def decode(
 
 def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) -> CityMap:
     roofs = np.maximum(heights, 0)
-    if settle:
-        roofs = settled(roofs, roofs > BUILT_ABOVE, pixel, kept)
-    return CityMap(roofs, pixel, **described)
+    if not settle:
+        return CityMap(roofs, pixel, **described)
+    roofs, labels = settled_zones(roofs, roofs > BUILT_ABOVE, pixel, kept)
+    city = CityMap(roofs, pixel, **described)
+    if kept is None:  # then they are what the map would find
+        labels.setflags(write=False)
+        vars(city)["building_labels"] = labels
+    return city
 
 
 def _common_kinds(

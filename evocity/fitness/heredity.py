@@ -210,7 +210,7 @@ def _check_inside(stones: np.ndarray, city: CityMap) -> None:
 def _footprints(city: CityMap) -> tuple[np.ndarray, np.ndarray]:
     """The buildings of a source city, (H, W), and how many pixels each has, from 0 for none."""
     if city not in _known:
-        labels = np.ascontiguousarray(city.buildings.labels)
+        labels = city.building_labels
         _known[city] = labels, np.bincount(labels.ravel())
     return _known[city]
 

@@ -34,7 +34,7 @@ class Footings(NamedTuple):
 
 def footings_of(pavement: Pavement, maps: Sequence[np.ndarray]) -> Footings:
     """The `Footings` on ``pavement`` of ``maps``, given as labels: int32 ``(H, W)``, 0 on open
-    ground, 1…n on n buildings (``CityMap.buildings.labels``) or components (``CityMap.labels``).
+    ground, 1…n on n buildings (``CityMap.building_labels``) or components (``CityMap.labels``).
     """
     counts = [int(one.max()) for one in maps]
     whose = np.repeat(np.arange(len(maps)), counts)

@@ -84,7 +84,7 @@ class RegionFusion(PavementFusion):
         maps = [grid.blocks(raw_heights(parent)) for parent in parents]
         cities = [decoded(parent).city for parent in parents]
         components = footings_of(grid, [city.labels for city in cities])
-        buildings = footings_of(grid, [city.buildings.labels for city in cities])
+        buildings = footings_of(grid, [city.building_labels for city in cities])
         margin, donor = self.margin, int(np.argmax(shares))
         owner, current = np.full(len(grid), donor), maps[donor].copy()
         standing = np.where(buildings.whose == donor, buildings.whole, 0)

@@ -55,20 +55,24 @@ def told_apart(
             raise MapError(
                 f"{name} = {value!r}", f"{unit}, 0 or more", f"leave {name} out for the default"
             )
-    zones, count = zones_of(heights, labels, metres_per_pixel, step, crumb)
-    return measured(heights, labels, zones, count, metres_per_pixel)
+    zones = zones_of(heights, labels, metres_per_pixel, step, crumb)
+    return measured(heights, labels, zones, metres_per_pixel)
 
 
 def zones_of(
-    heights: np.ndarray, labels: np.ndarray, metres_per_pixel: float, step: float, crumb: float
-) -> tuple[np.ndarray, int]:
-    """The labels alone, int32 ``(H, W)``, and how many buildings they number; as `told_apart`."""
+    heights: np.ndarray,
+    labels: np.ndarray,
+    metres_per_pixel: float,
+    step: float = STEP,
+    crumb: float = CRUMB,
+) -> np.ndarray:
+    """The labels alone, int32 ``(H, W)``: 0 on open ground, 1…n on n buildings; as `told_apart`."""
     zones = np.empty(labels.shape, np.int32)
     count = _kernels.flat_zones(heights, labels, float(step), zones)
     least = _fewest(crumb, metres_per_pixel**2, labels.size)
     if least > 1:
-        count = _kernels.join_crumbs(heights, zones, count, least)
-    return zones, count
+        _kernels.join_crumbs(heights, zones, count, least)
+    return zones
 
 
 def _fewest(crumb: float, pixel: float, size: int) -> int:

@@ -4,7 +4,7 @@ import numpy as np
 
 from evocity.errors import MapError
 from evocity.views.buildings import _kernels
-from evocity.views.buildings.apart import CRUMB, STEP, zones_of
+from evocity.views.buildings.apart import STEP, zones_of
 
 
 def settled(
@@ -42,7 +42,8 @@ def settled(
 
     Source: ours.
     """
-    return settled_zones(heights, labels, metres_per_pixel, keep)[0]
+    roofs, _ = settled_zones(heights, labels, metres_per_pixel, keep)
+    return roofs
 
 
 def settled_zones(
@@ -50,10 +51,10 @@ def settled_zones(
     labels: np.ndarray,
     metres_per_pixel: float,
     keep: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """`settled`, with its buildings: int32 ``(H, W)``, 0 where nothing was laid flat, and how
-    many there are. With nothing to ``keep`` they are what `told_apart` finds in the settled map,
-    number by number."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """`settled`, with the labels of its buildings: int32 ``(H, W)``, 0 where nothing was laid
+    flat. With nothing to ``keep`` they are what `told_apart` finds in the settled map, number by
+    number."""
     if keep is not None and np.shape(keep) != heights.shape:
         raise MapError(
             f"keep of shape {np.shape(keep)} for a map of shape {heights.shape}",
@@ -64,6 +65,6 @@ def settled_zones(
     if keep is not None:
         labels = np.where(keep, 0, labels)
         np.copyto(roofs, heights, where=keep)
-    zones, count = zones_of(heights, labels, metres_per_pixel, STEP, CRUMB)
-    count = _kernels.level(heights, zones, count, STEP, roofs)
-    return roofs, zones, count
+    zones = zones_of(heights, labels, metres_per_pixel)
+    _kernels.level(heights, zones, int(zones.max(initial=0)), STEP, roofs)
+    return roofs, zones

@@ -122,11 +122,10 @@ def measured(
     heights: np.ndarray,
     labels: np.ndarray,
     zones: np.ndarray,
-    count: int,
     metres_per_pixel: float,
 ) -> Buildings:
-    """The table of ``count`` buildings, which ``zones`` ``(H, W)`` numbers; the rest as in
-    `told_apart`."""
+    """The table of the buildings that ``zones`` ``(H, W)`` numbers; the rest as in `told_apart`."""
+    count = int(zones.max(initial=0))
     counts, total = np.zeros((count, 6), np.int64), np.zeros(count)
     bounds, sums = np.empty((count, 4), np.int32), np.empty((count, 2))
     first = np.empty(count, np.int64)
