@@ -237,6 +237,7 @@ class Search:
                 self._prepared.sources,
                 self._prepared.condensation,
                 kept.files,
+                list(self._prepared.others.values()),
             )
         self._population = Population(self._prepared.header.population, self._prepared.aims)
         self._start_pool()

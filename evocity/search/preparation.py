@@ -27,7 +27,9 @@ _SHAPEFILE = (".dbf", ".shx", ".prj")
 
 @dataclass(frozen=True)
 class Prepared:
-    """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken."""
+    """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken;
+    ``others`` are the cities besides its sources that measures compare with, as the recipe names
+    them."""
 
     recipe: Recipe
     sources: list[Source]
@@ -36,6 +38,7 @@ class Prepared:
     condensation: Condensation | None = None
     notes: tuple[str, ...] = ()
     references: Mapping[str, fitness.Reference] = field(default_factory=dict)
+    others: Mapping[str, CityMap] = field(default_factory=dict)
 
     @property
     def setup(self) -> Setup:
@@ -71,7 +74,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
         notes.append(f"{name}: {city.taken}")
     same_grid(cities)
-    references = references_of(recipe, cities, tell, notes.append)
+    others = other_cities(recipe, notes.append)
+    references = references_of(recipe, cities, others, tell)
     condensation, attribution = locked_layer(recipe, cities)
     kind, genomes = recipe.genome.kind, []
     for city in cities:
@@ -82,7 +86,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
     aims = aims_of(recipe, note=notes.append)
     noted = tuple(dict.fromkeys(notes))
-    return Prepared(recipe, sources, aims, header, condensation, noted, references)
+    return Prepared(recipe, sources, aims, header, condensation, noted, references, others)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -96,19 +100,34 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     )
 
 
+def other_cities(recipe: Recipe, note: Callable[[str], None] | None = None) -> dict[str, CityMap]:
+    """The cities, other than its parents, that measures of the ``recipe`` compare with, by the
+    names it gives them. ``note`` is told what was taken of their files."""
+    found: dict[str, CityMap] = {}
+    for entry in recipe.fitness:
+        named = entry.compared
+        for name in () if named is None or named == PARENTS else named:
+            if name in found or recipe.parent_named(name) is not None:
+                continue
+            found[name] = city = read_parent(recipe, name)
+            if note is not None:
+                note(f"{city.name}: {city.taken}")
+    return found
+
+
 def references_of(
     recipe: Recipe,
     cities: Sequence[CityMap],
+    others: Mapping[str, CityMap],
     tell: Callable[[str], None] | None = None,
-    note: Callable[[str], None] | None = None,
 ) -> dict[str, fitness.Reference]:
     """What the recipe's measures that compare cities compare with, by their names; ``cities``
-    are the run's sources. ``tell`` is told which features are left out, ``note`` what was taken
-    of the files of other cities.
+    are the run's sources, ``others`` as in `other_cities`. ``tell`` is told which features are
+    left out.
 
     Raises `FitnessError` if a reference has too few buildings.
     """
-    tell, note = tell or (lambda text: None), note or (lambda text: None)
+    tell = tell or (lambda text: None)
     found: dict[str, fitness.Reference] = {}
     made: dict[str | tuple[str, ...], fitness.Reference] = {}
     for entry in recipe.fitness:
@@ -120,7 +139,7 @@ def references_of(
                 fitness.Reference.sources(cities)
                 if compared == PARENTS
                 else fitness.Reference.of(
-                    [_city_named(recipe, name, cities, note) for name in compared]
+                    [_city_named(recipe, name, cities, others) for name in compared]
                 )
             )
         for measure in entry.measures:
@@ -133,16 +152,14 @@ def references_of(
 
 
 def _city_named(
-    recipe: Recipe, name: str, cities: Sequence[CityMap], note: Callable[[str], None]
+    recipe: Recipe, name: str, cities: Sequence[CityMap], others: Mapping[str, CityMap]
 ) -> CityMap:
-    """A source city by the ``name`` the recipe gives it, or another map."""
+    """A source city by the ``name`` the recipe gives it, or another one."""
     parent = recipe.parent_named(name)
     for source, city in zip(recipe.parents, cities, strict=True):
         if source is parent:
             return city
-    city = read_parent(recipe, name)
-    note(f"{city.name}: {city.taken}")
-    return city
+    return others[name]
 
 
 def _tell_of_fabric(name: str, reference: fitness.Reference, tell: Callable[[str], None]) -> None:
@@ -233,8 +250,11 @@ def provenance_of(
         "fitness": [
             _wanted(recipe, entry, one, hashed)
             | _source_of(entry, one.measure, kept)
-            | _compared(recipe, entry.compared)
+            | _compared(recipe, entry.compared, hashed)
             for entry, one in zip(entries, prepared.aims.wanted, strict=True)
+        ],
+        "references": [
+            {"map": name, "hash": store.hash_of_map(city)} for name, city in prepared.others.items()
         ],
         **locked,
     }
@@ -273,14 +293,14 @@ def _source_of(entry: FitnessEntry, measure: fitness.Measure, kept: Kept) -> dic
     return about
 
 
-def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None) -> dict:
+def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None, hashed) -> dict:
     """What `provenance.json` tells of what a measure compares with; nothing if it does not."""
     if reference is None:
         return {}
     if reference == PARENTS:
         return {"reference": PARENTS}
     maps = [_map_of(recipe, name) for name in reference]
-    return {"reference": {name: file_hash(recipe.folder, name) for name in maps}}
+    return {"reference": {name: hashed(recipe.folder, name) for name in maps}}
 
 
 def _map_of(recipe: Recipe, like: str) -> str:

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evocity import fitness, store
+from evocity.citymap import CityMap
 from evocity.errors import EvocityError, FitnessError, RunError, keyword
 from evocity.search.keeping import kept_by, replaced
 from evocity.search.preparation import (
     Prepared,
     aims_of,
     file_hash,
+    other_cities,
     provenance_of,
     references_of,
 )
@@ -71,14 +73,23 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             likes = [one for one in likes if _file_hash(recipe.folder, one["like"]) == "missing"]
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
-        references = references_of(recipe, [source.city for source in sources])
+        others = _others(run, recipe)
+        references = references_of(recipe, [source.city for source in sources], others)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
             f"{run.path}: provenance.json lacks a part ({error!r})",
             "a provenance as `evocity run` writes it",
             "bring the file back from a copy",
         ) from None
-    prepared = Prepared(recipe, sources, aims, run.header, run.condensation, references=references)
+    prepared = Prepared(
+        recipe,
+        sources,
+        aims,
+        run.header,
+        run.condensation,
+        references=references,
+        others=others,
+    )
     edited = _edited(run)
     writer = RunWriter.reopen(path)
     try:
@@ -105,6 +116,8 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     noted = {one["map"]: one["file"] for one in run.provenance["maps"]}
     noted |= {one["like"]: one["like_file"] for one in run.provenance["fitness"]}
     noted |= run.provenance.get("locked", {}).get("files", {})
+    for one in run.provenance["fitness"]:
+        noted |= _compared_with(one)
 
     def hashed(folder: Path, name: str) -> str | None:
         found = _file_hash(folder, name)
@@ -169,14 +182,13 @@ def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
         for like, before in likes.items()
         if _file_hash(folder, like) not in (before, "missing")
     ]
-    compared = [one.get("reference") for one in provenance["fitness"]]
-    changes += [
-        f"the map {name}, which cities are compared with"
-        for maps in compared
-        if isinstance(maps, dict)
-        for name, before in maps.items()
-        if _file_hash(folder, name) != before
-    ]
+    own_copies = {one["map"] for one in provenance["maps"] + provenance.get("references", [])}
+    for one in provenance["fitness"]:
+        for name, before in _compared_with(one).items():
+            there, kept = _file_hash(folder, name), name in own_copies
+            if there != before and not (kept and there == "missing"):
+                copy = " (the run keeps its own copy)" if kept else ""
+                changes.append(f"the map {name}, which cities are compared with{copy}")
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
     for one in provenance["fitness"]:
         paths = _sources_of(one, folder, own, copies)
@@ -185,6 +197,12 @@ def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
     strange = own - {_named_file(one, folder) for one in provenance["fitness"]}
     changes += [f"the measures of {file}" for file in sorted(strange)]
     return list(dict.fromkeys(changes))
+
+
+def _compared_with(noted: dict) -> dict:
+    """The maps that a measure compares with, and the hashes of their files."""
+    maps = noted.get("reference")
+    return maps if isinstance(maps, dict) else {}
 
 
 def _entries(run: Run) -> list[dict]:
@@ -343,6 +361,22 @@ def _sources(run: Run, recipe: Recipe) -> list[Source]:
             "bring the folder back from a copy, or start a new run with the same recipe",
         )
     return sources
+
+
+def _others(run: Run, recipe: Recipe) -> Mapping[str, CityMap]:
+    """The other cities that measures compare with, as the run keeps them; `RunError` if these are
+    not those it began with. Runs of older releases kept none, and read their files again."""
+    noted = run.provenance.get("references")
+    if noted is None:
+        return other_cities(recipe)
+    maps = run.references()
+    if [store.hash_of_map(city) for city in maps] != [one["hash"] for one in noted]:
+        raise RunError(
+            f"{run.path / 'references'} holds other maps than the run began with",
+            "the cities that measures compare with, as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return {one["map"]: city for one, city in zip(noted, maps, strict=True)}
 
 
 def _values(run: Run, generation: int) -> list[Birth]:

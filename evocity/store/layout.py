@@ -46,6 +46,7 @@ class Folder:
         self.provenance = self.root / "provenance.json"
         self.sources = self.root / "sources"
         self.locked = self.sources / "locked.npy"
+        self.references = self.root / "references"
         self.events = self.root / "events.jsonl"
         self.lock = self.root / "lock"
 

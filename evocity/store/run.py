@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
@@ -30,7 +31,7 @@ from evocity.store.schema import (
     check_version,
     summaries_of,
 )
-from evocity.store.sources import Source, read_condensation, read_sources
+from evocity.store.sources import Source, read_condensation, read_maps, read_sources
 
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
@@ -208,6 +209,14 @@ class Run:
         """The source cities, maps and genomes."""
         with self._readable(self._folder.sources):
             return read_sources(self._folder.sources)
+
+    def references(self) -> list[CityMap]:
+        """The maps of the cities, other than its sources, that the run's measures compare with;
+        none in runs of older releases."""
+        if not self._folder.references.exists():
+            return []
+        with self._readable(self._folder.references):
+            return read_maps(self._folder.references)
 
     def events(self) -> list[dict]:
         """What happened to the run, oldest first; each has ``time`` and ``event``."""

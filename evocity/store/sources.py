@@ -1,7 +1,9 @@
-"""What a run started from: the source cities, their maps and genomes, and what is locked."""
+"""What a run started from: the source cities, their maps and genomes, the maps of other cities that
+measures compare with, and what is locked."""
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,11 +44,17 @@ class _About(BaseModel):
     height_rules: dict[str, int]
 
 
-def write_sources(folder: Path, sources: list[Source]) -> None:
-    """Three files a source: heights (NPY), what describes them (JSON), genome (Parquet)."""
+def write_sources(folder: Path, sources: Sequence[Source]) -> None:
+    """Those of `write_maps`, and the genome of each source (Parquet)."""
     for index, source in enumerate(sources):
-        city = source.city
-        stem = f"{index:02d}-{re.sub(r'[^A-Za-z0-9_-]+', '-', city.name)[:80]}"
+        source.genome.write(folder / f"{_stem(index, source.city)}.genome.parquet")
+    write_maps(folder, [source.city for source in sources])
+
+
+def write_maps(folder: Path, cities: Sequence[CityMap]) -> None:
+    """Two files a city: heights (NPY), what describes them (JSON)."""
+    for index, city in enumerate(cities):
+        stem = _stem(index, city)
         about = {
             "name": city.name,
             "metres_per_pixel": city.metres_per_pixel,
@@ -57,21 +65,36 @@ def write_sources(folder: Path, sources: list[Source]) -> None:
         }
         with whole_file(folder / f"{stem}.npy") as temporary:
             np.save(temporary, city.heights, allow_pickle=False)
-        source.genome.write(folder / f"{stem}.genome.parquet")
         with whole_file(folder / f"{stem}.json") as temporary:
             temporary.write_text(json.dumps(about, indent=1, ensure_ascii=False), encoding="utf-8")
 
 
+def _stem(index: int, city: CityMap) -> str:
+    return f"{index:02d}-{re.sub(r'[^A-Za-z0-9_-]+', '-', city.name)[:80]}"
+
+
 def read_sources(folder: Path) -> list[Source]:
     """Raises what reading damaged files raises: OSError, ValueError, MemoryError, EvocityError."""
-    sources = {}
+    return [
+        Source(city, read_genome(plain_file(path.with_suffix(".genome.parquet"))))
+        for path, city in _described(folder)
+    ]
+
+
+def read_maps(folder: Path) -> list[CityMap]:
+    """What `write_maps` wrote. Raises as `read_sources`."""
+    return [city for _, city in _described(folder)]
+
+
+def _described(folder: Path) -> list[tuple[Path, CityMap]]:
+    """The cities of a folder in their order, each with the file that describes it."""
+    found = {}
     for path in plain_folder(folder).iterdir():
         if match := _DESCRIBED.fullmatch(path.name):
             about = _About.model_validate_json(read_bytes(path))
             heights = np.load(plain_file(path.with_suffix(".npy")), allow_pickle=False)
-            genome = read_genome(plain_file(path.with_suffix(".genome.parquet")))
-            sources[int(match[1])] = Source(CityMap(heights, **about.model_dump()), genome)
-    return [sources[number] for number in sorted(sources)]
+            found[int(match[1])] = path, CityMap(heights, **about.model_dump())
+    return [found[number] for number in sorted(found)]
 
 
 def write_condensation(path: Path, condensation: Condensation) -> None:

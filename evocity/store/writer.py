@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.files import whole_file
@@ -26,7 +27,7 @@ from evocity.store.schema import (
     births_table,
     membership_table,
 )
-from evocity.store.sources import Source, write_condensation, write_sources
+from evocity.store.sources import Source, write_condensation, write_maps, write_sources
 
 
 def refuse_existing(path: str | os.PathLike) -> None:
@@ -64,11 +65,13 @@ class RunWriter:
         sources: Sequence[Source],
         condensation: Condensation | None = None,
         own: Mapping[str, bytes] | None = None,
+        references: Sequence[CityMap] = (),
     ) -> "RunWriter":
         """Create the run folder ``path``; it appears with all its parts, or not at all.
 
         ``condensation`` is the one whose digest the ``header`` tells as ``locked``; ``own`` are the
-        files of the user's own measures, see `keep`.
+        files of the user's own measures, see `keep`; ``references`` the cities, other than the
+        ``sources``, that measures compare with.
         Raises `RunError` if it exists or cannot be written.
         """
         path = Path(path).absolute()
@@ -85,7 +88,10 @@ class RunWriter:
             with whole_file(folder.recipe) as temporary:
                 temporary.write_bytes(recipe_text.encode())
             _write_provenance(folder, provenance, header)
-            write_sources(folder.sources, list(sources))
+            write_sources(folder.sources, sources)
+            if references:
+                folder.references.mkdir()
+                write_maps(folder.references, references)
             if condensation is not None:
                 write_condensation(folder.locked, condensation)
             write_own(hidden, own or {})
@@ -197,7 +203,7 @@ def _clear_unfinished(path: Path) -> None:
     ours = re.compile(re.escape(f".{path.name}-") + "[0-9a-f]{8}")
     model = Folder(path)
     parts = {BIRTHS, MEMBERSHIP, model.sources.name, model.recipe.name, model.provenance.name}
-    parts |= {model.events.name, model.lock.name, OWN}
+    parts |= {model.references.name, model.events.name, model.lock.name, OWN}
     with contextlib.suppress(OSError):
         for hidden in path.parent.iterdir():
             if not ours.fullmatch(hidden.name) or hidden.is_symlink():

@@ -1,5 +1,8 @@
 """Measures that compare cities: what a recipe names, what workers get, what resuming watches."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 
@@ -58,8 +61,12 @@ def test_cities_that_are_named_weigh_alike(toy, tmp_path):
     assert list(noted) == ["left.npy", "model.npy"]
 
     np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy"))
-    with pytest.raises(RunError, match=r"the map model\.npy, which cities are compared with"):
+    changed = r"the map model\.npy, which cities are compared with \(the run keeps its own copy\)"
+    with pytest.raises(RunError, match=changed):
         Search.resume(run.path, generations=1)
+    with Search.resume(run.path, generations=1, accept_changes=True) as search:
+        (city,) = search._prepared.others.values()
+    assert np.array_equal(city.heights, model.heights)
 
 
 def test_a_city_may_stand_alone(toy):
@@ -80,6 +87,67 @@ def test_a_resumed_run_compares_as_before(toy, tmp_path):
     parted = open_run(tmp_path / "parted").births()
     for column in ("id", "fitness.fabric_distance", "status"):
         assert whole.births().column(column).equals(parted.column(column))
+
+
+def test_the_cities_compared_with_go_with_the_run(toy, tmp_path):
+    entry = FABRIC + 'reference = ["left", "model.npy", "other.npy"]\n'
+    recipe = toy(recipe=entry, population=6, generations=2, workers=0)
+    for name, turned in (("model", 1), ("other", 2)):
+        np.save(tmp_path / f"{name}.npy", np.rot90(np.load(tmp_path / "right.npy"), turned))
+    whole = bred(recipe, tmp_path / "whole")
+    assert [city.name for city in whole.references()] == ["model", "other"]
+    with Search(read_recipe(recipe), tmp_path / "parted") as search:
+        next(iter(search))
+    (tmp_path / "away").mkdir()
+    (tmp_path / "parted").rename(tmp_path / "away" / "parted")
+    for path in tmp_path.glob("*.npy"):
+        path.unlink()
+    with Search.resume(tmp_path / "away" / "parted") as search:
+        assert search.notes == []
+        for _ in search:
+            pass
+    parted = open_run(tmp_path / "away" / "parted")
+    for column in ("id", "fitness.fabric_distance", "genome"):
+        assert whole.births().column(column).equals(parted.births().column(column))
+
+
+@pytest.mark.parametrize("harm", ["gone", "another", "less"])
+def test_harmed_copies_are_told(toy, tmp_path, harm):
+    entry = FABRIC + 'reference = ["model.npy"]\n'
+    recipe = toy(recipe=entry, population=4, generations=0, workers=0)
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy").T)
+    run = bred(recipe, tmp_path / "run")
+    (heights,) = (run.path / "references").glob("*.npy")
+    if harm == "gone":
+        heights.unlink()
+    elif harm == "another":
+        np.save(heights, np.load(heights) + np.float32(1))
+    else:
+        shutil.rmtree(run.path / "references")
+    with pytest.raises(RunError, match="references"):
+        Search.resume(run.path, generations=1)
+
+
+def test_a_run_that_kept_no_copies_reads_the_files_again(toy, tmp_path):
+    entry = FABRIC + 'reference = ["model.npy"]\n'
+    recipe = toy(recipe=entry, population=4, generations=1, workers=0)
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy").T)
+    whole = bred(recipe, tmp_path / "whole")
+    with Search(read_recipe(recipe), tmp_path / "run") as search:
+        next(iter(search))
+    told = tmp_path / "run" / "provenance.json"
+    provenance = json.loads(told.read_text())
+    del provenance["references"]
+    told.write_text(json.dumps(provenance))
+    shutil.rmtree(tmp_path / "run" / "references")
+    with Search.resume(tmp_path / "run") as search:
+        for _ in search:
+            pass
+    births = open_run(tmp_path / "run").births()
+    assert whole.births().column("genome").equals(births.column("genome"))
+    (tmp_path / "model.npy").unlink()
+    with pytest.raises(RunError, match=r"the map model\.npy, which cities are compared with"):
+        Search.resume(tmp_path / "run", generations=2)
 
 
 def test_what_is_left_out_is_told_before_the_first_birth(toy, tmp_path):

@@ -17,7 +17,9 @@ def whole_run(tmp_path):
     genome = uniformly(city, block=4).genome
     header = Header(16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
     path = tmp_path / "kept" / "run"
-    writer = RunWriter.create(path, "[run]\n", {}, header, [Source(city, genome)])
+    writer = RunWriter.create(
+        path, "[run]\n", {}, header, [Source(city, genome)], references=[city]
+    )
     writer.event("start")
     for number in range(9):
         births = [

@@ -40,6 +40,7 @@ def refused(path) -> None:
 def read_all(path):
     run = open_run(path)
     run.status(), run.history(), run.events(), run.sources(), run.births(), run.members()
+    run.references()
     run.individuals(run.members(0)["id"].to_pylist())
     return run.recipe_text
 
@@ -58,7 +59,8 @@ def test_the_run_itself_is_read(whole_run):
     "part",
     ["provenance.json", "recipe.toml", "events.jsonl", "lock", "births", "membership", "sources",
      "births/generation-00000003.parquet", "membership/generation-00000003.parquet",
-     "sources/00-town.npy", "sources/00-town.json", "sources/00-town.genome.parquet"],
+     "sources/00-town.npy", "sources/00-town.json", "sources/00-town.genome.parquet",
+     "references", "references/00-town.npy", "references/00-town.json"],
 )  # fmt: skip
 def test_no_part_is_reached_through_a_link(whole_run, tmp_path, part):
     outside = tmp_path / "outside"
