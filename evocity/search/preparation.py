@@ -329,6 +329,11 @@ def _companions(path: Path) -> list[Path]:
     return sorted(one for one in beside if one.suffix.lower() in _SHAPEFILE)
 
 
+def _lays_void(operator) -> bool:
+    """Whether an ``operator`` lays ground that no city has."""
+    return bool(getattr(operator, "void", False) or getattr(operator, "lays_void", False))
+
+
 def _header(
     recipe: Recipe,
     cities: list[CityMap],
@@ -336,7 +341,7 @@ def _header(
     attribution: str,
 ) -> Header:
     names = [city.name for city in cities]
-    if any(entry.parameters.get("void") for entry in recipe.operators.values()):
+    if any(_lays_void(recipe.operator(name)) for name in recipe.operators):
         names.append(VOID)
     if len(names) > 255:
         raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")

@@ -9,7 +9,7 @@ import pytest
 from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_breeding_laws import MOVING, parents_for
+from test_breeding_laws import MOVING, lays_void, parents_for
 from test_breeding_laws import VARIANTS as IN_BLOCKS
 from towns import draw_town
 
@@ -125,7 +125,7 @@ def test_every_pixel_is_a_stone_of_the_parents(operator, kind):
     known = stones_of(kind, len(parents))
     for (y, x), (_, stone) in stones.items():
         if stone[0] == VOID:
-            assert getattr(operator, "void", False)
+            assert lays_void(operator)
             continue
         assert stone[:3] in known
         if not isinstance(operator, MOVING):
@@ -154,7 +154,7 @@ def test_range_blocks_are_split_no_more_than_the_parents_ask_for(operator, kind)
 
 @pytest.mark.parametrize("operator", VARIANTS, ids=str)
 def test_a_city_bred_with_itself_gives_itself(operator):
-    if operator.parents[0] == 1 or getattr(operator, "void", False):
+    if operator.parents[0] == 1 or lays_void(operator):
         pytest.skip("changes a lone parent by design")
     for city in (on_leaves(1), on_leaves(2, 200)):
         whole = merged(city)

@@ -15,7 +15,8 @@ from evocity.operators import OPERATORS, Mutation, PavementFusion, make
 EVERY = [(name, field.name) for name, kind in OPERATORS.items() for field in fields(kind)]
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
 FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso", "rate", "change", "cut", "alike"}
-FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max"}
+FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max", "area_min"}
+FLOATS |= {"spread", "density"}
 TRUTHS = {"void", "isometries", "choose", "stepwise"}
 
 
