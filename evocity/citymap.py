@@ -47,9 +47,9 @@ class CityMap:
     MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights;
         or the pixel size is not positive.
 
-    Views (`built`, `labels`, `areas`, `buildings`, `outline`, `gradients`, `structure`,
-    `distance_to_built`, `open_space`, `streets`) are computed when first asked for, once a map,
-    and are read-only.
+    Views (`built`, `labels`, `areas`, `building_labels`, `buildings`, `outline`, `gradients`,
+    `structure`, `distance_to_built`, `open_space`, `streets`) are computed when first asked for,
+    once a map, and are read-only.
     """
 
     def __init__(

@@ -253,8 +253,7 @@ def encode(
         click.echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
     flat = ""
     if encoding.genome.settle:
-        raw = evocity.decode(encoding.genome, settle=False).city
-        flat = f" ({evocity.coding.psnr(city, raw):.1f} dB before its roofs were settled)"
+        flat = f" ({encoding.psnr_unsettled:.1f} dB before its roofs were settled)"
     click.echo(
         f"decoded PSNR {psnr:.1f} dB{flat}, collage error {encoding.collage_rmse:.2f} m (RMS)"
     )

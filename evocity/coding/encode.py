@@ -53,6 +53,11 @@ class Encoding:
         """Peak signal-to-noise ratio of the decoded genome against the map, dB."""
         return psnr(self.city, decode(self.genome).city)
 
+    @cached_property
+    def psnr_unsettled(self) -> float:
+        """`psnr` before roofs are settled, dB: what the code alone says of the map."""
+        return psnr(self.city, decode(self.genome, settle=False).city)
+
 
 def encode(
     city: CityMap,

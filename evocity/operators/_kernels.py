@@ -418,6 +418,7 @@ def give_back(current, maps, owner, buildings, standing):
             for k in range(starts[row], starts[row + 1]):
                 if standing[labels[k]] == 0:
                     free = False
+                    break
             if not free:
                 break
         if not free:

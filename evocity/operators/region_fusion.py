@@ -1,4 +1,4 @@
-"""Region fusion: cross groups of lifs that wholly contain buildings, so that none is cut."""
+"""Region fusion: cross groups of lifs that wholly contain the buildings they bring."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,17 +39,17 @@ class RegionFusion(PavementFusion):
     ----------
     side_min, side_max : sides of the macro-blocks that regions grow from, metres; None for 32
         and 96.
-    fill, margin, void, places : as in `PavementFusion`. Dense fabric, whose buildings are
-        as large as the map, takes few regions: see ``made["fill_reached"]``.
+    fill, margin, void, places : as in `PavementFusion`. Dense fabric, whose components
+        are as large as the map, takes few regions: see ``made["fill_reached"]``.
     tolerance : S, metres, along a region's outline.
     cut : share of a standing building that regions may take away while the rest stays, 0…1. At
         each size regions that take nothing come first, then those that take up to a fifth of
-        it, and so on. 0 leaves every building of the child whole; with 1 any but those injected
-        before may be cut.
+        ``cut``, two fifths, and so on to all of it: six rounds. 0 leaves every building of the
+        child whole; with 1 any but those injected before may be cut.
     area_max : regions that grow beyond this are refused, m²; None for 25 600.
     limit, size_min, size_max, positions : the same in range blocks, of uniform pavements;
         deprecated.
-    tries : macro-blocks tried at each size, once for each of these; None tries them all.
+    tries : macro-blocks tried at each size in each round of ``cut``; None tries them all.
     repair, reach, domains : as in `PavementFusion`.
     """
 

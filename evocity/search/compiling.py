@@ -34,8 +34,9 @@ def needed(recipe: Recipe) -> list[str]:
     """The parts of `evocity.search.warm` that the births of a ``recipe`` call."""
     code = recipe.genome
     names = [name for name in recipe.operators if name in OPERATORS]
-    # region_fusion compiles them too: apart, the other process can meanwhile
-    buildings = [warm.BUILDINGS] if "region_fusion" in names else []
+    # what decodes with settled roofs knows its buildings already
+    unsettled = not code.settle or bool(recipe.locked.asked)
+    buildings = [warm.BUILDINGS] if "region_fusion" in names and unsettled else []
     own = [one for one in recipe.measures if one.origin != "evocity"]
     return [
         warm.SEARCH,

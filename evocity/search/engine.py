@@ -114,7 +114,7 @@ class Search:
         """Go on with the run in ``path`` after its last whole generation.
 
         ``generations`` replaces the recipe's number. Raises `RunError` if the recipe, a
-        source map or a measure's source changed since and ``accept_changes`` is False (the
+        map or a measure's source changed since and ``accept_changes`` is False (the
         message names what changed; no changed file is executed before), if the change cannot
         be had in one run, or if the run has more generations already.
         """
@@ -237,7 +237,7 @@ class Search:
                 self._prepared.sources,
                 self._prepared.condensation,
                 kept.files,
-                list(self._prepared.others.values()),
+                self._prepared.others,
             )
         self._population = Population(self._prepared.header.population, self._prepared.aims)
         self._start_pool()

@@ -28,8 +28,7 @@ _SHAPEFILE = (".dbf", ".shx", ".prj")
 @dataclass(frozen=True)
 class Prepared:
     """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken;
-    ``others`` are the cities besides its sources that measures compare with, as the recipe names
-    them."""
+    ``named`` are the cities that measures compare with, by the recipe's names for them."""
 
     recipe: Recipe
     sources: list[Source]
@@ -38,7 +37,13 @@ class Prepared:
     condensation: Condensation | None = None
     notes: tuple[str, ...] = ()
     references: Mapping[str, fitness.Reference] = field(default_factory=dict)
-    others: Mapping[str, CityMap] = field(default_factory=dict)
+    named: Mapping[str, CityMap] = field(default_factory=dict)
+
+    @property
+    def others(self) -> list[CityMap]:
+        """The cities that measures compare with which are no sources."""
+        own = [source.city for source in self.sources]
+        return [city for city in self.named.values() if not any(city is one for one in own)]
 
     @property
     def setup(self) -> Setup:
@@ -74,8 +79,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
         notes.append(f"{name}: {city.taken}")
     same_grid(cities)
-    others = other_cities(recipe, notes.append)
-    references = references_of(recipe, cities, others, tell)
+    named = named_cities(recipe, cities, tell, notes.append)
+    references = references_of(recipe, cities, named, tell)
     condensation, attribution = locked_layer(recipe, cities)
     kind, genomes = recipe.genome.kind, []
     for city in cities:
@@ -86,7 +91,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
     aims = aims_of(recipe, note=notes.append)
     noted = tuple(dict.fromkeys(notes))
-    return Prepared(recipe, sources, aims, header, condensation, noted, references, others)
+    return Prepared(recipe, sources, aims, header, condensation, noted, references, named)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -100,29 +105,41 @@ def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     )
 
 
-def other_cities(recipe: Recipe, note: Callable[[str], None] | None = None) -> dict[str, CityMap]:
-    """The cities, other than its parents, that measures of the ``recipe`` compare with, by the
-    names it gives them. ``note`` is told what was taken of their files."""
+def named_cities(
+    recipe: Recipe,
+    cities: Sequence[CityMap],
+    tell: Callable[[str], None],
+    note: Callable[[str], None],
+) -> dict[str, CityMap]:
+    """The cities that measures of the ``recipe`` compare with, by the names it gives them: of the
+    run's source ``cities``, or other maps. ``tell`` is told in a few words what is read, ``note``
+    what was taken of it."""
     found: dict[str, CityMap] = {}
-    for entry in recipe.fitness:
-        named = entry.compared
-        for name in () if named is None or named == PARENTS else named:
-            if name in found or recipe.parent_named(name) is not None:
-                continue
-            found[name] = city = read_parent(recipe, name)
-            if note is not None:
-                note(f"{city.name}: {city.taken}")
+    for name in compared_names(recipe):
+        parent = recipe.parent_named(name)
+        if parent is not None:
+            found[name] = cities[next(k for k, p in enumerate(recipe.parents) if p is parent)]
+            continue
+        tell(f"reading {name}")
+        found[name] = read_parent(recipe, name)
+        note(f"{found[name].name}: {found[name].taken}")
     return found
+
+
+def compared_names(recipe: Recipe) -> list[str]:
+    """The cities that measures compare with, as the ``recipe`` names them, each once."""
+    told = [one.compared for one in recipe.fitness if one.compared not in (None, PARENTS)]
+    return list(dict.fromkeys(name for names in told for name in names))
 
 
 def references_of(
     recipe: Recipe,
     cities: Sequence[CityMap],
-    others: Mapping[str, CityMap],
+    named: Mapping[str, CityMap],
     tell: Callable[[str], None] | None = None,
 ) -> dict[str, fitness.Reference]:
     """What the recipe's measures that compare cities compare with, by their names; ``cities``
-    are the run's sources, ``others`` as in `other_cities`. ``tell`` is told which features are
+    are the run's sources, ``named`` as in `named_cities`. ``tell`` is told which features are
     left out.
 
     Raises `FitnessError` if a reference has too few buildings.
@@ -138,9 +155,7 @@ def references_of(
             made[compared] = (
                 fitness.Reference.sources(cities)
                 if compared == PARENTS
-                else fitness.Reference.of(
-                    [_city_named(recipe, name, cities, others) for name in compared]
-                )
+                else fitness.Reference.of([named[name] for name in compared])
             )
         for measure in entry.measures:
             if "reference" not in measure.takes:
@@ -149,17 +164,6 @@ def references_of(
             if measure.name.partition(".")[0] == fitness.fabric_distance.name:
                 _tell_of_fabric(measure.name, made[compared], tell)
     return found
-
-
-def _city_named(
-    recipe: Recipe, name: str, cities: Sequence[CityMap], others: Mapping[str, CityMap]
-) -> CityMap:
-    """A source city by the ``name`` the recipe gives it, or another one."""
-    parent = recipe.parent_named(name)
-    for source, city in zip(recipe.parents, cities, strict=True):
-        if source is parent:
-            return city
-    return others[name]
 
 
 def _tell_of_fabric(name: str, reference: fitness.Reference, tell: Callable[[str], None]) -> None:
@@ -254,10 +258,16 @@ def provenance_of(
             for entry, one in zip(entries, prepared.aims.wanted, strict=True)
         ],
         "references": [
-            {"map": name, "hash": store.hash_of_map(city)} for name, city in prepared.others.items()
+            {"name": name, "source": _number(city, prepared), "hash": store.hash_of_map(city)}
+            for name, city in prepared.named.items()
         ],
         **locked,
     }
+
+
+def _number(city: CityMap, prepared: Prepared) -> int | None:
+    """Which source a ``city`` is, or None."""
+    return next((k for k, one in enumerate(prepared.sources) if one.city is city), None)
 
 
 def _wanted(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed) -> dict:

@@ -16,14 +16,15 @@ from evocity.search.keeping import kept_by, replaced
 from evocity.search.preparation import (
     Prepared,
     aims_of,
+    compared_names,
     file_hash,
-    other_cities,
+    named_cities,
     provenance_of,
     references_of,
 )
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe, RunSection
-from evocity.search.values import resolved
+from evocity.search.values import PARENTS, resolved
 from evocity.store import Birth, Run, RunWriter, Source, open_run
 
 #: A change of these may change the births; it is noted, not refused.
@@ -73,8 +74,8 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
             likes = [one for one in likes if _file_hash(recipe.folder, one["like"]) == "missing"]
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
-        others = _others(run, recipe)
-        references = references_of(recipe, [source.city for source in sources], others)
+        named = _named(run, recipe, sources)
+        references = references_of(recipe, [source.city for source in sources], named)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
             f"{run.path}: provenance.json lacks a part ({error!r})",
@@ -88,7 +89,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         run.header,
         run.condensation,
         references=references,
-        others=others,
+        named=named,
     )
     edited = _edited(run)
     writer = RunWriter.reopen(path)
@@ -131,6 +132,9 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     if changes or any(before[name] != place for name, place in kept.places.items()):
         writer.keep(kept.files)  # a run of an older release kept none
         told["fitness"] = fresh["fitness"]
+        for one, older in zip(told["fitness"], run.provenance["fitness"], strict=True):
+            if maps := _compared_with(older):  # under the names they had when the run began
+                one["reference"] = {name: hashed(prepared.recipe.folder, name) for name in maps}
     if changes:
         told |= {key: fresh[key] for key in ("maps", "locked") if key in fresh}
     writer.update_provenance(told)
@@ -182,11 +186,11 @@ def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
         for like, before in likes.items()
         if _file_hash(folder, like) not in (before, "missing")
     ]
-    own_copies = {one["map"] for one in provenance["maps"] + provenance.get("references", [])}
+    told, kept = {one["map"] for one in provenance["maps"]}, "references" in provenance
     for one in provenance["fitness"]:
         for name, before in _compared_with(one).items():
-            there, kept = _file_hash(folder, name), name in own_copies
-            if there != before and not (kept and there == "missing"):
+            there = _file_hash(folder, name)
+            if name not in told and there != before and not (kept and there == "missing"):
                 copy = " (the run keeps its own copy)" if kept else ""
                 changes.append(f"the map {name}, which cities are compared with{copy}")
     own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
@@ -202,7 +206,11 @@ def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
 def _compared_with(noted: dict) -> dict:
     """The maps that a measure compares with, and the hashes of their files."""
     maps = noted.get("reference")
-    return maps if isinstance(maps, dict) else {}
+    if maps is None or maps == PARENTS:
+        return {}
+    if not isinstance(maps, dict):
+        raise TypeError(f"reference = {maps!r}")
+    return maps
 
 
 def _entries(run: Run) -> list[dict]:
@@ -274,6 +282,9 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
     }
+    if "references" in run.provenance:
+        before = [one["name"] for one in run.provenance["references"]]
+        fixed["the reference of measures"] = before, compared_names(recipe)
     for key, (before, now) in fixed.items():
         if before != now:
             raise RunError(
@@ -363,20 +374,28 @@ def _sources(run: Run, recipe: Recipe) -> list[Source]:
     return sources
 
 
-def _others(run: Run, recipe: Recipe) -> Mapping[str, CityMap]:
-    """The other cities that measures compare with, as the run keeps them; `RunError` if these are
-    not those it began with. Runs of older releases kept none, and read their files again."""
+def _named(run: Run, recipe: Recipe, sources: list[Source]) -> Mapping[str, CityMap]:
+    """The cities that measures compare with, by the recipe's names, as the run keeps them;
+    `RunError` if these are not those it began with. Runs of older releases kept none, and read
+    their files again."""
     noted = run.provenance.get("references")
     if noted is None:
-        return other_cities(recipe)
-    maps = run.references()
-    if [store.hash_of_map(city) for city in maps] != [one["hash"] for one in noted]:
+        cities = [source.city for source in sources]
+        return named_cities(recipe, cities, lambda text: None, lambda text: None)
+    others = run.references()
+    left = [one["name"] for one in noted if one["source"] is None]
+    named = dict(zip(left, others, strict=False))
+    named |= {
+        one["name"]: sources[one["source"]].city for one in noted if one["source"] is not None
+    }
+    hashes = {name: store.hash_of_map(city) for name, city in named.items()}
+    if len(left) != len(others) or hashes != {one["name"]: one["hash"] for one in noted}:
         raise RunError(
             f"{run.path / 'references'} holds other maps than the run began with",
             "the cities that measures compare with, as the run began with them",
             "bring the folder back from a copy, or start a new run with the same recipe",
         )
-    return {one["map"]: city for one, city in zip(noted, maps, strict=True)}
+    return named
 
 
 def _values(run: Run, generation: int) -> list[Birth]:

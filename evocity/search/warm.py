@@ -21,9 +21,9 @@ from evocity.pavement import read_sides
 #: Environment variable: the side of the range blocks in px, and parts, with commas between.
 VARIABLE = "EVOCITY_WARM"
 
-#: The parts by name: the search nearby, and that of the whole map; decoding; the fit; the buildings
-#: of a map, and all its views. Besides there is one an operator, ``operator:NAME``, and one a
-#: measure, ``measure:NAME``.
+#: The parts by name: the search nearby, and that of the whole map; decoding; the fit; the labels of
+#: a map's buildings, and all its views. Besides there is one an operator, ``operator:NAME``, and
+#: one a measure, ``measure:NAME``.
 SEARCH, EVERYWHERE, DECODE, FIT = "search", "search everywhere", "decode", "fit"
 BUILDINGS, VIEWS = "buildings", "views"
 _VIEWS = ("buildings", "outline", "structure", "distance_to_built", "open_space", "streets")
@@ -73,7 +73,7 @@ def _load(block: int | tuple[int, int], part: str) -> None:
         elif part == DECODE:
             decode(_genomes(block)[0])
         elif part == BUILDINGS:
-            _ = _toy(1, block).buildings.direction
+            _ = _toy(1, block).building_labels
         elif part == VIEWS:
             for view in _VIEWS:
                 getattr(_toy(1, block), view)

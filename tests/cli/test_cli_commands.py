@@ -95,6 +95,17 @@ def test_encode_tells_and_writes_what_the_library_makes(tmp_path, town_file):
     }
 
 
+def test_encode_tells_psnr_before_and_after_roofs_are_settled(tmp_path, town_file):
+    result = call("encode", town_file, *AT_2_M, "--settle", "-o", tmp_path / "g.parquet")
+    made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2))
+    before, after = f"{made.psnr_unsettled:.1f} dB", f"{made.psnr:.1f} dB"
+    assert f"decoded PSNR {after} ({before} before its roofs were settled)" in result.stdout
+    raw = evocity.decode(made.genome, settle=False).city
+    assert made.psnr_unsettled == evocity.coding.psnr(made.city, raw)
+    result = call("encode", town_file, *AT_2_M, "--no-settle", "-o", tmp_path / "h.parquet")
+    assert "before its roofs" not in result.stdout
+
+
 def test_encode_fits_the_attractor(tmp_path, town_file):
     path = tmp_path / "g.parquet"
     result = call("encode", town_file, *AT_2_M, *PLAIN, "--fit", "-o", path)

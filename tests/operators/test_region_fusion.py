@@ -168,6 +168,33 @@ def test_standing_buildings_lose_the_cut_at_most(cut):
     assert max(lost) <= cut + 1e-9
 
 
+def test_components_of_the_donor_come_together():
+    """What stands side by side shares range blocks; with one size there is one donor."""
+    parents = [open_town(21), district("lyon-1er", 96)]
+    labels = decode(parents[1]).city.labels
+    assert len(decode(parents[1]).city.buildings) > labels.max()
+    came = 0
+    for seed in range(8):
+        operator = RegionFusion(size_min=3, size_max=3, cut=1, tolerance=1000.0, repair=None)
+        owner = owner_of(operator(parents, np.random.default_rng(seed)), parents)
+        taken = parents[1].pavement.raster(owner == 1)
+        for one in np.unique(labels[taken & (labels > 0)]):
+            assert taken[labels == one].all()
+            came += 1
+    assert came > 0
+
+
+def test_regions_that_cut_nothing_come_first():
+    parents = open_towns(2)
+    maps = [decode(parent).city for parent in parents]
+    operator = RegionFusion(size_min=2, size_max=2, cut=1, tolerance=1000.0, fill=0.25, tries=None,
+                            margin=0.05, repair=None)  # fmt: skip
+    for seed in range(6):
+        child = operator(parents, np.random.default_rng(seed))
+        assert child.made["fill_reached"][1] > 0.15
+        assert integrity_of(child, maps) == 1
+
+
 def test_each_region_holds_a_building():
     heights = np.zeros((64, 64), np.float32)
     heights[40:50, 8:30] = 9

@@ -6,10 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
+from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import FitnessError, RecipeError, RunError
 from evocity.fitness import Reference, fabric_distance, get
-from evocity.io import read_map
+from evocity.io import read_map, write_map
 from evocity.search import Search, read_recipe
 from evocity.search.preparation import prepare
 from evocity.store import open_run
@@ -65,7 +66,7 @@ def test_cities_that_are_named_weigh_alike(toy, tmp_path):
     with pytest.raises(RunError, match=changed):
         Search.resume(run.path, generations=1)
     with Search.resume(run.path, generations=1, accept_changes=True) as search:
-        (city,) = search._prepared.others.values()
+        (city,) = search._prepared.others
     assert np.array_equal(city.heights, model.heights)
 
 
@@ -109,6 +110,65 @@ def test_the_cities_compared_with_go_with_the_run(toy, tmp_path):
     parted = open_run(tmp_path / "away" / "parted")
     for column in ("id", "fitness.fabric_distance", "genome"):
         assert whole.births().column(column).equals(parted.births().column(column))
+
+
+def test_names_mean_the_same_cities_where_the_files_are_gone(toy, tmp_path):
+    """The map of a parent may be called otherwise than its file, which is not there any more."""
+    recipe = toy(recipe=FABRIC + 'reference = ["right"]\n', population=4, generations=1, workers=0)
+    left = CityMap(np.load(tmp_path / "left.npy"), 2.0, name="right", origin=(0.0, 0.0))
+    write_map(left, tmp_path / "left.tif")
+    recipe.write_text(recipe.read_text().replace("left.npy", "left.tif"))
+    named = prepare(read_recipe(recipe)).named["right"]
+    whole = bred(recipe, tmp_path / "whole")
+    assert whole.provenance["references"][0]["name"] == "right"
+    number = whole.provenance["references"][0]["source"]
+    assert np.array_equal(whole.sources()[number].city.heights, named.heights)
+    with Search(read_recipe(recipe), tmp_path / "parted") as search:
+        next(iter(search))
+    (tmp_path / "away").mkdir()
+    (tmp_path / "parted").rename(tmp_path / "away" / "parted")
+    for path in (*tmp_path.glob("*.npy"), *tmp_path.glob("*.tif")):
+        path.unlink()
+    with Search.resume(tmp_path / "away" / "parted") as search:
+        for _ in search:
+            pass
+    parted = open_run(tmp_path / "away" / "parted").births()
+    assert (
+        whole.births()
+        .column("fitness.fabric_distance")
+        .equals(parted.column("fitness.fabric_distance"))
+    )
+
+
+def test_another_reference_is_another_run(toy, tmp_path):
+    entry = FABRIC + 'reference = ["model.npy"]\n'
+    recipe = toy(recipe=entry, population=4, generations=0, workers=0)
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy").T)
+    run = bred(recipe, tmp_path / "run")
+    text = (run.path / "recipe.toml").read_text()
+    (run.path / "recipe.toml").write_text(text.replace('["model.npy"]', '["model.npy", "left"]'))
+    with pytest.raises(RunError, match=r"the reference of measures was .* and is now"):
+        Search.resume(run.path, generations=1, accept_changes=True)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [(("references",), 5), (("references",), [{}]), (("fitness", -1, "reference"), ["model.npy"])],
+)
+def test_a_provenance_at_fault_is_told(toy, tmp_path, place, value):
+    entry = FABRIC + 'reference = ["model.npy"]\n'
+    recipe = toy(recipe=entry, population=4, generations=0, workers=0)
+    np.save(tmp_path / "model.npy", np.load(tmp_path / "right.npy").T)
+    run = bred(recipe, tmp_path / "run")
+    told = json.loads((run.path / "provenance.json").read_text())
+    *way, last = place
+    inner = told
+    for key in way:
+        inner = inner[key]
+    inner[last] = value
+    (run.path / "provenance.json").write_text(json.dumps(told))
+    with pytest.raises(RunError, match=r"provenance\.json lacks a part|holds other maps"):
+        Search.resume(run.path, generations=1)
 
 
 @pytest.mark.parametrize("harm", ["gone", "another", "less"])

@@ -63,7 +63,7 @@ def settled_zones(
         )
     roofs = np.zeros(heights.shape, np.float32)
     if keep is not None:
-        labels = np.where(keep, 0, labels)
+        labels = np.where(keep, labels.dtype.type(0), labels)  # of the type it had
         np.copyto(roofs, heights, where=keep)
     zones = zones_of(heights, labels, metres_per_pixel)
     _kernels.level(heights, zones, int(zones.max(initial=0)), STEP, roofs)
