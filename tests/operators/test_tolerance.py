@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from codes import uniformly
 
 import evocity
 
@@ -46,10 +45,12 @@ def test_a_cut_and_a_joined_building_are_counted_by_area(sheet):
 @pytest.mark.long
 @pytest.mark.parametrize("pair", [0, 1])
 def test_what_is_told_of_raising_s_is_true(sheet, pair):
-    parents = [uniformly(evocity.read_map(name), block=4).genome for name in sheet["PAIRS"][pair]]
+    parents = [evocity.encode(evocity.read_map(name)).genome for name in sheet["PAIRS"][pair]]
     cut = []
     for tolerance, row in told().items():
-        found = [sheet["bred"](parents, (4, 16), tolerance, seed)[0] for seed in sheet["SEEDS"]]
+        found = [
+            sheet["bred"](parents, sheet["SIZES"][0], tolerance, seed)[0] for seed in sheet["SEEDS"]
+        ]
         means = [
             np.mean([getattr(one, name) for one in found])
             for name in ("fill", "step", "cut", "joined", "child")
