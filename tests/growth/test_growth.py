@@ -441,6 +441,7 @@ def test_cities_do_not_repeat_and_keep_their_density(name):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("name", evocity.cities())
 def test_no_window_comes_twice_within_4096_pixels(name):
     fabric = grow(uniformly(evocity.read_map(name)).genome, 4096, 4096, RNG(1))
