@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -989,3 +990,53 @@ def shares_of_square(y, x, step, shape):
             wide = max(0.0, min(x + step, j + 1) - max(x, j))
             shares[i, j] = tall * wide / step**2
     return shares
+
+
+@dataclass
+class Fitting:
+    """What `best_fit` finds: isometry, top and left; score; where buildings stay."""
+
+    place: tuple
+    score: float
+    kept: np.ndarray
+
+
+def best_fit(built, components, block, weights, density, spread, draws, taken, step=2):
+    """Of the places of a donor, under each isometry some drawn of the best; of these, what is best
+    without the components that lie partly outside."""
+    (rows, columns), area, best = built.shape, block.sum(), None
+    for iso in range(8):
+        tall, wide = isometries.apply(int(isometries.INVERSE[iso]), block).shape
+        tops, lefts = range(rows - tall + 1), range(columns - wide + 1)
+
+        def laid(raster, top, left, iso=iso, tall=tall, wide=wide):
+            return isometries.apply(iso, raster[top : top + tall, left : left + wide])
+
+        def worth(there):
+            share = (there & block).sum() / area
+            return weights[there & block].sum() - abs(share - density) / 2
+
+        def free(top, left, tall=tall, wide=wide):
+            inside = np.zeros(built.shape, bool)
+            inside[taken[0] : taken[2], taken[1] : taken[3]] = True
+            return not inside[top : top + tall, left : left + wide].any()
+
+        every = {(y, x): worth(laid(built, y, x)) for y in tops for x in lefts if free(y, x)}
+        coarse = {place: one for place, one in every.items() if not np.any(np.mod(place, step))}
+        if not coarse:
+            continue
+        among = [p for p in sorted(coarse) if coarse[p] >= max(coarse.values()) - spread]
+        for draw in sorted(draws[iso]):
+            y, x = among[int(draw * len(among))]
+            near = [p for p in sorted(every) if abs(p[0] - y) < step and abs(p[1] - x) < step]
+            y, x = max(near, key=every.get)
+            seen = laid(components, y, x)
+            whole = [
+                n
+                for n in np.unique(seen[block])
+                if n > 0 and (seen[block] == n).sum() == (components == n).sum()
+            ]
+            kept = np.isin(seen, whole) & block
+            if kept.any() and (best is None or worth(kept) > best.score + 1e-7):
+                best = Fitting((iso, y, x), worth(kept), kept)
+    return best

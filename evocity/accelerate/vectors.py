@@ -150,6 +150,10 @@ class Vectors:
         """Write ``width`` floats in a row."""
         self.builder.store(a, self.builder.bitcast(pointer, self.type.as_pointer()), align=4)
 
+    def whole(self, pointer):
+        """The whole number, of 32 bits, that ``pointer`` points at."""
+        return self.builder.sext(self.builder.load(pointer, align=4), _INDEX)
+
     def constant(self, value):
         """A known float in all lanes."""
         return ir.Constant(self.type, [float(np.float32(value))] * self.width)

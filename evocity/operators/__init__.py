@@ -3,6 +3,7 @@
 pavement_fusion    square groups of lifs of two or more parents
 region_fusion      groups that hold whole buildings
 quarter_fusion     street blocks of one parent, buildings of the others
+quarter_refill     street blocks of one parent, buildings of any
 direct_fusion      lifs by lifs, of two or more parents
 asymmetric_fusion  the lifs of the second parent's likest blocks
 symmetric_fusion   of each block's matches in both parents, one or between
@@ -17,7 +18,7 @@ repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
 grid               the cells that crossings follow, sizes in metres
 groups, footings   groups of cells, and what stands on them
-street_blocks      what streets enclose, and what fits into it
+street_blocks      what streets enclose, what fits into it, how it is filled
 pairing            which block of another city is likest
 shares             how much of a child is whose
 parameters         what their parameters may be
@@ -45,6 +46,7 @@ from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
 from evocity.operators.quarter_fusion import QuarterFusion
+from evocity.operators.quarter_refill import QuarterRefill
 from evocity.operators.region_fusion import RegionFusion
 from evocity.operators.relocation import Relocation
 from evocity.operators.repair import collage_repair
@@ -75,6 +77,7 @@ OPERATORS: Mapping[str, type[Operator]] = {
         PavementFusion,
         RegionFusion,
         QuarterFusion,
+        QuarterRefill,
         DirectFusion,
         AsymmetricFusion,
         SymmetricFusion,

@@ -25,6 +25,7 @@ from evocity.operators import (
     Mutation,
     PavementFusion,
     QuarterFusion,
+    QuarterRefill,
     RegionFusion,
     Relocation,
     SymmetricFusion,
@@ -55,6 +56,9 @@ VARIANTS = [
     RegionFusion(repair=None, cut=1.0, tolerance=100),
     QuarterFusion(),
     QuarterFusion(repair=None, density=0.1, area_min=0),
+    QuarterFusion(street_blocks=2, void=True, widened=4.0, facades=1.0, density=0),
+    QuarterRefill(),
+    QuarterRefill(repair=None, street_blocks=9, density=0.1, area_min=0, spread=0.1),
     DirectFusion(),
     DirectFusion(fill=0.2, repair=None),
     AsymmetricFusion(),
@@ -80,6 +84,7 @@ VARIANTS = [
 #: Operators that lay a stone elsewhere than where it stood.
 MOVING = (
     QuarterFusion,
+    QuarterRefill,
     AsymmetricFusion,
     SymmetricFusion,
     GeneCopy,

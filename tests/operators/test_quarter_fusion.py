@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import naive
 import numpy as np
 import pytest
 from codes import uniformly
@@ -20,7 +21,9 @@ from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID
 from evocity.operators.crossing import raw_heights
 from evocity.operators.quarter_fusion import QuarterFusion
-from evocity.operators.street_blocks import fits, outline, street_blocks
+from evocity.operators.quarter_refill import QuarterRefill
+from evocity.operators.street_blocks import Room, best_place, street_blocks
+from evocity.operators.street_blocks._kernels import best_fit
 from evocity.pavement import Pavement
 
 LAYOUTS = {"B = 4": {"block": 4}, "leaves": {"block": (2, 16)}}
@@ -37,6 +40,12 @@ def towns(layout="B = 4", count=2):
 
 def grid_of(city, side=2):
     return Pavement(*city.shape, side)
+
+
+def cells_of(heights):
+    """Street blocks of a map whose pixels are its cells."""
+    city = CityMap(heights.repeat(2, 0).repeat(2, 1), 1.0)
+    return street_blocks(city, Pavement(*city.shape, 2))
 
 
 # -- street blocks --------------------------------------------------------------------------------
@@ -56,9 +65,10 @@ def test_each_cell_belongs_to_the_nearest_component(seed, side, buildings):
         assert found.labels[place] in {int(found.labels[tuple(one)]) for one in near}
     numbers = np.arange(found.labels.max() + 1)
     assert np.array_equal(found.area, [(found.labels == k).sum() for k in numbers])
-    assert np.array_equal(
-        found.covered, [(found.built & (found.labels == k)).sum() for k in numbers]
-    )
+    assert np.array_equal(found.covered, [(found.components == k).sum() for k in numbers])
+    borders = np.pad(np.cumsum(found.built, axis=1), ((0, 0), (1, 0)))
+    assert np.array_equal(found.sums[0, :, : (borders.shape[1] + 1) // 2], borders[:, ::2])
+    assert np.array_equal(found.sums[1, :, : borders.shape[1] // 2], borders[:, 1::2])
 
 
 @pytest.mark.parametrize("side", [2, 4, 8])
@@ -80,38 +90,148 @@ def test_a_map_without_buildings_has_no_block():
     assert found.area.tolist() == [8 * 12]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_fits_are_the_best_of_all_places(seed):
+def a_room(seed):
+    """A street block of a small town, its host, and another town's street blocks."""
     rng = np.random.default_rng(seed)
-    donor = street_blocks(draw_town(seed, side=40, buildings=14), Pavement(40, 40, 2))
-    block = rng.random((5, 8)) < 0.8
-    whole = np.pad(block, 1)
-    rim, density = outline(block, whole), rng.random()
-    found = fits(block, rim, density, donor, 0.0, rng)
-    assert [fit.iso for fit in found] == list(range(8))
-    for fit in found:
-        tall, wide = (5, 8) if fit.iso in (0, 2, 5, 7) else (8, 5)
-        assert (fit.tall, fit.wide) == (tall, wide)
-
-        def score(top, left, iso=fit.iso, tall=tall, wide=wide):
-            seen = isometries.apply(iso, donor.built[top : top + tall, left : left + wide])
-            inside, cut = seen[block].mean(), seen[rim].mean()
-            return inside - 2 * cut - abs(inside - density) / 2
-
-        best = max(score(y, x) for y in range(21 - tall) for x in range(21 - wide))
-        assert score(fit.top, fit.left) == pytest.approx(best, abs=1e-4)
+    host, donor = (street_blocks(draw_town(k, side=40, buildings=14), Pavement(40, 40, 2))
+                   for k in (seed, seed + 50))  # fmt: skip
+    number = rng.choice(np.unique(host.labels))
+    return Room.of(host, number, float(rng.choice([0, 0.25, 1])), int(rng.integers(2))), host, donor
 
 
-def test_outlines_leave_out_the_maps_border():
-    block = np.ones((3, 4), bool)
-    whole = np.ones((5, 6), bool)
-    whole[4] = False  # others begin to the south
-    assert np.array_equal(np.argwhere(outline(block, whole))[:, 0], [2] * 4)
+@pytest.mark.parametrize("itself", [False, True])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_kernel_against_its_naive_twin(seed, itself):
+    room, host, donor = a_room(seed)
+    if itself:
+        donor = host
+    draws = np.random.default_rng(seed).random((8, 4))
+    box = [room.top, room.left, room.top + room.block.shape[0], room.left + room.block.shape[1]]
+    taken = np.array(box if itself else [0, 0, 0, 0])
+    iso, top, left, score = best_fit(
+        donor.sums, donor.components, donor.covered, room.block, room.weights, room.density,
+        0.03, draws, isometries.AFFINE, taken,
+    )  # fmt: skip
+    twin = naive.best_fit(
+        donor.built, donor.components, room.block, room.weights, room.density, 0.03, draws, taken
+    )
+    assert (iso >= 0) == (twin is not None)
+    if twin is None:
+        return
+    assert score == pytest.approx(twin.score, abs=1e-5)
+    assert (iso, top, left) == twin.place
+    fit = best_place(room, donor, 0.03, _Draws(draws), itself)
+    assert ((fit.iso, fit.top, fit.left), fit.kept.tolist()) == (twin.place, twin.kept.tolist())
 
 
-def test_what_is_larger_than_the_donor_fits_nowhere_upright():
+class _Draws:
+    """A generator that draws what it was given."""
+
+    def __init__(self, draws):
+        self.draws = draws
+
+    def random(self, shape):
+        return np.resize(self.draws, shape)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_fits_is_whole_and_inside(seed):
+    room, _, donor = a_room(seed)
+    fit = best_place(room, donor, 0.03, np.random.default_rng(seed))
+    if fit is None:
+        return
+    seen = fit.seen(donor.components)
+    assert seen.shape == room.block.shape
+    assert not (fit.kept & ~room.block).any()
+    for number in np.unique(seen[fit.kept]):
+        assert np.count_nonzero(fit.kept & (seen == number)) == donor.covered[number]
+    outside = np.unique(donor.components[~_window(donor.components, fit)])
+    assert not np.isin(seen[fit.kept], outside).any()
+
+
+def _window(raster, fit):
+    tall, wide = isometries.apply(int(isometries.INVERSE[fit.iso]), fit.kept).shape
+    window = np.zeros(raster.shape, bool)
+    window[fit.top : fit.top + tall, fit.left : fit.left + wide] = True
+    return window
+
+
+def test_a_building_of_the_same_shape_is_found_wherever_it_stands_and_however_it_is_turned():
+    shape = np.zeros((9, 12), bool)
+    shape[1:8, 1:4] = shape[5:8, 1:11] = True
+    host = np.zeros((40, 40))
+    host[14:23, 12:24][shape] = 12
+    for iso in range(8):
+        turned = isometries.apply(iso, shape)
+        donor = np.zeros((40, 40))
+        donor[20 : 20 + turned.shape[0], 3 : 3 + turned.shape[1]][turned] = 12
+        there, here = (cells_of(one) for one in (donor, host))
+        # a donor as large as the block has one place; so the block is cut to what is built
+        room = Room(14, 12, np.ones((9, 12), bool), np.zeros((9, 12), bool),
+                    np.where(shape, 1, -1).astype(np.float32), float(shape.mean()))  # fmt: skip
+        fit = best_place(room, there, 0.0, np.random.default_rng(0))
+        assert np.array_equal(fit.kept, shape)
+        assert np.array_equal(fit.seen(there.built), here.built[14:23, 12:24])
+
+
+def test_weights_count_block_outline_and_facades():
+    city = np.zeros((20, 20))
+    city[4:12, 5:14] = 10
+    city[7:9, 8:10] = 0  # a court is no street
+    city[4:12, 18:] = 10
+    host = cells_of(city)
+    number = host.labels[5, 5]
+    plain, lined = (Room.of(host, number, facades) for facades in (0, 0.5))
+    block = plain.block
+    assert plain.density == pytest.approx((8 * 9 - 4) / block.sum())
+    # in all: 1 for the block, −2 for the outline, and the façades' gain is the street's loss
+    assert plain.weights.sum() == pytest.approx(-1, abs=1e-5)
+    assert lined.weights.sum() == pytest.approx(-1, abs=1e-5)
+    gain = lined.weights - plain.weights
+    own = host.built & (host.labels == number)
+    assert ((gain > 0) <= own[plain.within]).all()
+    assert np.count_nonzero(gain > 0) == 2 * (8 + 9) - 4
+    assert (gain[7:9, 8:10] == 0).all()  # the court's ground
+    assert gain[gain > 0].sum() == pytest.approx(0.5, abs=1e-5)
+
+
+def test_the_maps_border_is_no_outline():
+    city = np.zeros((16, 16))
+    city[3:9, 3:9] = 10
+    host = cells_of(city)
+    room = Room.of(host, 1, 0.0)
+    assert room.block.all()
+    assert np.allclose(room.weights, 1 / 256)
+    assert not Room.of(host, 1, 0.0, widened=2).ring.any()
+
+
+def test_wider_streets_take_a_ring_of_the_block():
+    city = np.zeros((20, 20))
+    city[4:12, 2:7] = city[4:12, 13:18] = 10
+    host = cells_of(city)
+    room = Room.of(host, host.labels[5, 3], 0.0, widened=2)
+    assert room.block.shape == (20, 10)
+    assert np.array_equal(np.flatnonzero(room.ring.all(axis=0)), [8, 9])
+    assert np.array_equal(room.block, ~room.ring)
+
+
+def test_crumbs_have_no_block_and_are_in_one():
+    city = draw_town(3, side=48, buildings=9).heights.copy()
+    city[:, 22:30] = 0
+    city[20:22, 25:27] = 8  # 16 m²
+    labels = cells_of(city).labels
+    large = cells_of(np.where(city == 8, 0, city)).labels
+    assert len(np.unique(labels[20:22, 25:27])) == 1
+    away = np.ones(labels.shape, bool)
+    away[20:22, 25:27] = False
+    assert len(np.unique(labels)) == len(np.unique(large[away]))
+
+
+def test_what_is_larger_than_the_donor_fits_nowhere():
     donor = street_blocks(draw_town(3, side=24, buildings=5), Pavement(24, 24, 2))
-    assert fits(np.ones((13, 4), bool), np.ones((13, 4), bool), 0.5, donor, 0.0, None) == []
+    block = np.ones((13, 4), bool)
+    room = Room(0, 0, block, ~block, np.full(block.shape, 1 / 52, np.float32), 0.5)
+    assert best_place(room, donor, 0.0, np.random.default_rng(0)) is None
 
 
 # -- children -------------------------------------------------------------------------------------
@@ -210,6 +330,66 @@ def test_ends_well_on_any_map(name):
         assert decode(child).converged
 
 
+@pytest.mark.parametrize("layout", LAYOUTS)
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 2**32), count=st.integers(1, 5))
+def test_so_many_street_blocks_are_filled(layout, seed, count):
+    parents = towns(layout)
+    options = {"street_blocks": count, "density": 0.1, "area_min": 0}
+    child = QuarterFusion(**options)(parents, np.random.default_rng(seed))
+    assert child.made["street_blocks"] == count
+    assert sum(child.made["fill_reached"]) == pytest.approx(1, abs=1e-3)
+    refilled = QuarterRefill(**options, repair=None)(parents, np.random.default_rng(seed))
+    assert refilled.made["street_blocks"] == sum(refilled.made["filled_by"]) == count
+    assert integrity_of(refilled, [decode(parent).city for parent in parents]) == 1
+
+
+def test_a_lone_parent_is_refilled_with_its_own_buildings():
+    (parent,) = towns(count=1)
+    changed = 0
+    for seed in range(4):
+        operator = QuarterRefill(density=0.1, repair=None)
+        child = operator([parent], np.random.default_rng(seed))
+        assert set(child.cities) <= {*parent.cities, VOID}
+        assert integrity_of(child, [decode(parent).city]) == 1
+        changed += child != parent
+    assert changed == 4
+
+
+def test_the_void_empties_blocks():
+    parents = towns()
+    operator = QuarterFusion(fill=(0.6, 0, 0.4), void=True)
+    draft = operator.draft(parents, np.random.default_rng(2))
+    blocks = street_blocks(decode(parents[0]).city, Pavement(96, 96, 4))
+    apart = draft.intended != raw_heights(parents[0])
+    assert not draft.intended[apart].any()
+    emptied = np.unique(blocks.labels.repeat(4, 0).repeat(4, 1)[apart])
+    assert emptied.size == draft.made["street_blocks"]
+    assert draft.made["fill_reached"][2] == pytest.approx(0.4, abs=0.1)
+
+
+def test_wider_streets_stay_free():
+    parents = towns()
+    host = street_blocks(decode(parents[0]).city, Pavement(96, 96, 4))
+    options = {"fill": 1.0, "density": 0.05, "area_min": 0, "repair": None}
+    narrow, wide = (
+        QuarterFusion(**options, widened=metres).draft(parents, np.random.default_rng(1))
+        for metres in (0.0, 8.0)
+    )
+    taken = np.zeros((24, 24), bool)
+    for down, along in ((0, 1), (1, 0)):
+        ahead = host.labels[down:, along:], host.labels[: 24 - down, : 24 - along]
+        border = ahead[0] != ahead[1]
+        taken[down:, along:] |= border
+        taken[: 24 - down, : 24 - along] |= border
+    own = np.array([city == parents[0].cities[0] for city in wide.genome.cities])
+    mine = wide.genome.pavement.raster(own[wide.genome.parent])
+    beside = taken.repeat(4, 0).repeat(4, 1) & ~mine
+    assert beside.any()
+    assert not wide.intended[beside].any()
+    assert (wide.intended > 0).sum() < (narrow.intended > 0).sum()
+
+
 def test_bare_or_built_all_over_nothing_is_exchanged():
     bare = uniformly(CityMap(np.zeros((64, 64)), 2.0, name="bare")).genome
     full = uniformly(CityMap(np.full((64, 64), 9.0), 2.0, name="full")).genome
@@ -219,11 +399,18 @@ def test_bare_or_built_all_over_nothing_is_exchanged():
 
 
 def test_all_faults_are_told_at_once():
+    wrong = {"area_min": -1, "spread": -0.1, "density": -1, "facades": 11, "widened": -2}
+    wrong["street_blocks"] = 0
     with pytest.raises(OperatorError) as caught:
-        QuarterFusion(fill=2, area_min=-1, spread=-0.1, density=-1)
-    assert set(caught.value.faults) == {"fill", "area_min", "spread", "density"}
+        QuarterFusion(fill=2, **wrong)
+    assert set(caught.value.faults) == {"fill", *wrong}
+    with pytest.raises(OperatorError) as caught:
+        QuarterRefill(**wrong)
+    assert set(caught.value.faults) == set(wrong)
     with pytest.raises(OperatorError, match="one share for each of 3 parents"):
         QuarterFusion(fill=(0.5, 0.5))(towns(count=3), np.random.default_rng(0))
+    with pytest.raises(OperatorError, match="one share for each of 2 parents and the void"):
+        QuarterFusion(fill=(0.5, 0.5), void=True)(towns(), np.random.default_rng(0))
 
 
 def test_a_run_breeds_by_it_and_goes_on(tmp_path):

@@ -1,0 +1,203 @@
+"""Compiled loops of street blocks. Slow twins stand in tests/naive.py."""
+
+import numpy as np
+
+from evocity.accelerate import kernel
+from evocity.accelerate.vectors import WIDTH, vector_code
+
+#: Places are compared at every so many cells each way, and those beside the one that is taken.
+STEP = 2
+#: So many items must stand after the sums of each row.
+SPARE = WIDTH
+
+
+@kernel
+def best_fit(sums, components, covered, block, weights, density, spread, draws, affine, taken):
+    """Where a donor fits best into a street block, once what lies partly outside is left out.
+
+    sums : float32 ``(2, R, n)``: of each row of the donor's cells, how many are built left of each
+        border; even borders, then odd ones; then at least `SPARE` items.
+    components : int32 ``(R, C)``, numbers of what is built in the donor's cells, 0 for ground.
+    covered : int64 ``(n,)``, how many cells each of them has.
+    block : bool ``(r, c)``, the cells of the street block.
+    weights : float32 ``(r, c)``, what a built cell is worth; 0 outside the block.
+    density : the share of its cells that should be built.
+    spread : places are drawn of those whose score is within this of the isometry's best.
+    draws : float64 ``(8, k)``, 0…1: which of them, k times under each isometry.
+    affine : `evocity.isometries.AFFINE`.
+    taken : int64 ``(4,)``, top, left, bottom, right: places that overlap this are none.
+
+    Returns isometry (-1 if the donor fits nowhere), top, left and score of the best.
+    """
+    rows, columns = components.shape
+    counts = np.zeros(covered.size, np.int64)
+    found, top, left, most = -1, 0, 0, np.float32(-np.inf)
+    for iso in range(8):
+        turned, worth = _turned(block, weights, affine[iso])
+        size = turned.shape
+        tops, lefts = rows - size[0] + 1, columns - size[1] + 1
+        if tops < 1 or lefts < 1:
+            continue
+        runs = _runs(turned, worth)
+        scores = _scores(sums, runs, density, (tops - 1) // STEP + 1, (lefts - 1) // STEP + 1)
+        _forbid(scores, taken, size)
+        best = scores.max()
+        if best == -np.inf:
+            continue
+        among = np.flatnonzero(scores >= best - np.float32(spread))
+        last = -1
+        for draw in np.sort(draws[iso]):
+            k = among[int(draw * among.size)]
+            if k == last:
+                continue
+            last = k
+            y, x = STEP * (k // scores.shape[1]), STEP * (k % scores.shape[1])
+            y, x = _refined(sums, runs, density, tops, lefts, size, y, x, taken)
+            score = _whole(components, covered, counts, turned, worth, density, y, x, runs[2])
+            if score > most:
+                found, top, left, most = iso, y, x, score
+    return found, top, left, most
+
+
+@kernel
+def _turned(block, weights, a):
+    """A block and its weights as they lie on the donor, under the isometry that ``a`` tells."""
+    tall, wide = block.shape
+    size = (tall, wide) if a[2] != 0 else (wide, tall)
+    turned, worth = np.empty(size, np.bool_), np.empty(size, np.float32)
+    for i in range(tall):
+        for j in range(wide):
+            y = a[0] * (size[0] - 1) + a[2] * i + a[4] * j
+            x = a[1] * (size[1] - 1) + a[3] * i + a[5] * j
+            turned[y, x], worth[y, x] = block[i, j], weights[i, j]
+    return turned, worth
+
+
+@kernel
+def _runs(block, weights):
+    """Runs of cells of one weight within the rows of a block: int32 ``(3, n)``, their rows, and
+    where they begin and end; and the weights. Besides, how many cells the block has."""
+    tall, wide = block.shape
+    where, worth = np.empty((3, tall * wide), np.int32), np.empty(tall * wide, np.float32)
+    count, area = 0, 0
+    for i in range(tall):
+        j = 0
+        while j < wide:
+            if not block[i, j]:
+                j += 1
+                continue
+            first = j
+            while j < wide and block[i, j] and weights[i, j] == weights[i, first]:
+                j += 1
+            where[0, count], where[1, count], where[2, count] = i, first, j
+            worth[count] = weights[i, first]
+            count += 1
+            area += j - first
+    return where[:, :count], worth[:count].copy(), area
+
+
+@vector_code("none", 0)
+def _add_runs(v, sums, start, before, after, worth, built, value):
+    """Of `WIDTH` places side by side, the first of them ``start`` items on: how many cells are
+    built, and what that is worth."""
+    total, gain = v.variable(v.zero), v.variable(v.zero)
+    with v.loop(worth.shape[0]) as k:
+        ends = []
+        for end in (before, after):
+            place = v.plus(v.whole(end.at(k)), start)
+            ends.append(v.load(v.after(sums.start, place)))
+        found = v.sub(ends[1], ends[0])
+        v.builder.store(v.add(v.builder.load(total), found), total)
+        product = v.mul(v.spread(worth.at(k)), found)  # each rounded, on any machine alike
+        v.builder.store(v.add(v.builder.load(gain), product), gain)
+    v.store(v.builder.load(total), built.start)
+    v.store(v.builder.load(gain), value.start)
+
+
+@kernel
+def _scores(sums, runs, density, tops, lefts):
+    """What each `STEP`th place is worth: the weights of what is built there, less half of how far
+    the built share is from the ``density``; float32 ``(tops, lefts)``."""
+    where, worth, area = runs
+    _, rows, borders = sums.shape
+    # where the sums of both ends are, of the block at the first place
+    before = ((where[1] % 2 * rows + where[0]) * borders + where[1] // 2).astype(np.int32)
+    after = ((where[2] % 2 * rows + where[0]) * borders + where[2] // 2).astype(np.int32)
+    built, value = np.empty(WIDTH, np.float32), np.empty(WIDTH, np.float32)
+    scores = np.empty((tops, lefts), np.float32)
+    share, half, wanted = np.float32(1 / max(area, 1)), np.float32(0.5), np.float32(density)
+    for top in range(tops):
+        for left in range(0, lefts, WIDTH):
+            start = STEP * top * borders + left
+            _add_runs(sums, start, before, after, worth, built, value)
+            for lane in range(min(WIDTH, lefts - left)):
+                apart = abs(built[lane] * share - wanted)
+                scores[top, left + lane] = value[lane] - half * apart
+    return scores
+
+
+@kernel
+def _overlaps(top, left, size, taken):
+    return (
+        top < taken[2]
+        and top + size[0] > taken[0]
+        and left < taken[3]
+        and left + size[1] > taken[1]
+    )
+
+
+@kernel
+def _forbid(scores, taken, size):
+    """Make places that overlap what is ``taken`` the worst."""
+    if taken[0] == taken[2]:
+        return
+    for y in range(scores.shape[0]):
+        for x in range(scores.shape[1]):
+            if _overlaps(STEP * y, STEP * x, size, taken):
+                scores[y, x] = -np.inf
+
+
+@kernel
+def _refined(sums, runs, density, tops, lefts, size, top, left, taken):
+    """The best place less than `STEP` cells from one; of equal ones the first."""
+    where, worth, area = runs
+    best, found_y, found_x = np.float32(-np.inf), top, left
+    for y in range(max(top - STEP + 1, 0), min(top + STEP, tops)):
+        for x in range(max(left - STEP + 1, 0), min(left + STEP, lefts)):
+            if _overlaps(y, x, size, taken):
+                continue
+            built, score = np.float32(0), np.float32(0)
+            for k in range(worth.size):
+                row, start, stop = y + where[0, k], x + where[1, k], x + where[2, k]
+                found = sums[stop & 1, row, stop >> 1] - sums[start & 1, row, start >> 1]
+                built += found
+                score += worth[k] * found
+            score -= np.float32(abs(built / max(area, 1) - density) / 2)
+            if score > best:
+                best, found_y, found_x = score, y, x
+    return found_y, found_x
+
+
+@kernel
+def _whole(components, covered, counts, block, weights, density, top, left, area):
+    """The score of what is built at a place, once components partly outside are left out; -inf
+    if nothing remains. ``counts`` are 0 before and after."""
+    tall, wide = block.shape
+    for i in range(tall):
+        for j in range(wide):
+            if block[i, j]:
+                counts[components[top + i, left + j]] += 1
+    counts[0] = 0  # ground
+    built, score = 0, np.float32(0)
+    for i in range(tall):
+        for j in range(wide):
+            number = components[top + i, left + j]
+            if block[i, j] and number > 0 and counts[number] == covered[number]:
+                built += 1
+                score += weights[i, j]
+    for i in range(tall):
+        for j in range(wide):
+            counts[components[top + i, left + j]] = 0
+    if built == 0:
+        return np.float32(-np.inf)
+    return score - np.float32(abs(built / area - density) / 2)

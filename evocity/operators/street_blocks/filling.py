@@ -1,0 +1,120 @@
+"""A genome whose street blocks are filled with buildings, one after another."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evocity import isometries
+from evocity.coding.decoded import decoded
+from evocity.genome import Genome, Pieces, laid
+from evocity.operators.crossing import raw_heights
+from evocity.operators.pavement_fusion import ground
+from evocity.operators.street_blocks.blocks import street_blocks
+from evocity.operators.street_blocks.fits import Fit, Room, best_place
+from evocity.pavement import Pavement
+
+
+class Filling:
+    """The first parent, as its street blocks are filled with buildings of its parents.
+
+    grid : the cells that borders of street blocks follow.
+    spread, density, facades : as in `evocity.operators.QuarterFusion`.
+    widened : metres that a filled block gives to the streets around it.
+
+    host : the first parent's `StreetBlocks`.
+    given : int64 ``(R, C)``: which parent each cell's fabric is of; ``len(parents)`` is the void.
+    """
+
+    def __init__(
+        self,
+        parents: Sequence[Genome],
+        grid: Pavement,
+        *,
+        spread: float,
+        density: float,
+        facades: float,
+        widened: float = 0.0,
+    ):
+        self._parents, self._grid = parents, grid
+        self._spread, self._density, self._facades = spread, density, facades
+        self._widened = round(widened / (grid.block * parents[0].metres_per_pixel))
+        self._blocks = [street_blocks(decoded(parent).city, grid) for parent in parents]
+        self.host = self._blocks[0]
+        self.given = np.zeros((grid.rows, grid.columns), np.int64)
+        self._bare = np.zeros(self.given.shape, bool)
+        self._iso = np.zeros(self.given.shape, np.uint8)
+        self._own = np.indices(self.given.shape)
+        self._from = self._own.copy()
+
+    @property
+    def void(self) -> int:
+        """What stands for the void among donors: one more than the parents."""
+        return len(self._parents)
+
+    def numbers(self, area_min: float) -> np.ndarray:
+        """The street blocks that may be filled: of ``area_min`` m² or more, with a building, and
+        nothing in them locked."""
+        cell = (self._grid.block * self._parents[0].metres_per_pixel) ** 2
+        free = self.host.area * cell >= area_min
+        free &= self.host.area > 0
+        free[0] = False
+        layer = self._parents[0].condensation
+        if layer is not None:
+            locked = self._grid.blocks(layer.mask).any(axis=(1, 2))
+            free[self.host.labels.ravel()[locked]] = False
+        return np.flatnonzero(free)
+
+    def fill(self, number: int, donor: int, rng: np.random.Generator) -> bool:
+        """Fill a street block with buildings of a ``donor``, the first parent itself included;
+        False if it keeps its own, since no others fit."""
+        room = Room.of(self.host, number, self._facades, self._widened)
+        if donor == self.void:
+            self._lay(room, donor, None, np.zeros(room.block.shape, bool))
+            return True
+        theirs = self._blocks[donor]
+        fit = best_place(room, theirs, self._spread, rng, itself=donor == 0)
+        if fit is None or np.count_nonzero(fit.kept) < self._density * room.density * room.area:
+            return False
+        self._lay(room, donor, fit, fit.seen(theirs.built) & ~fit.kept)
+        return True
+
+    def _lay(self, room: Room, donor: int, fit: Fit | None, left_out: np.ndarray) -> None:
+        """Lay what a ``fit`` of a ``donor`` shows; the void where buildings are ``left_out``, and
+        where the streets are wider."""
+        within = room.within
+        if fit is not None:
+            for kept, own in zip(self._from, self._own, strict=True):
+                np.copyto(kept[within], fit.seen(own), where=room.block)
+            self._iso[within][room.block] = fit.iso
+        self.given[within][room.block | room.ring] = donor
+        bare = room.ring | (left_out & room.block) | (room.block & (fit is None))
+        self._bare[within] |= bare
+
+    def genome(self) -> Genome:
+        """The lifs of all, as they are laid."""
+        bare = self._bare
+        pieces = Pieces(
+            self._grid.block,
+            np.where(bare, self.void, self.given),
+            *np.where(bare, self._own, self._from),
+            np.where(bare, 0, self._iso).astype(np.uint8),
+        )
+        return laid([*self._parents, ground(self._parents[0])], pieces, carried=True).genome
+
+    def intended(self) -> np.ndarray:
+        """The map that is meant, float32 ``(H, W)``, metres."""
+        grid, (rows, columns) = self._grid, self.given.shape
+        side = grid.block
+        source = np.ravel_multi_index(tuple(self._from), (rows, columns)).ravel()
+        squares = np.zeros((len(grid), side, side), np.float32)
+        for number, parent in enumerate(self._parents):
+            mine = (self.given == number) & ~self._bare
+            if not mine.any():
+                continue
+            theirs = grid.blocks(raw_heights(parent)).reshape(len(grid), side, side)
+            for iso in np.unique(self._iso[mine]).tolist():
+                here = np.flatnonzero(mine & (self._iso == iso))
+                squares[here] = isometries.apply(iso, theirs[source[here]])
+        return np.ascontiguousarray(
+            squares.reshape(rows, columns, side, side).swapaxes(1, 2).reshape(grid.height, -1)
+        )
