@@ -25,22 +25,25 @@ def packaged() -> list[Measure]:
 def reference(found: list[Measure]) -> str:
     """The table of measures and an entry for each, in Markdown."""
     lines = ["| measure | goal | unit | range | what it says |", "|---|---|---|---|---|"]
+    entries: dict[str, str] = {}
     for one in found:
         low, high = (bound(value) for value in one.range)
         place = one.name.partition(".")[0]
+        first = place not in entries  # the numbers of one function stand in one entry
         lines.append(
             f"| [`{one.name}`](#{place}) | {one.goal or 'a target'} | {one.unit or '–'} "
-            f"| {low}…{high} | {one.summary if one.name == place else f'see `{place}`'} |"
+            f"| {low}…{high} | {one.summary if first else f'see `{place}`'} |"
         )
-    whole = [one for one in found if "." not in one.name]  # further numbers stand there
-    return "\n".join(lines) + "\n" + "".join(f"\n{entry(one)}" for one in whole)
+        if first:
+            entries[place] = entry(one)
+    return "\n".join(lines) + "\n" + "".join(f"\n{one}" for one in entries.values())
 
 
 def entry(measure: Measure) -> str:
     """Heading, text, parts as a list, and the example."""
     text, _, example = measure.doc.replace("\\|", "|").partition("\n>>> ")
     pieces = _PARTS.split(text.strip())
-    told = [f"## {measure.name}\n\n{pieces[0].strip()}\n"]
+    told = [f"## {measure.name.partition('.')[0]}\n\n{pieces[0].strip()}\n"]
     for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
         body = re.sub(r"\s*\n\s*", " ", part.strip())
         told.append(f"- **{name}**: {body}")

@@ -71,7 +71,7 @@ def test_measures_page_is_what_the_docstrings_say():
     text = text_of("docs/measures.md")
     assert reference["page"](text, OWN_MEASURES) == text, "run python docs/reference.py"
     headings = re.findall(r"^## (\w+)$", text.split(reference["BEGIN"])[1], re.M)
-    assert headings == [m.name for m in OWN_MEASURES if "." not in m.name]
+    assert headings == list(dict.fromkeys(m.name.partition(".")[0] for m in OWN_MEASURES))
     for measure in OWN_MEASURES:
         entry = reference["entry"](measure)
         for part in ("Formula", "Unit", "Range", "Empty map", "Source"):
@@ -222,8 +222,25 @@ def test_values_told_of_maps_and_codes_are_true(name):
     assert [float(number) for number in told.split(" / ")] == pytest.approx(found, abs=6e-4)
 
 
+@pytest.mark.parametrize("name", ["lyon-1er", "montpellier-pas-du-loup"])
+def test_values_told_of_types_are_true(name):
+    table = rows(text_of("docs/measures.md"))
+    (head,) = [row for row in table if row[0] == "share of the built ground"]
+    told = {row[0].strip("`"): row[head.index(name)] for row in table if len(row) == len(head)}
+    found = evocity.fitness.building_types(evocity.read_map(name))
+    assert {kind: float(told[kind]) for kind in found} == pytest.approx(found, abs=6e-3)
+
+
+def test_the_table_of_types_that_is_shown_is_one():
+    (shown,) = [b for b in blocks(ROOT / "docs" / "measures.md", "toml") if "[[type]]" in b]
+    table = evocity.fitness.TypeTable.of(shown)
+    assert table.names == ("house", "walk_up", "with_lift")
+    assert table.shares == pytest.approx([0.2, 0.7, 0.1])
+
+
 def test_recipes_that_pages_name_exist():
-    named = {word for line in shell_lines() for word in shlex.split(line) if ".toml" in word}
+    lines = [line for line in shell_lines() if "--fitness" not in line]  # tables of types
+    named = {word for line in lines for word in shlex.split(line) if ".toml" in word}
     assert named
     for name in named:
         path = ROOT / name

@@ -168,7 +168,7 @@ def _verdict(report, word: str) -> str:
         return f"{name} cannot be used yet: {', '.join(counted)}."
     with_what = f" ({', '.join(counted)})" if counted else ""
     key = f'name = "{name}"'
-    if word.endswith(".py"):
+    if word.endswith((".py", ".toml")):
         lone = [one.name for one in measures_of(word)] == [name]
         key = f'file = "{word}"' + ("" if lone else f"\n  {key}")
     values = (trial.value for trial in report.trials if trial.value is not None)

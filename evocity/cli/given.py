@@ -116,9 +116,10 @@ def _parents(folder: str, identifier: int) -> tuple:
 
 def measures_of(word: str) -> list:
     """The measures that ``word`` names: one; all numbers of a function that returns several; or
-    those of a Python file, which is executed. Raises `FitnessError`."""
+    those of a Python file, which is executed, or of a table of building types. Raises
+    `FitnessError`."""
     fitness = evocity.fitness
-    if word.endswith(".py"):
+    if word.endswith((".py", ".toml")):
         return fitness.load_file(word)
     try:
         return fitness.named(word)

@@ -43,10 +43,10 @@ Examples:
     "--fitness",
     "wanted",
     multiple=True,
-    metavar="NAME|FILE.py",
+    metavar="NAME|FILE.py|FILE.toml",
     show_default="all of `evocity fitness list`",
-    help="A measure by name, or the measures in a Python file, which is executed. "
-    "Give it once for each.",
+    help="A measure by name, the measures in a Python file, which is executed, or those by a "
+    "table of building types in TOML. Give it once for each.",
 )
 @click.option(
     "--reference",

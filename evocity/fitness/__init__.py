@@ -9,7 +9,8 @@
 - `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
 - `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
   `roof_flatness`
-- `sizes`: how the sizes of buildings are distributed: `salingaros`, `fit_sizes`, `crumbs`
+- `sizes`: how the sizes of buildings are distributed: `salingaros`,
+  `salingaros_buildings`, `fit_sizes`, `crumbs`
 - `shape`: what shape buildings have, how many there are: `elongation`, `rectangularity`,
   `convexity`, `compactness`, `eri`, `shape_index`, `building_density`, `component_density`,
   `party_wall_ratio`
@@ -20,6 +21,8 @@
   `sky_view_factor`
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
 - `fabric`: how far buildings are from those of other cities: `fabric_distance`, of a `Reference`
+- `types`: what types of buildings there are: `building_types`, `types_of`, `type_distance`, by a
+  table of limits, a `TypeTable` (`type_table`, `coverage`)
 - `heredity`: what a child keeps: `integrity`, of its sources' buildings (`whole_buildings` says
   which); `heritability`, of the map that was meant
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
@@ -77,8 +80,16 @@ from evocity.fitness.shape import (
     shape_index,
 )
 from evocity.fitness.similarity import autosimilarity
-from evocity.fitness.sizes import SizeFit, crumbs, fit_sizes, salingaros
+from evocity.fitness.sizes import (
+    SizeFit,
+    crumbs,
+    fit_sizes,
+    salingaros,
+    salingaros_buildings,
+)
 from evocity.fitness.texture import box_dimension, correlation_dimension, lacunarity
+from evocity.fitness.type_table import TypeTable
+from evocity.fitness.types import building_types, type_distance, types_of
 
 
 class _CallableModule(ModuleType):
@@ -101,6 +112,7 @@ __all__ = [
     "Objective",
     "Reference",
     "SizeFit",
+    "TypeTable",
     "Undefined",
     "Wanted",
     "alignment",
@@ -110,6 +122,7 @@ __all__ = [
     "autosimilarity",
     "box_dimension",
     "building_density",
+    "building_types",
     "compactness",
     "component_density",
     "convexity",
@@ -141,9 +154,12 @@ __all__ = [
     "rectangularity",
     "roof_flatness",
     "salingaros",
+    "salingaros_buildings",
     "shape_index",
     "sky_view_factor",
     "storeys",
     "street_width",
+    "type_distance",
+    "types_of",
     "whole_buildings",
 ]

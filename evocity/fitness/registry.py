@@ -39,6 +39,10 @@ _table: dict[str, Measure] = {}  # declared by this package, by plugins, in the 
 _from_files: dict[str, Measure] = {}  # declared in files that `load_file` executed
 _collecting: ContextVar[list[Measure] | None] = ContextVar("collecting", default=None)
 
+#: Other files than Python's that declare measures: by suffix, what declares those of a file's stem
+#: and content. It raises `FitnessError` and executes nothing.
+TABLES: dict[str, Callable[[str, bytes], None]] = {}
+
 _PACKAGE = str(Path(__file__).parent.parent) + os.sep
 
 
@@ -198,7 +202,8 @@ def _take(entry: EntryPoint) -> None:
 
 
 def load_file(path: str | os.PathLike) -> list[Measure]:
-    """Execute a Python file of the user's own and return the measures it declares, in order.
+    """Execute a Python file of the user's own and return the measures it declares, in order; or
+    read a table, such as one of building types in TOML (`TABLES`), and return the measures by it.
 
     From then on `get` finds them too; a file loaded later takes over names from an earlier
     one. The file may import others that lie beside it; they are found while it loads, and are
@@ -207,14 +212,37 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     the name of a measure that exists; nothing is registered then.
     """
     path = Path(path)
-    if path.suffix != ".py" or not path.is_file():
+    read = TABLES.get(path.suffix)
+    if (path.suffix != ".py" and not read) or not path.is_file():
+        kind = "table" if read else "Python file"
         raise FitnessError(
-            f"no Python file at {path}" if path.suffix == ".py" else f"{path} is no Python file",
-            "a file NAME.py that declares a measure",
+            f"no {kind} at {path}" if read or path.suffix == ".py" else f"{path} is no {kind}",
+            "a file NAME.py that declares a measure, or a table of building types, NAME.toml",
             "check the path; a measure of the package is named without a suffix",
         )
     path = path.resolve()
     content = path.read_bytes()
+    found, imported = _tabled(path, content) if read else _executed(path, content)
+    whole = content + b"".join(imported[one] for one in sorted(imported))
+    for measure in found:
+        measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
+    return found
+
+
+def _tabled(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
+    """The measures by a table, which imports nothing."""
+    try:
+        with _collected() as found:
+            TABLES[path.suffix](path.stem, content)
+        found = [replace(one, file=str(path), line=1, origin=str(path)) for one in found]
+        _add(_from_files, found, taken=_table)
+    except FitnessError as error:
+        raise FitnessError(f"{path}: {error.found}", error.expected, error.remedy) from None
+    return found, {}
+
+
+def _executed(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
+    """The measures that a Python file declares, and what it imports from its folder."""
     linecache.checkcache(str(path))  # an edited file: show its new lines
     module = ModuleType(f"evocity_user_{path.stem}_{content_hash(str(path).encode())[:8]}")
     module.__file__ = str(path)
@@ -240,10 +268,7 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
         else:
             sys.modules[module.__name__] = before
         raise _file_fault(path, error) from error
-    whole = content + b"".join(imported[one] for one in sorted(imported))
-    for measure in found:
-        measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
-    return found
+    return found, imported
 
 
 def _file_fault(path: Path, error: BaseException) -> FitnessError:

@@ -331,6 +331,24 @@ def test_an_unknown_measure_is_refused_and_all_are_listed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        (None, "no table at"),
+        ("[[type]", "no TOML"),
+        ("[[type]]\nname = 'a'\nheight = { below = 9 }", "no type takes a building of area"),
+        ("[[type]]\nname = 'a'\n[[type]]\nname = 'b'", "both a and b take a building of area"),
+        ("[shares]\nrow = 0.5", "together 1"),
+    ],
+)
+def test_faulty_tables_of_types_are_refused(tmp_path, text, says):
+    path = tmp_path / "dwellings.toml"
+    if text is not None:
+        path.write_text(text)
+    for words in (("score", "lyon-1er", "--fitness"), ("fitness", "bench")):
+        assert "dwellings.toml" in refused(tmp_path, *words, path, says=says)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
         (None, "no Python file"),
         ("def f(:", "line 1"),
         ("import nowhere_to_be_found", "nowhere_to_be_found"),

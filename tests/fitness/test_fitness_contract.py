@@ -83,6 +83,13 @@ def test_the_package_has_the_measures_of_the_papers_and_the_wider_set():
         "autosimilarity",
         "box_dimension",
         "building_density",
+        "building_types.courtyard_block",
+        "building_types.detached",
+        "building_types.hall",
+        "building_types.row",
+        "building_types.shed",
+        "building_types.slab",
+        "building_types.tower",
         "compactness",
         "component_density",
         "convexity",
@@ -109,10 +116,12 @@ def test_the_package_has_the_measures_of_the_papers_and_the_wider_set():
         "rectangularity",
         "roof_flatness",
         "salingaros",
+        "salingaros_buildings",
         "shape_index",
         "sky_view_factor",
         "storeys",
         "street_width",
+        "type_distance",
     ]
 
 
@@ -171,6 +180,7 @@ def test_what_does_not_depend_on_the_size_of_a_pixel(name):
         "height_deviation",
         "height_entropy",
         "salingaros",
+        "salingaros_buildings",
         "crumbs",
     ],
 )

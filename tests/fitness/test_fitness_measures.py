@@ -21,6 +21,7 @@ from evocity.fitness import (
     gsi,
     mean_height,
     salingaros,
+    salingaros_buildings,
 )
 
 # -- density -----------------------------------------------------------------------------
@@ -133,6 +134,22 @@ def test_salingaros_of_few_buildings_is_undefined_with_a_reason():
     assert math.isnan(salingaros(city_of([64] * 29, 1.0)))
     assert salingaros(city_of([64] * 29, 1.0)).reason.startswith("29 built components")
     assert not math.isnan(salingaros(city_of([64] * 30, 1.0)))
+
+
+def test_salingaros_of_buildings_tells_houses_of_a_block_apart():
+    apart = city_of([64 + i for i in range(40)], 1.0)
+    assert salingaros_buildings(apart) == salingaros(apart)  # where gaps tell all apart
+    sizes = 5 * np.random.default_rng(3).pareto(1.5, 4000) + 5
+    heights, left = np.zeros((60, 4000)), 0  # one row, wall to wall
+    for k, size in enumerate(sizes[sizes < 60][:60]):
+        side = round(size)
+        heights[:side, left : left + side] = 9 if k % 2 else 12
+        left += side
+    block = CityMap(heights[:, :left], 1.0)
+    assert salingaros(block).reason.startswith("1 built components")
+    assert 0 < salingaros_buildings(block) <= 1
+    few = CityMap(heights[:, :100], 1.0)
+    assert "buildings of 5 to 273 m" in salingaros_buildings(few).reason
 
 
 def test_crumbs_are_counted_by_their_area_not_their_pixels():
