@@ -1001,7 +1001,7 @@ class Fitting:
     kept: np.ndarray
 
 
-def best_fit(built, components, block, weights, density, spread, draws, taken, step=2):
+def best_fit(built, components, stale, block, weights, density, spread, draws, taken, step=2):
     """Of the places of a donor, under each isometry some drawn of the best; of these, what is best
     without the components that lie partly outside."""
     (rows, columns), area, best = built.shape, block.sum(), None
@@ -1012,16 +1012,22 @@ def best_fit(built, components, block, weights, density, spread, draws, taken, s
         def laid(raster, top, left, iso=iso, tall=tall, wide=wide):
             return isometries.apply(iso, raster[top : top + tall, left : left + wide])
 
-        def worth(there):
-            share = (there & block).sum() / area
-            return weights[there & block].sum() - abs(share - density) / 2
+        def worth(top, left, laid=laid):
+            """Before anything is left out: all sums of what cells count."""
+            counts = laid(built - stale, top, left) * block
+            return (weights * counts).sum() - abs(counts.sum() / area - density) / 2
+
+        def worth_of(kept, top, left, laid=laid):
+            share = kept.sum() / area
+            less = (laid(stale, top, left) * kept).sum() / area
+            return weights[kept].sum() - less - abs(share - density) / 2
 
         def free(top, left, tall=tall, wide=wide):
             inside = np.zeros(built.shape, bool)
             inside[taken[0] : taken[2], taken[1] : taken[3]] = True
             return not inside[top : top + tall, left : left + wide].any()
 
-        every = {(y, x): worth(laid(built, y, x)) for y in tops for x in lefts if free(y, x)}
+        every = {(y, x): worth(y, x) for y in tops for x in lefts if free(y, x)}
         coarse = {place: one for place, one in every.items() if not np.any(np.mod(place, step))}
         if not coarse:
             continue
@@ -1037,6 +1043,7 @@ def best_fit(built, components, block, weights, density, spread, draws, taken, s
                 if n > 0 and (seen[block] == n).sum() == (components == n).sum()
             ]
             kept = np.isin(seen, whole) & block
-            if kept.any() and (best is None or worth(kept) > best.score + 1e-7):
-                best = Fitting((iso, y, x), worth(kept), kept)
+            score = worth_of(kept, y, x)
+            if kept.any() and (best is None or score > best.score + 1e-7):
+                best = Fitting((iso, y, x), score, kept)
     return best

@@ -45,6 +45,8 @@ class QuarterFusion(Drafting):
         their buildings, 0 or more.
     facades : what it counts, in shares of the block's area, that all of the block's façades are
         built where they stood and nothing on the street before them, 0…10.
+    repeats : by what share a built cell counts less whose stone stands elsewhere on the map
+        already, 0…1; without it what fits anywhere would win in time.
     widened : metres by which a filled block gives way to the streets around it.
     repair, reach, domains : as in `Drafting`.
 
@@ -59,6 +61,7 @@ class QuarterFusion(Drafting):
     spread: float = 0.03
     density: float = 0.5
     facades: float = 0.25
+    repeats: float = 0.5
     widened: float = 0.0
 
     name = "quarter_fusion"
@@ -81,6 +84,7 @@ class QuarterFusion(Drafting):
             spread=self.spread,
             density=self.density,
             facades=self.facades,
+            repeats=self.repeats,
             widened=self.widened,
         )
         drawn = rng.permutation(filling.numbers(self.area_min))
@@ -133,5 +137,6 @@ def filling_checks() -> dict[str, Check]:
         "spread": (lambda spread: 0 <= spread <= 1, "0…1"),
         "density": (lambda density: 0 <= density <= 100, "0…100"),
         "facades": (lambda worth: 0 <= worth <= 10, "0…10"),
+        "repeats": (lambda share: 0 <= share <= 1, "0…1"),
         "widened": (lambda metres: 0 <= metres <= MOST, f"0…{MOST:g} m"),
     }

@@ -26,7 +26,7 @@ class QuarterRefill(Drafting):
     ----------
     street_blocks : fill so many street blocks, 1 or more; fewer if no more can be filled. How
         many were is in ``made["street_blocks"]``, which parent's in ``made["filled_by"]``.
-    area_min, spread, density, facades, widened : as in `QuarterFusion`.
+    area_min, spread, density, facades, repeats, widened : as in `QuarterFusion`.
     repair, reach, domains : as in `Drafting`.
 
     Source: ours, after the wish of Marsault 2002 §6.1 that operators keep the identity of
@@ -38,6 +38,7 @@ class QuarterRefill(Drafting):
     spread: float = 0.03
     density: float = 0.5
     facades: float = 0.25
+    repeats: float = 0.5
     widened: float = 0.0
 
     name = "quarter_refill"
@@ -55,6 +56,7 @@ class QuarterRefill(Drafting):
             spread=self.spread,
             density=self.density,
             facades=self.facades,
+            repeats=self.repeats,
             widened=self.widened,
         )
         filled_by = [0] * len(parents)

@@ -20,10 +20,12 @@ from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID
 from evocity.operators.crossing import raw_heights
+from evocity.operators.grid import common_grid
 from evocity.operators.quarter_fusion import QuarterFusion
 from evocity.operators.quarter_refill import QuarterRefill
 from evocity.operators.street_blocks import Room, best_place, street_blocks
-from evocity.operators.street_blocks._kernels import best_fit
+from evocity.operators.street_blocks._kernels import SPARE, best_fit
+from evocity.operators.street_blocks.stones import Stones
 from evocity.pavement import Pavement
 
 LAYOUTS = {"B = 4": {"block": 4}, "leaves": {"block": (2, 16)}}
@@ -66,9 +68,6 @@ def test_each_cell_belongs_to_the_nearest_component(seed, side, buildings):
     numbers = np.arange(found.labels.max() + 1)
     assert np.array_equal(found.area, [(found.labels == k).sum() for k in numbers])
     assert np.array_equal(found.covered, [(found.components == k).sum() for k in numbers])
-    borders = np.pad(np.cumsum(found.built, axis=1), ((0, 0), (1, 0)))
-    assert np.array_equal(found.sums[0, :, : (borders.shape[1] + 1) // 2], borders[:, ::2])
-    assert np.array_equal(found.sums[1, :, : borders.shape[1] // 2], borders[:, 1::2])
 
 
 @pytest.mark.parametrize("side", [2, 4, 8])
@@ -90,6 +89,11 @@ def test_a_map_without_buildings_has_no_block():
     assert found.area.tolist() == [8 * 12]
 
 
+def fresh(donor):
+    """Nothing of a donor stands anywhere yet."""
+    return np.zeros(donor.built.shape, np.float32)
+
+
 def a_room(seed):
     """A street block of a small town, its host, and another town's street blocks."""
     rng = np.random.default_rng(seed)
@@ -108,19 +112,25 @@ def test_the_kernel_against_its_naive_twin(seed, itself):
     draws = np.random.default_rng(seed).random((8, 4))
     box = [room.top, room.left, room.top + room.block.shape[0], room.left + room.block.shape[1]]
     taken = np.array(box if itself else [0, 0, 0, 0])
+    counts = 1 - np.random.default_rng(seed).random(donor.built.shape) * (seed % 2)
+    stale = (donor.built * (1 - counts)).astype(np.float32)
+    sums = np.zeros((2, 20, 11 + SPARE), np.float32)
+    borders = np.pad(np.cumsum(donor.built - stale, axis=1), ((0, 0), (1, 0)))
+    sums[0, :, :11], sums[1, :, :10] = borders[:, ::2], borders[:, 1::2]
     iso, top, left, score = best_fit(
-        donor.sums, donor.components, donor.covered, room.block, room.weights, room.density,
+        sums, donor.components, donor.covered, stale, room.block, room.weights, room.density,
         0.03, draws, isometries.AFFINE, taken,
     )  # fmt: skip
     twin = naive.best_fit(
-        donor.built, donor.components, room.block, room.weights, room.density, 0.03, draws, taken
-    )
+        donor.built, donor.components, stale, room.block, room.weights, room.density, 0.03,
+        draws, taken,
+    )  # fmt: skip
     assert (iso >= 0) == (twin is not None)
     if twin is None:
         return
     assert score == pytest.approx(twin.score, abs=1e-5)
     assert (iso, top, left) == twin.place
-    fit = best_place(room, donor, 0.03, _Draws(draws), itself)
+    fit = best_place(room, donor, stale, 0.03, _Draws(draws), itself)
     assert ((fit.iso, fit.top, fit.left), fit.kept.tolist()) == (twin.place, twin.kept.tolist())
 
 
@@ -137,7 +147,7 @@ class _Draws:
 @pytest.mark.parametrize("seed", range(8))
 def test_what_fits_is_whole_and_inside(seed):
     room, _, donor = a_room(seed)
-    fit = best_place(room, donor, 0.03, np.random.default_rng(seed))
+    fit = best_place(room, donor, fresh(donor), 0.03, np.random.default_rng(seed))
     if fit is None:
         return
     seen = fit.seen(donor.components)
@@ -169,7 +179,7 @@ def test_a_building_of_the_same_shape_is_found_wherever_it_stands_and_however_it
         # a donor as large as the block has one place; so the block is cut to what is built
         room = Room(14, 12, np.ones((9, 12), bool), np.zeros((9, 12), bool),
                     np.where(shape, 1, -1).astype(np.float32), float(shape.mean()))  # fmt: skip
-        fit = best_place(room, there, 0.0, np.random.default_rng(0))
+        fit = best_place(room, there, fresh(there), 0.0, np.random.default_rng(0))
         assert np.array_equal(fit.kept, shape)
         assert np.array_equal(fit.seen(there.built), here.built[14:23, 12:24])
 
@@ -231,7 +241,7 @@ def test_what_is_larger_than_the_donor_fits_nowhere():
     donor = street_blocks(draw_town(3, side=24, buildings=5), Pavement(24, 24, 2))
     block = np.ones((13, 4), bool)
     room = Room(0, 0, block, ~block, np.full(block.shape, 1 / 52, np.float32), 0.5)
-    assert best_place(room, donor, 0.0, np.random.default_rng(0)) is None
+    assert best_place(room, donor, fresh(donor), 0.0, np.random.default_rng(0)) is None
 
 
 # -- children -------------------------------------------------------------------------------------
@@ -331,6 +341,46 @@ def test_ends_well_on_any_map(name):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
+def test_stones_are_known_wherever_they_lie(layout):
+    """Against what each pixel of a child shows, by the heights of the sources."""
+    parents = towns(layout)
+    grid = common_grid("test", parents, 0.0)
+    child = QuarterFusion(fill=0.5, density=0.1, repair=None)(parents, np.random.default_rng(1))
+    found = Stones([*parents, child], grid)
+    cells = np.concatenate([one.ravel() for one in found.of[:2]])
+    assert np.unique(cells).size == cells.size
+    side = grid.block
+    tops = [grid.blocks(raw_heights(parent)).max(axis=(1, 2)) for parent in parents]
+    known = dict(zip(cells.tolist(), np.concatenate(tops).tolist(), strict=True))
+    draft = QuarterFusion(fill=0.5, density=0.1).draft(parents, np.random.default_rng(1))
+    meant = grid.blocks(draft.intended).max(axis=(1, 2)).reshape(found.of[2].shape)
+    for stone, height in zip(found.of[2].ravel().tolist(), meant.ravel(), strict=True):
+        assert height == (known[stone] if stone else 0)
+    assert side == (2 if layout == "leaves" else 4)
+    found.count(found.of[0], 1)
+    standing = found.standing(2)
+    assert np.array_equal(standing, np.isin(found.of[2], found.of[0]))
+    found.count(found.of[0], -1)
+    assert not found.standing(2).any()
+
+
+def test_what_stands_already_is_seldom_laid_again():
+    once = {}
+    for repeats in (0.0, 1.0):
+        rng = np.random.default_rng(0)
+        child, *others = towns(count=3)
+        refill = QuarterRefill(
+            street_blocks=6, area_min=0, density=0.2, repeats=repeats, repair=None
+        )
+        for _ in range(6):
+            child = refill([child, *others], rng)
+        stones = Stones([child], Pavement(96, 96, 4)).of[0]
+        built = stones[street_blocks(decode(child).city, Pavement(96, 96, 4)).built]
+        once[repeats] = np.unique(built).size / built.size
+    assert once[1.0] > once[0.0] + 0.1
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**32), count=st.integers(1, 5))
 def test_so_many_street_blocks_are_filled(layout, seed, count):
@@ -399,7 +449,14 @@ def test_bare_or_built_all_over_nothing_is_exchanged():
 
 
 def test_all_faults_are_told_at_once():
-    wrong = {"area_min": -1, "spread": -0.1, "density": -1, "facades": 11, "widened": -2}
+    wrong = {
+        "area_min": -1,
+        "spread": -0.1,
+        "density": -1,
+        "facades": 11,
+        "widened": -2,
+        "repeats": 2,
+    }
     wrong["street_blocks"] = 0
     with pytest.raises(OperatorError) as caught:
         QuarterFusion(fill=2, **wrong)

@@ -12,13 +12,16 @@ SPARE = WIDTH
 
 
 @kernel
-def best_fit(sums, components, covered, block, weights, density, spread, draws, affine, taken):
+def best_fit(
+    sums, components, covered, stale, block, weights, density, spread, draws, affine, taken
+):
     """Where a donor fits best into a street block, once what lies partly outside is left out.
 
     sums : float32 ``(2, R, n)``: of each row of the donor's cells, how many are built left of each
         border; even borders, then odd ones; then at least `SPARE` items.
     components : int32 ``(R, C)``, numbers of what is built in the donor's cells, 0 for ground.
     covered : int64 ``(n,)``, how many cells each of them has.
+    stale : float32 ``(R, C)``, what a built cell counts less.
     block : bool ``(r, c)``, the cells of the street block.
     weights : float32 ``(r, c)``, what a built cell is worth; 0 outside the block.
     density : the share of its cells that should be built.
@@ -53,7 +56,9 @@ def best_fit(sums, components, covered, block, weights, density, spread, draws, 
             last = k
             y, x = STEP * (k // scores.shape[1]), STEP * (k % scores.shape[1])
             y, x = _refined(sums, runs, density, tops, lefts, size, y, x, taken)
-            score = _whole(components, covered, counts, turned, worth, density, y, x, runs[2])
+            score = _whole(
+                components, covered, stale, counts, turned, worth, density, y, x, runs[2]
+            )
             if score > most:
                 found, top, left, most = iso, y, x, score
     return found, top, left, most
@@ -179,7 +184,7 @@ def _refined(sums, runs, density, tops, lefts, size, top, left, taken):
 
 
 @kernel
-def _whole(components, covered, counts, block, weights, density, top, left, area):
+def _whole(components, covered, stale, counts, block, weights, density, top, left, area):
     """The score of what is built at a place, once components partly outside are left out; -inf
     if nothing remains. ``counts`` are 0 before and after."""
     tall, wide = block.shape
@@ -188,13 +193,13 @@ def _whole(components, covered, counts, block, weights, density, top, left, area
             if block[i, j]:
                 counts[components[top + i, left + j]] += 1
     counts[0] = 0  # ground
-    built, score = 0, np.float32(0)
+    built, score, share = 0, np.float32(0), np.float32(1 / area)
     for i in range(tall):
         for j in range(wide):
             number = components[top + i, left + j]
             if block[i, j] and number > 0 and counts[number] == covered[number]:
                 built += 1
-                score += weights[i, j]
+                score += weights[i, j] - stale[top + i, left + j] * share
     for i in range(tall):
         for j in range(wide):
             counts[components[top + i, left + j]] = 0

@@ -8,7 +8,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from evocity.citymap import CityMap
-from evocity.operators.street_blocks._kernels import SPARE
 from evocity.pavement import Pavement
 from evocity.views.buildings import CRUMB
 from evocity.views.ground.distance import nearest_built
@@ -29,8 +28,6 @@ class StreetBlocks:
         component.
     components : int32 ``(R, C)``: the block whose component stands in each cell, 0 on ground and
         where a crumb stands.
-    sums : float32 ``(2, R, n)``: of each row, how many cells are built left of each border: of
-        the even borders, then of the odd ones; zeros after them.
     """
 
     labels: np.ndarray
@@ -38,7 +35,6 @@ class StreetBlocks:
     area: np.ndarray
     covered: np.ndarray
     components: np.ndarray
-    sums: np.ndarray
 
 
 _known: WeakKeyDictionary[CityMap, dict[int, StreetBlocks]] = WeakKeyDictionary()
@@ -72,16 +68,12 @@ def _found(city: CityMap, grid: Pavement) -> StreetBlocks:
         labels.flat[crumbs] = owner[cells.flat[crumbs]]
     count = int(labels.max()) + 1
     built = cells > 0
-    borders = shape[1] + 1
-    sums = np.zeros((shape[0], borders + borders % 2 + 2 * SPARE), np.float32)
-    np.cumsum(built, axis=1, out=sums[:, 1:borders])
     return StreetBlocks(
         labels,
         built,
         area=np.bincount(labels.ravel(), minlength=count),
         covered=np.bincount(components.ravel(), minlength=count),
         components=components,
-        sums=np.ascontiguousarray(sums.reshape(shape[0], -1, 2).transpose(2, 0, 1)),
     )
 
 

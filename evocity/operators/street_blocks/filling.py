@@ -11,6 +11,7 @@ from evocity.operators.crossing import raw_heights
 from evocity.operators.pavement_fusion import ground
 from evocity.operators.street_blocks.blocks import street_blocks
 from evocity.operators.street_blocks.fits import Fit, Room, best_place
+from evocity.operators.street_blocks.stones import Stones
 from evocity.pavement import Pavement
 
 
@@ -18,7 +19,7 @@ class Filling:
     """The first parent, as its street blocks are filled with buildings of its parents.
 
     grid : the cells that borders of street blocks follow.
-    spread, density, facades : as in `evocity.operators.QuarterFusion`.
+    spread, density, facades, repeats : as in `evocity.operators.QuarterFusion`.
     widened : metres that a filled block gives to the streets around it.
 
     host : the first parent's `StreetBlocks`.
@@ -33,13 +34,17 @@ class Filling:
         spread: float,
         density: float,
         facades: float,
+        repeats: float,
         widened: float = 0.0,
     ):
         self._parents, self._grid = parents, grid
-        self._spread, self._density, self._facades = spread, density, facades
+        self._spread, self._density = spread, density
+        self._facades, self._repeats = facades, repeats
         self._widened = round(widened / (grid.block * parents[0].metres_per_pixel))
         self._blocks = [street_blocks(decoded(parent).city, grid) for parent in parents]
         self.host = self._blocks[0]
+        self._stones = Stones(parents, grid)
+        self._stones.count(self._stones.of[0].ravel(), 1)
         self.given = np.zeros((grid.rows, grid.columns), np.int64)
         self._bare = np.zeros(self.given.shape, bool)
         self._iso = np.zeros(self.given.shape, np.uint8)
@@ -68,14 +73,21 @@ class Filling:
         """Fill a street block with buildings of a ``donor``, the first parent itself included;
         False if it keeps its own, since no others fit."""
         room = Room.of(self.host, number, self._facades, self._widened)
+        whole = room.block | room.ring
+        # what stands here makes room, and so it is no repetition
+        gone = self._stones.of[0][room.within][whole]
+        self._stones.count(gone, -1)
         if donor == self.void:
             self._lay(room, donor, None, np.zeros(room.block.shape, bool))
             return True
         theirs = self._blocks[donor]
-        fit = best_place(room, theirs, self._spread, rng, itself=donor == 0)
+        stale = (self._stones.standing(donor) & theirs.built) * np.float32(self._repeats)
+        fit = best_place(room, theirs, stale, self._spread, rng, itself=donor == 0)
         if fit is None or np.count_nonzero(fit.kept) < self._density * room.density * room.area:
+            self._stones.count(gone, 1)
             return False
         self._lay(room, donor, fit, fit.seen(theirs.built) & ~fit.kept)
+        self._stones.count(fit.seen(self._stones.of[donor])[fit.kept], 1)
         return True
 
     def _lay(self, room: Room, donor: int, fit: Fit | None, left_out: np.ndarray) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import binary_propagation
 
 from evocity import isometries
-from evocity.operators.street_blocks._kernels import best_fit
+from evocity.operators.street_blocks._kernels import SPARE, best_fit
 from evocity.operators.street_blocks.blocks import StreetBlocks
 from evocity.views.ground.distance import nearest_built
 
@@ -89,6 +89,7 @@ class Fit:
 def best_place(
     room: Room,
     donor: StreetBlocks,
+    stale: np.ndarray,
     spread: float,
     rng: np.random.Generator,
     itself: bool = False,
@@ -98,7 +99,8 @@ def best_place(
 
     Of every place of the donor, under all 8 isometries: the share of the block that would be
     built, less twice the share of its outline that would be, less half of how far the former is
-    from the block's own density, and façades where they stood (`Room`). Under each isometry some
+    from the block's own density, and façades where they stood (`Room`). Built cells count so much
+    less as ``stale`` tells of them, float32 ``(R, C)``, 0…1. Under each isometry some
     are drawn whose score is within ``spread`` of its best. Of those, the one is taken whose score
     is best once buildings that lie partly outside are left out. If the donor is the map
     ``itself``, places that overlap the block are none.
@@ -106,9 +108,10 @@ def best_place(
     tall, wide = room.block.shape
     own = [room.top, room.left, room.top + tall, room.left + wide] if itself else [0, 0, 0, 0]
     iso, top, left, _ = best_fit(
-        donor.sums,
+        _sums(donor.built - stale),
         donor.components,
         donor.covered,
+        stale,
         np.ascontiguousarray(room.block),
         room.weights,
         room.density,
@@ -125,6 +128,16 @@ def best_place(
     whole = counts == donor.covered
     whole[0] = False
     return replace(fit, kept=whole[seen] & room.block)
+
+
+def _sums(built: np.ndarray) -> np.ndarray:
+    """Of each row of cells ``(R, C)``, how much is ``built`` left of each border: float32 ``(2, R,
+    n)``, of the even borders, then of the odd ones; with spare items after them."""
+    rows, columns = built.shape
+    borders = columns + 1
+    sums = np.zeros((rows, borders + borders % 2 + 2 * SPARE), np.float32)
+    np.cumsum(built, axis=1, out=sums[:, 1:borders])
+    return np.ascontiguousarray(sums.reshape(rows, -1, 2).transpose(2, 0, 1))
 
 
 def _weights(block: np.ndarray, around: np.ndarray, own: np.ndarray, facades: float) -> np.ndarray:
