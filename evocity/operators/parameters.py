@@ -40,6 +40,17 @@ def wrong_types(kind: type, parameters: Mapping[str, object]) -> Faults:
     }
 
 
+def number_of(kind: type, key: str) -> type[int] | type[float] | None:
+    """What numbers a parameter takes: float any, int whole ones alone; None if it takes none. One
+    without an annotation takes those of its default's type, or any."""
+    annotated = _annotated(kind).get(key)
+    if annotated is None:
+        default = inspect.signature(kind).parameters[key].default
+        return {int: int, bool: None, str: None}.get(type(default), float)
+    fits = (number for number, example in ((float, 0.5), (int, 1)) if _fits(annotated[0], example))
+    return next(fits, None)
+
+
 def check_parameters(operator, allowed: Mapping[str, Check]) -> None:
     """Raise one `OperatorError` with every parameter of wrong type or value.
 

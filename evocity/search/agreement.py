@@ -8,7 +8,16 @@ from evocity.errors import GenomeError, OperatorError, shown, with_near_miss
 from evocity.operators.grid import METRES
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
-from evocity.search.recipe import LARGEST_BLOCK, MOST_PARENTS, OperatorEntry, operator_of
+from evocity.search.mixture import (
+    MOST_PARENTS,
+    OperatorEntry,
+    corners,
+    is_range,
+    operator_of,
+    parted,
+    range_faults,
+)
+from evocity.search.recipe import LARGEST_BLOCK
 
 
 def across_sections(raw: dict) -> list[tuple[str, str, str]]:
@@ -57,6 +66,7 @@ def _sizes_in_blocks(entries: dict, pixel: float) -> list[tuple[str, str, str]]:
         accepted = operators.parameters_of(known[name])
         for key, metric in METRES.items():
             count = table.get(key)
+            count = count.get("from") if isinstance(count, dict) else count
             if metric in accepted and _whole(count) and count > 0:
                 found = f"{count} range blocks, of many sides"
                 size = count * (4 * pixel) ** 2 if key == "limit" else count * 4 * pixel
@@ -99,16 +109,30 @@ def _entry_faults(name: str, kind: type, table: dict) -> list[tuple[str, str, st
         allowed = f"{fewest} or more" if most is None else f"{fewest} to {most}"
         faults.append((".parents", str(count), allowed))
         whole = False
+    given = {key: value for key, value in table.items() if key in accepted}
+    for key, value in list(given.items()):
+        if is_range(kind, key, value) and (found := range_faults(kind, key, value)):
+            faults += [(f".{place}", *told) for place, *told in found]
+            del given[key]
+    fixed, ranges = parted(kind, given)
+    for ends in corners(ranges):
+        standing = {key: given[key][end] for key, end in ends.items()}
+        for key, told in _faults_of(name, fixed | standing, count if whole else None).items():
+            place = "".join(f".{part}" for part in (key, ends.get(key)) if part)
+            faults.append((place, *told))
+    return list(dict.fromkeys(faults))
+
+
+def _faults_of(name: str, given: dict, count: int | None) -> dict[str, tuple[str, str]]:
+    """Faults of an operator's parameters, and of them for a ``count`` of parents: parameter, or ""
+    for none of them, -> (found, allowed)."""
     try:
-        given = {key: value for key, value in table.items() if key in accepted}
         operator = operator_of(name, given, None)
-        if whole and hasattr(operator, "check_count"):
+        if count is not None and hasattr(operator, "check_count"):
             operator.check_count(count)
     except OperatorError as error:
-        parts = {f".{key}": told for key, told in error.faults.items()}
-        parts = parts or {"": (error.found, error.expected)}
-        faults += [(key, found, allowed) for key, (found, allowed) in parts.items()]
-    return faults
+        return dict(error.faults) or {"": (error.found, error.expected)}
+    return {}
 
 
 def _of(raw: dict, section: str, key: str, default):

@@ -39,7 +39,7 @@ class Born:
             values=ended.values,
             feasible=ended.status == "ok" and not aims.violation(ended.values),
             genome=genome,
-            made=(dict(genome.made) if genome is not None else {}) or {"operator": self.plan.name},
+            made=(dict(genome.made) if genome is not None else {}) or self.plan.made,
         )
 
 

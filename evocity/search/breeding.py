@@ -39,6 +39,12 @@ class Plan:
     def name(self) -> str:
         return "source" if self.operator is None else self.operator.name
 
+    @property
+    def made(self) -> dict:
+        """What is known of its making without a child: the operator, and what was drawn for it."""
+        drawn = getattr(self.operator, "drawn", None)
+        return {"operator": self.name} | ({"drawn": dict(drawn)} if drawn else {})
+
 
 def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
     """The generator of one birth: nothing else draws from it, so workers cannot matter."""
@@ -50,8 +56,8 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
     """Generation 0: the sources themselves, then their fusions and mutants.
 
     Of three births after the sources two are pavement fusions, of each ordered pair of sources
-    in turn and with a fill drawn from 0.1…0.9, and one is a mutant of a source. A single
-    source has mutants alone.
+    in turn and with a fill drawn from 0.1…0.9, or from the recipe's own range, and one is a
+    mutant of a source. A single source has mutants alone.
     """
     count = len(sources)
     crossing, changing = recipe.genome.kind.first
@@ -63,13 +69,15 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
         if turn < 0:
             operator, parents = None, (slot,)
         elif pairs and turn % 3 < 2:
-            fill = round(float(rng.uniform(0.1, 0.9)), 3)
-            operator = recipe.operator(crossing, fill=fill)
+            changes = {}
+            if not recipe.ranged(crossing, "fill"):
+                changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
+            if recipe.parameters(crossing).get("void"):
+                changes["void"] = False
+            operator = recipe.operator_drawn(crossing, rng, **changes)
             parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
-            if getattr(operator, "void", False):
-                operator = recipe.operator(crossing, fill=fill, void=False)
         else:
-            operator = recipe.operator(changing)
+            operator = recipe.operator_drawn(changing, rng)
             parents = ((turn // 3 if pairs else turn) % count,)
         genomes = tuple(sources[i] for i in parents)
         plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))
@@ -77,22 +85,23 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
 
 
 def next_population(recipe: Recipe, generation: int, living: Sequence[Individual]) -> list[Plan]:
-    """The children of one generation: operator by weight, parents by tournament."""
+    """The children of one generation: operator by weight, parents by tournament, then the
+    operator's parameters that the recipe gives ranges of."""
     names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
     weights = np.array([recipe.operators[name].weight for name in names])
-    by_name = {name: recipe.operator(name) for name in names}
+    fewest = {name: recipe.operator(name).parents[0] for name in names}
     ids, ranks, crowding = zip(*((one.id, one.rank, one.crowding) for one in living), strict=True)
     plans = []
     for slot in range(recipe.run.population):
         rng = generator(recipe.run.seed, generation, slot)
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]
-        count = entry.parents or by_name[name].parents[0]
+        count = entry.parents or fewest[name]
         chosen = tournament(ids, ranks, crowding, count, rng)
         plans.append(
             Plan(
                 generation * recipe.run.population + slot,
-                by_name[name],
+                recipe.operator_drawn(name, rng),
                 tuple(ids[i] for i in chosen),
                 tuple(living[i].genome for i in chosen),
                 rng,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -28,6 +29,14 @@ from evocity.fitness.registry import family_of
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
+from evocity.search.mixture import (
+    MOST_PARENTS,
+    OperatorEntry,
+    drawn_of,
+    entry_of,
+    is_range,
+    operator_of,
+)
 from evocity.search.values import (
     PARENTS,
     Cities,
@@ -71,8 +80,6 @@ class MapSection(Section):
 
 #: The largest side of range blocks, px.
 LARGEST_BLOCK = 64
-#: Cities of a recipe, and parents of one birth: `Genome` counts them in a byte.
-MOST_PARENTS = 256
 
 
 class Parent(Section):
@@ -136,26 +143,6 @@ class GenomeSection(Section):
     def root(self) -> int:
         """The largest side of range blocks, px."""
         return self.block if isinstance(self.block, int) else self.block[1]
-
-
-class OperatorEntry(BaseModel):
-    """A weight, or a table of a weight, parameters of the operator, and how many parents."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
-
-    weight: float = Field(1.0, ge=0, le=1_000_000, allow_inf_nan=False)
-    parents: int | None = Field(None, ge=1, le=MOST_PARENTS)
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """As TOML has them: "none", and reach = "all", stand for None."""
-        return dict(self.model_extra or {})
-
-
-def _entry(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | float | dict | OperatorEntry):
-        raise fault(f"{value!r}", "a weight, or a table such as { weight = 4, fill = 0.5 }")
-    return {"weight": value} if isinstance(value, int | float) else value
 
 
 class LockedSection(Section):
@@ -349,7 +336,7 @@ class Recipe(Section):
     genome: GenomeSection = GenomeSection()
     operators: dict[
         str,
-        Annotated[OperatorEntry, BeforeValidator(_entry)],
+        Annotated[OperatorEntry, BeforeValidator(entry_of)],
     ] = Field(
         default_factory=lambda: {
             "pavement_fusion": OperatorEntry(weight=2),
@@ -413,24 +400,23 @@ class Recipe(Section):
         return self.parents[names.index(name)] if name in names else None
 
     def operator(self, name: str, **changes):
-        """The operator ``name`` with the recipe's parameters, other than ``changes``.
+        """The operator ``name`` with the recipe's parameters, other than ``changes``; of ranges
+        the lower end.
 
         Its ``reach`` and ``domains`` are those of ``[genome]`` unless it has its own.
         """
-        entry = self.operators.get(name, OperatorEntry())
-        return operator_of(name, entry.parameters, self.genome, **changes)
+        return operator_of(name, self.parameters(name), self.genome.coding, **changes)
 
+    def operator_drawn(self, name: str, rng: np.random.Generator, **changes):
+        """The operator ``name`` for one birth: as `operator`, but what the recipe gives ranges of
+        is drawn by ``rng``, which is not drawn from without a range."""
+        return drawn_of(name, self.parameters(name), self.genome.coding, rng, **changes)
 
-def operator_of(name: str, parameters: dict, genome: GenomeSection | None, **changes):
-    """The operator ``name`` with the ``parameters`` of its entry. Raises `OperatorError`."""
-    parameters = {
-        key: None if value == "none" or (key, value) == ("reach", "all") else value
-        for key, value in parameters.items()
-    }
-    kind = operators.operators().get(name)
-    shared = {}
-    if kind is not None and genome is not None:
-        accepted = operators.parameters_of(kind)
-        common = {key: genome.coding[key] for key in ("reach", "domains")}
-        shared = {key: value for key, value in common.items() if key in accepted}
-    return operators.make(name, **(shared | parameters | changes))
+    def ranged(self, name: str, key: str) -> bool:
+        """Whether the recipe gives a range for a parameter of the operator ``name``."""
+        value = self.parameters(name).get(key)
+        return is_range(operators.operators()[name], key, value)
+
+    def parameters(self, name: str) -> dict[str, Any]:
+        """The parameters that the recipe gives the operator ``name``, as TOML has them."""
+        return self.operators.get(name, OperatorEntry()).parameters
