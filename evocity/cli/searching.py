@@ -99,12 +99,16 @@ def _note_parents(folder: Path, recipe) -> None:
 
 
 def _tell_failures(folder: Path) -> None:
-    """One line on standard error for each way in which births failed."""
-    from evocity.report import failures
+    """One line on standard error for each way in which births failed, and one for values that a
+    recorded measure did not give."""
+    from evocity.report import failures, unrecorded
 
     with contextlib.suppress(RunError):  # no generation was whole
-        for kind in failures(evocity.open_run(folder)):
+        run = evocity.open_run(folder)
+        for kind in failures(run):
             click.echo(f"failed: {kind}", err=True)
+        if text := unrecorded(run):
+            click.echo(f"not recorded in {text}", err=True)
 
 
 def goal_signs(recipe) -> dict[str, str]:

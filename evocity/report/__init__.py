@@ -9,8 +9,8 @@ html       the page
 """
 
 from evocity.report.facts import Facts
-from evocity.report.failures import failures
+from evocity.report.failures import failures, unrecorded
 from evocity.report.html import write_report
 from evocity.report.pictures import contact_sheet
 
-__all__ = ["Facts", "contact_sheet", "failures", "write_report"]
+__all__ = ["Facts", "contact_sheet", "failures", "unrecorded", "write_report"]

@@ -4,7 +4,7 @@ import math
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,7 @@ class Aim:
             "min": "less is better",
             "like": "as in one city",
             "bounds": "",
+            "none": "recorded",
         }
         parts = [words.get(self.goal, "as its file declares")]
         if self.target is not None:
@@ -101,7 +102,8 @@ class Aim:
 class Shown:
     """An individual of the last generation, or of the archive, as a gallery shows it.
 
-    ``others``: the measures that exist besides the run's own, as (name, value, unit).
+    ``others``: measures besides those that something is wanted of, as (name, value, unit): those
+    that the run recorded, as logged, then those that exist.
     ``shares`` is the share of its lifs from each source city, in the run's order of cities.
     """
 
@@ -138,6 +140,11 @@ class Facts:
             dicts = [one for one in entries if isinstance(one, dict)]
             stated |= {str(one.get("name")): one for one in dicts}
         return [self._aim(name, stated.get(name, {})) for name in self.run.header.measures]
+
+    @property
+    def recorded(self) -> list[Aim]:
+        """One a measure that is recorded besides; nothing is wanted of it."""
+        return [replace(self._aim(name, {}), goal="none") for name in self.run.header.recorded]
 
     @property
     def sought(self) -> list[Aim]:
@@ -317,7 +324,7 @@ class Facts:
         others = [
             measure.bound(reference)
             for measure in fitness.measures()
-            if measure.name not in self.run.header.measures
+            if measure.name not in self.run.header.columns
         ]
         asked = any("parents" in measure.takes for measure in others)
         bred_from = self.run.parents(births) if asked else [()] * len(births)
@@ -332,7 +339,8 @@ class Facts:
                 )
             city = expressed.city
             extras = {"genome": birth.genome, "parents": parents, "sources": sources}
-            values = [(m.name, _measured(m, city, extras), m.unit) for m in others]
+            values = [(a.name, birth.values.get(a.name, math.nan), a.unit) for a in self.recorded]
+            values += [(m.name, _measured(m, city, extras), m.unit) for m in others]
             shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))
         return shown
 

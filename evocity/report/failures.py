@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass
 
+from evocity.search.evaluator import UNRECORDED
 from evocity.store import STATUSES, Run
 
 
@@ -32,10 +33,23 @@ def failures(run: Run) -> list[Failure]:
     return [Failure(s, counted[s], first[s]) for s in STATUSES if s != "ok" and counted[s]]
 
 
+def unrecorded(run: Run) -> str:
+    """In words, how many births of ``run`` that are ok lack a value of a measure that is recorded
+    besides; "" if none does. Raises as `failures`."""
+    if not run.header.recorded:
+        return ""
+    births = run.births(columns=["status", "error"]).to_pylist()
+    lacking = [one["error"] for one in births if one["status"] == "ok" and one["error"]]
+    if not lacking:
+        return ""
+    first = shortened(lacking[0].removeprefix(UNRECORDED))
+    return f"{len(lacking)} of {len(births)} births, such as: {first}"
+
+
 def shortened(text: str, most: int = 160) -> str:
     """``text`` on one line of at most ``most`` letters."""
     line = " ".join(text.split())
     return line if len(line) <= most else line[: most - 1] + "…"
 
 
-__all__ = ["Failure", "failures", "shortened"]
+__all__ = ["Failure", "failures", "shortened", "unrecorded"]

@@ -318,7 +318,8 @@ def _generations(facts: Facts) -> str:
 
 
 def _settings(facts: Facts) -> str:
-    measures = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in facts.aims]
+    every = [*facts.aims, *facts.recorded]
+    measures = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in every]
     kept = {k: v for k, v in facts.run.provenance.items() if k != "header"}
     rows = [(name, _plainly(value)) for name, value in kept.items()]
     return (

@@ -10,7 +10,7 @@ from evocity.errors import RunError, shown
 from evocity.fitness import Aims
 from evocity.search.breeding import Plan
 from evocity.search.evaluation import Here, Workers
-from evocity.search.evaluator import Outcome
+from evocity.search.evaluator import Outcome, unrecorded
 from evocity.store import Birth
 
 
@@ -80,24 +80,34 @@ def _founder(plan: Plan) -> Outcome:
     return Outcome("ok", genome=plan.genomes[0])
 
 
-def outcome_of(result, measures: Sequence[str]) -> Outcome:
-    """What somebody told of a genome they evaluated. Raises `RunError` for what is no result."""
+def outcome_of(result, measures: Sequence[str], recorded: Sequence[str] = ()) -> Outcome:
+    """What somebody told of a genome they evaluated: of all ``measures``, and of those that are
+    ``recorded`` besides as many as they like. Raises `RunError` for what is no result."""
     if isinstance(result, Outcome):
         return result
     if isinstance(result, Exception):
         return Outcome("error", f"{type(result).__name__}: {result}")
-    if not isinstance(result, Mapping) or set(result) != set(measures):
+    if not isinstance(result, Mapping) or set(result) - set(recorded) != set(measures):
         found = f"values of {', '.join(result)}" if isinstance(result, Mapping) else repr(result)
+        besides = f", and from those of {', '.join(recorded)} that are known" if recorded else ""
         raise RunError(
             f"a result with {found}",
-            f"a mapping from each of {', '.join(measures)} to its value, or an exception",
+            f"a mapping from each of {', '.join(measures)} to its value{besides}, or an exception",
             "tell one such result a genome",
         )
-    wrong = [name for name in measures if not isinstance(result[name], Real)]
-    values = {name: _number(result[name]) for name in measures if name not in wrong}
-    wrong += [name for name, value in values.items() if not math.isfinite(value)]
-    error = ", ".join(f"{name} is {shown(result[name])}" for name in wrong)
-    return Outcome("invalid" if wrong else "ok", error or None, values=values)
+    values, wrong = {}, []
+    for name in (one for one in (*measures, *recorded) if one in result):
+        number = _number(result[name]) if isinstance(result[name], Real) else None
+        finite = number is not None and math.isfinite(number)
+        if not finite:
+            wrong.append(name)
+        if finite or (number is not None and name in measures):
+            values[name] = number
+    failed = [name for name in wrong if name in measures]
+    error = ", ".join(f"{name} is {shown(result[name])}" for name in failed)
+    if not failed and wrong:
+        error = unrecorded([f"{name} is {shown(result[name])}" for name in wrong])
+    return Outcome("invalid" if failed else "ok", error or None, values=values)
 
 
 def _number(value: Real) -> float:

@@ -37,14 +37,15 @@ def needed(recipe: Recipe) -> list[str]:
     # what decodes with settled roofs knows its buildings already
     unsettled = not code.settle or bool(recipe.locked.asked)
     buildings = [warm.BUILDINGS] if "region_fusion" in names and unsettled else []
-    own = [one for one in recipe.measures if one.origin != "evocity"]
+    measured = [*recipe.measures, *recipe.recorded]
+    own = [one for one in measured if one.origin != "evocity"]
     return [
         warm.SEARCH,
         *([warm.EVERYWHERE] if code.reach == "all" else []),
         warm.DECODE,
         *([warm.FIT] if code.fit else []),
         *(f"operator:{name}" for name in names),
-        *(f"measure:{one.name}" for one in recipe.measures if one not in own),
+        *(f"measure:{one.name}" for one in measured if one not in own),
         *([warm.VIEWS] if own else buildings),
     ]
 

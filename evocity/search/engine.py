@@ -18,8 +18,9 @@ from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.keeping import kept_by
+from evocity.search.noting import provenance_of
 from evocity.search.population import Population
-from evocity.search.preparation import Prepared, prepare, provenance_of
+from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
 from evocity.store import Birth, RunWriter, refuse_existing
 
@@ -88,7 +89,8 @@ class Search:
         self.recipe, self.out = recipe, out
         self.notes: list[str] = []
         self._worker_count = recipe.worker_count if workers is None else workers
-        self._shipped = shipped(recipe.measures) if self._worker_count else ()
+        measured = [*recipe.measures, *recipe.recorded]
+        self._shipped = shipped(measured) if self._worker_count else ()
         self._progress = progress
         self._prepared: Prepared | None = None
         self._writer: RunWriter | None = None
@@ -179,7 +181,8 @@ class Search:
         """Take the results of the genomes last asked for, in their order, and select.
 
         A result is a mapping from every measure to its value, or the exception that prevented
-        it. NaN and infinity make a birth `invalid`. The generation is written down whole.
+        it. NaN and infinity make a birth `invalid`. Measures that are recorded besides may be
+        left out. The generation is written down whole.
         Raises `RunError` for results out of turn, and after `close`: the run's folder may be
         another process's by then.
         """
@@ -195,7 +198,8 @@ class Search:
                 "one result a genome, in the order ask() returned them",
                 "give an exception for a genome that could not be evaluated",
             )
-        told = [outcome_of(one, self._prepared.header.measures) for one in results]
+        header = self._prepared.header
+        told = [outcome_of(one, header.measures, header.recorded) for one in results]
         outcomes = dict(zip((one.plan.id for one in asked), told, strict=True))
         return self._written(
             [replace(one, evaluated=outcomes.get(one.plan.id)) for one in self._asked]

@@ -20,11 +20,14 @@ from evocity.store import Header
 
 #: An error's text in the log is no longer.
 MOST_LETTERS = 2000
+#: How the text begins in which a birth that is ok tells of measures without a value.
+UNRECORDED = "not recorded: "
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What a worker must know. ``measures``: (name, file or None) in the recipe's order;
+    """What a worker must know. ``measures``: (name, file or None) in the recipe's order, those that
+    are recorded besides last;
     ``condensation``: what is locked in every genome, or None; ``shipped``: measures of the user's
     session, which another process does not know by name; ``references``: what the measures that
     compare cities compare with, by their names; ``sources``: the maps of the source cities, for
@@ -104,7 +107,8 @@ class Evaluator:
         return Outcome("ok", None, time.perf_counter() - start, genome=genome)
 
     def evaluate(self, genome: Genome, parents: Sequence[Genome] = ()) -> Outcome:
-        """Decode, then every measure; the first that raises ends it, values until then kept.
+        """Decode, then every measure; the first that raises ends it, values until then kept. Of
+        those that are recorded besides, none ends it: ``error`` tells why one has no value.
 
         ``parents``: the genomes it was bred from, for measures that ask for them; none for one
         that was not bred, which is its own parent.
@@ -120,11 +124,10 @@ class Evaluator:
         expressed = self.header.chromosome.express(genome)
         if expressed.city is None:
             return ended("invalid", expressed.problem)
-        for name, measure in self.measures.items():
+        extras = {"genome": genome, "parents": parents, "sources": self.sources}
+        for name in self.header.measures:
             try:
-                value = measure(
-                    expressed.city, genome=genome, parents=parents, sources=self.sources
-                )
+                value = self.measures[name](expressed.city, **extras)
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", told(error))
@@ -134,10 +137,38 @@ class Evaluator:
                 return ended("error", f"{name}: {told(error)}")
             values[name] = float(value)
             if not math.isfinite(value):
-                undefined.append(
-                    f"{name} is {values[name]}: {getattr(value, 'reason', 'no reason given')}"
-                )
-        return ended("invalid", "; ".join(undefined)) if undefined else ended("ok")
+                undefined.append(_undefined(name, value))
+        missing = self._record(expressed.city, extras, values)
+        if undefined:
+            return ended("invalid", "; ".join(undefined))
+        return ended("ok", unrecorded(missing) if missing else None)
+
+    def _record(self, city: CityMap, extras: Mapping, values: dict[str, float]) -> list[str]:
+        """Add what is recorded besides to the ``values``; why those that have none do not."""
+        missing = []
+        for name in self.header.recorded:
+            try:
+                value = self.measures[name](city, **extras)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                text = told(error)
+                missing.append(text if text.startswith(name) else f"{name}: {text}")
+                continue
+            if math.isfinite(value):
+                values[name] = float(value)
+            else:
+                missing.append(_undefined(name, value))
+        return missing
+
+
+def unrecorded(reasons: Sequence[str]) -> str:
+    """What a birth that is ok tells of the measures that it has no value of."""
+    return UNRECORDED + "; ".join(reasons)
+
+
+def _undefined(name: str, value: float) -> str:
+    return f"{name} is {float(value)}: {getattr(value, 'reason', 'no reason given')}"
 
 
 def told(error: BaseException) -> str:

@@ -31,7 +31,7 @@ def kept_by(recipe: Recipe) -> Kept:
     files: dict[str, bytes] = {}
     places: dict[str, str] = {}
     folders: list[Path] = []
-    for entry in recipe.fitness:
+    for entry in recipe.entries:
         if entry.file is None:
             continue
         named = Path(resolved(recipe.folder, entry.file))

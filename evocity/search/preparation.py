@@ -1,28 +1,20 @@
 """What a run needs before its first birth: maps read and encoded, targets, provenance."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from evocity import fitness, io, store
 from evocity.citymap import CityMap, same_grid
 from evocity.condensation import Condensation
-from evocity.errors import FitnessError, MapError, RecipeError
+from evocity.errors import FitnessError, RecipeError
 from evocity.fitness.fabric import left_out
 from evocity.fitness.registry import file_of
 from evocity.genome import VOID, joined
 from evocity.search.evaluator import Setup
-from evocity.search.keeping import Kept, beside_of, kept_by, relative
 from evocity.search.locking import locked_layer
-from evocity.search.recipe import FitnessEntry, Recipe
+from evocity.search.recipe import Recipe
 from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source
-
-_PACKAGE = Path(fitness.__file__).parent.parent
-
-#: Besides the .shp itself, what of a Shapefile decides the map that is read.
-_SHAPEFILE = (".dbf", ".shx", ".prj")
 
 
 @dataclass(frozen=True)
@@ -50,10 +42,10 @@ class Prepared:
         """What a worker must know."""
         measures = tuple(
             (measure.name, entry.source or file_of(measure.name))
-            for entry in self.recipe.fitness
+            for entry in self.recipe.entries
             for measure in entry.measures
         )
-        asked = any("sources" in measure.takes for measure in self.recipe.measures)
+        asked = any("sources" in m.takes for one in self.recipe.entries for m in one.measures)
         return Setup(
             self.header,
             measures,
@@ -128,7 +120,7 @@ def named_cities(
 
 def compared_names(recipe: Recipe) -> list[str]:
     """The cities that measures compare with, as the ``recipe`` names them, each once."""
-    told = [one.compared for one in recipe.fitness if one.compared not in (None, PARENTS)]
+    told = [one.compared for one in recipe.entries if one.compared not in (None, PARENTS)]
     return list(dict.fromkeys(name for names in told for name in names))
 
 
@@ -147,7 +139,7 @@ def references_of(
     tell = tell or (lambda text: None)
     found: dict[str, fitness.Reference] = {}
     made: dict[str | tuple[str, ...], fitness.Reference] = {}
-    for entry in recipe.fitness:
+    for entry in recipe.entries:
         compared = entry.compared
         if compared is None:
             continue
@@ -212,131 +204,15 @@ def _objective(
         return fitness.Objective(measure, entry.goal, entry.target)
     if measure.name in targets:
         return fitness.Objective(measure, "like", targets[measure.name])
-    city = read_parent(recipe, _map_of(recipe, entry.like), recipe.parent_named(entry.like))
+    city = read_parent(recipe, map_of(recipe, entry.like), recipe.parent_named(entry.like))
     note(f"{city.name}: {city.taken}")
     return fitness.Objective.like(measure, city)
 
 
-def provenance_of(
-    prepared: Prepared,
-    out: str | os.PathLike,
-    kept: Kept | None = None,
-    hashed: Callable[[Path, str], str | None] | None = None,
-) -> dict:
-    """What `provenance.json` of the run folder ``out`` records, besides the header; paths as seen
-    from there, or from the recipe. ``kept``: what the run keeps of the user's own measures;
-    ``hashed``: `file_hash`, or what else tells the hash of a map's file."""
-    recipe = prepared.recipe
-    kept, hashed = kept or kept_by(recipe), hashed or file_hash
-    entries = [entry for entry in recipe.fitness for _ in entry.measures]
-    locked = {}
-    if recipe.locked.asked:
-        files = {name: hashed(recipe.folder, name) for name in recipe.locked.files}
-        locked["locked"] = {"asked": recipe.locked.asked, "files": files}
-    return store.environment() | {
-        "seed": recipe.run.seed,
-        "recipe": {
-            "folder": relative(recipe.folder, out),
-            "file": recipe.file,
-            "hash": store.hash_of_text(recipe.text),
-            "overrides": recipe.overrides,
-        },
-        "maps": [
-            {
-                "name": source.name,
-                "map": parent.map,
-                "hash": store.hash_of_map(source.city),
-                "genome": source.genome.digest,
-                "file": hashed(recipe.folder, parent.map),
-            }
-            for source, parent in zip(prepared.sources, recipe.parents, strict=True)
-        ],
-        "fitness": [
-            _wanted(recipe, entry, one, hashed)
-            | _source_of(entry, one.measure, kept)
-            | _compared(recipe, entry.compared, hashed)
-            for entry, one in zip(entries, prepared.aims.wanted, strict=True)
-        ],
-        "references": [
-            {"name": name, "source": _number(city, prepared), "hash": store.hash_of_map(city)}
-            for name, city in prepared.named.items()
-        ],
-        **locked,
-    }
-
-
-def _number(city: CityMap, prepared: Prepared) -> int | None:
-    """Which source a ``city`` is, or None."""
-    return next((k for k, one in enumerate(prepared.sources) if one.city is city), None)
-
-
-def _wanted(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed) -> dict:
-    """What `provenance.json` tells of what is wanted of a measure; keys of constraints and sums
-    only if it has them."""
-    objective, constraint = wanted.objective, wanted.constraint
-    like = None if entry.like is None else _map_of(recipe, entry.like)
-    about = {
-        "name": wanted.measure.name,
-        "goal": None if objective is None else objective.goal,
-        "target": None if objective is None else objective.target,
-        "like": like,
-        "like_file": None if like is None else hashed(recipe.folder, like),
-    }
-    if constraint is not None:
-        about |= {"min": constraint.low, "max": constraint.high}
-    if wanted.total is not None:
-        about |= {"objective": wanted.total, "weight": wanted.weight}
-    return about
-
-
-def _source_of(entry: FitnessEntry, measure: fitness.Measure, kept: Kept) -> dict:
-    """What `provenance.json` tells of where a measure comes from: the file as the recipe names it,
-    what that imports from its folder, and the run's own copy; of others the file's name."""
-    file = Path(measure.file)
-    ours = measure.origin == "evocity"
-    told = file.relative_to(_PACKAGE.parent).as_posix() if ours else file.name
-    about = {"file": told, "hash": measure.source_hash}
-    if entry.file is not None:
-        about |= {"file": entry.file, "kept": kept.places[measure.name]}
-        if measure.beside:
-            about["beside"] = beside_of(measure)
-    return about
-
-
-def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None, hashed) -> dict:
-    """What `provenance.json` tells of what a measure compares with; nothing if it does not."""
-    if reference is None:
-        return {}
-    if reference == PARENTS:
-        return {"reference": PARENTS}
-    maps = [_map_of(recipe, name) for name in reference]
-    return {"reference": {name: hashed(recipe.folder, name) for name in maps}}
-
-
-def _map_of(recipe: Recipe, like: str) -> str:
+def map_of(recipe: Recipe, like: str) -> str:
     """The map of the city to be like: a parent's, where that is named."""
     parent = recipe.parent_named(like)
     return parent.map if parent else like
-
-
-def file_hash(folder: Path, name: str) -> str | None:
-    """Hash of a map's file, with those that make a Shapefile whole; None for a bundled city,
-    which changes only with a release. ``folder`` is the recipe's."""
-    path = resolved(folder, name)
-    if path == name:
-        return None
-    path = Path(path)
-    try:
-        return store.hash_of_file(path, *_companions(path))
-    except OSError as error:
-        raise MapError(f"{path} cannot be read: {error.strerror}", "a map", "check it") from None
-
-
-def _companions(path: Path) -> list[Path]:
-    if path.suffix.lower() != ".shp":
-        return []
-    beside = (one for one in path.parent.iterdir() if one.stem == path.stem)
-    return sorted(one for one in beside if one.suffix.lower() in _SHAPEFILE)
 
 
 def _lays_void(operator) -> bool:
@@ -371,6 +247,7 @@ def _header(
         population=recipe.run.population,
         recipe_hash=store.hash_of_text(recipe.text),
         measures=tuple(measure.name for measure in recipe.measures),
+        recorded=tuple(measure.name for measure in recipe.recorded),
         locked=None if condensation is None else condensation.digest,
         settle=recipe.genome.settle,
     )

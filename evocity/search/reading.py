@@ -10,7 +10,8 @@ from pydantic import BaseModel, ValidationError
 
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
 from evocity.search.agreement import across_sections
-from evocity.search.recipe import FitnessEntry, Parent, Recipe
+from evocity.search.recipe import Parent, Recipe
+from evocity.search.wanted import FitnessEntry, MeasureEntry
 
 _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
 
@@ -145,15 +146,25 @@ def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     names = [measure.name for measure in recipe.measures]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    faults = [("fitness", f"{name} twice", "each measure once") for name in twice]
+    recorded = [measure.name for measure in recipe.recorded]
+    faults = [("fitness", f"{name} twice", "each measure once") for name in _twice(names)]
+    faults += [("run.record", f"{name} twice", "each measure once") for name in _twice(recorded)]
+    both = sorted(set(names).intersection(recorded))
+    faults += [
+        ("run.record", f"{name}, which is in [[fitness]] too", "it is logged there, leave it out")
+        for name in both
+    ]
     if not any(entry.is_objective for entry in recipe.fitness):
         faults.append(("fitness", "constraints alone", "a measure to search by as well"))
     sums = {entry.total for entry in recipe.fitness} - {None}
     return faults + [
         ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
-        for name in sorted(sums.intersection(names))
+        for name in sorted(sums.intersection([*names, *recorded]))
     ]
+
+
+def _twice(names: list[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})
 
 
 _TYPES = {
@@ -207,6 +218,8 @@ def _keys_at(location: list) -> list[str]:
     if not location:
         return list(Recipe.model_fields)
     models = {"parents": Parent, "fitness": FitnessEntry}
+    if location[:2] == ["run", "record"]:
+        return list(MeasureEntry.model_fields)
     model = models.get(location[0]) or Recipe.model_fields[location[0]].annotation
     if not (isinstance(model, type) and issubclass(model, BaseModel)):
         model = next(m for m in get_args(model) if isinstance(m, type))

@@ -4,28 +4,23 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 `evocity.search.reading` turns a TOML file into a `Recipe`.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     PrivateAttr,
-    ValidationInfo,
     model_validator,
 )
 
-from evocity import fitness, operators
+from evocity import operators
 from evocity.citymap import MAX_SIDE
 from evocity.coding.matching import available_cores
-from evocity.errors import EvocityError, FitnessError, GenomeError, shown, with_near_miss
-from evocity.fitness import WEIGHTED, Constraint, Measure, Objective, load_file, named
-from evocity.fitness.registry import family_of
+from evocity.errors import GenomeError, shown
+from evocity.fitness import Measure
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
@@ -38,37 +33,29 @@ from evocity.search.mixture import (
     operator_of,
 )
 from evocity.search.values import (
-    PARENTS,
-    Cities,
-    CityName,
-    FileName,
-    Finite,
     Heights,
     LockFile,
     LonLat,
     MapName,
     Positive,
+    Section,
     Title,
     called,
     fault,
     is_map,
-    resolved,
 )
-
-
-class Section(BaseModel):
-    """A part of a recipe: unknown keys and wrong types are faults."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+from evocity.search.wanted import FitnessEntry, MeasureEntry, recorded_of
 
 
 class RunSection(Section):
-    """``[run]``. ``generations`` are bred after the first population, which is generation 0."""
+    """``[run]``. ``generations`` are bred after the first population, which is generation 0;
+    ``record``: measures of every birth that nothing is wanted of."""
 
     name: Title = "run"
     seed: int = Field(0, ge=0, lt=2**63)
     population: int = Field(64, ge=2, le=1_000_000)
     generations: int = Field(100, ge=0, le=99_999_999)
+    record: list[Annotated[MeasureEntry, BeforeValidator(recorded_of)]] = Field([])
 
 
 class MapSection(Section):
@@ -121,7 +108,7 @@ class GenomeSection(Section):
         list[Annotated[int, Field(ge=2)]],
         Field(min_length=1),
         AfterValidator(lambda domains: list(dict.fromkeys(domains))),
-    ] = [2]
+    ] = Field([2])
     reach: Annotated[int, Field(ge=0, le=MAX_SIDE)] | Literal["all"] = 24
     sigma_max: float = Field(0.9, gt=0, le=1000, allow_inf_nan=False)
     topological: float | None = Field(None, ge=0, le=1)
@@ -178,130 +165,6 @@ class LockedSection(Section):
     def asked(self) -> dict[str, float | str]:
         """The keys given, with their values."""
         return self.model_dump(exclude_none=True)
-
-
-class FitnessEntry(Section):
-    """``[[fitness]]``: a measure by name, or those of a file, and what is wanted of them.
-
-    With ``min`` or ``max`` it is a constraint, and nothing else unless a goal, a target, a city
-    to be like or a weight is given too. Measures with a ``weight``, or one ``objective``, are
-    summed. ``reference``: what measures that compare cities compare with: the run's source cities
-    ("parents", the default), or a tuple of cities.
-    """
-
-    name: str | None = None
-    file: FileName | None = None
-    goal: Literal["max", "min"] | None = None
-    target: Finite | None = None
-    like: CityName | None = None
-    reference: Cities = None
-    min: Finite | None = None
-    max: Finite | None = None
-    weight: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] | None = None
-    objective: Title | None = None
-
-    _measures: list[Measure] = PrivateAttr(default_factory=list)
-    _source: str | None = PrivateAttr(None)
-
-    @model_validator(mode="after")
-    def _resolve(self, info: ValidationInfo) -> "FitnessEntry":
-        wanted = [key for key in ("goal", "target", "like") if getattr(self, key) is not None]
-        if len(wanted) > 1:
-            raise fault(" and ".join(wanted), "one of goal, target and like")
-        if self.min is not None and self.max is not None and self.min >= self.max:
-            raise fault(f"min = {self.min:g}, max = {self.max:g}", "a min below the max")
-        try:
-            measures = self._found(info.context["folder"], info.context.get("kept") or {})
-            asking = [one for one in measures if self.like is not None and one.needs]
-            if asking:
-                needs = " and ".join(asking[0].needs)
-                raise fault(
-                    f"like for {asking[0].name}, which asks for {needs}: a map has none", "a target"
-                )
-            if self.reference is not None and not any("reference" in m.takes for m in measures):
-                names = ", ".join(measure.name for measure in measures)
-                raise fault(
-                    f"reference for {names}, which compares with no city", "no reference here"
-                )
-            for one in measures:
-                low, high = one.range
-                if (self.min is not None and self.min > high) or (
-                    self.max is not None and self.max < low
-                ):
-                    bounds = ", ".join(
-                        f"{key} = {getattr(self, key):g}"
-                        for key in ("min", "max")
-                        if getattr(self, key) is not None
-                    )
-                    raise fault(f"{bounds} of {one.name}", f"within its range, {low:g}…{high:g}")
-            if self.like is None and self.is_objective:
-                for measure in measures:
-                    Objective(measure, self.goal, self.target)
-        except EvocityError as error:
-            raise fault(error.found, error.expected) from None
-        self._measures.extend(measures)
-        return self
-
-    @property
-    def measures(self) -> list[Measure]:
-        return self._measures
-
-    @property
-    def is_objective(self) -> bool:
-        """Whether it is more than a constraint."""
-        bounded = self.min is not None or self.max is not None
-        keys = ("goal", "target", "like", "weight", "objective")
-        return not bounded or any(getattr(self, key) is not None for key in keys)
-
-    @property
-    def compared(self) -> str | tuple[str, ...] | None:
-        """What its measures compare with: "parents", or cities; None if they do not."""
-        compares = any("reference" in measure.takes for measure in self.measures)
-        return (self.reference or PARENTS) if compares else None
-
-    @property
-    def total(self) -> str | None:
-        """The sum that its measures count in, if any."""
-        return WEIGHTED if self.objective is None and self.weight is not None else self.objective
-
-    def constraint(self, measure: Measure) -> Constraint | None:
-        bounded = self.min is not None or self.max is not None
-        return Constraint(measure, self.min, self.max) if bounded else None
-
-    @property
-    def source(self) -> str | None:
-        """The file a worker must load the measures from; None for registered ones."""
-        return self._source
-
-    def _found(self, folder: Path, kept: Mapping[str, str]) -> list[Measure]:
-        if self.file is None:
-            if self.name is None:
-                raise fault("neither name nor file", "one of them")
-            try:
-                return self._one_by_one(named(self.name))
-            except FitnessError as error:
-                known = [measure.name for measure in fitness.measures()]
-                raise fault(with_near_miss(error.found, self.name, known), error.expected) from None
-        path = resolved(folder, self.file)
-        self._source = kept.get(path, path)
-        measures = load_file(self._source)
-        if self.name is None:
-            return self._one_by_one(measures)
-        chosen = [one for one in measures if one.name == self.name]
-        chosen = chosen or family_of(self.name, measures)
-        if not chosen:
-            names = [measure.name for measure in measures]
-            found = with_near_miss(f"name = {self.name!r}", self.name, names)
-            raise fault(found, f"one of {', '.join(names)}")
-        return self._one_by_one(chosen)
-
-    def _one_by_one(self, measures: list[Measure]) -> list[Measure]:
-        """``measures``, unless they are several and what is wanted is of one."""
-        for key in ("target", "like", "min", "max"):
-            if len(measures) > 1 and getattr(self, key) is not None:
-                names = ", ".join(measure.name for measure in measures)
-                raise fault(f"{key} for all of {names}", "name = one of them")
-        return measures
 
 
 class EvaluationSection(Section):
@@ -379,9 +242,19 @@ class Recipe(Section):
         return Path("runs") / self.run.name
 
     @property
+    def entries(self) -> list[MeasureEntry]:
+        """What is measured: `fitness`, then what is recorded besides."""
+        return [*self.fitness, *self.run.record]
+
+    @property
     def measures(self) -> list[Measure]:
-        """Measures in the order of the recipe."""
+        """Measures that something is wanted of, in the order of the recipe."""
         return [measure for entry in self.fitness for measure in entry.measures]
+
+    @property
+    def recorded(self) -> list[Measure]:
+        """Measures that are recorded besides."""
+        return [measure for entry in self.run.record for measure in entry.measures]
 
     @property
     def worker_count(self) -> int:

@@ -9,22 +9,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from evocity import fitness, store
+from evocity import store
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, FitnessError, RunError, keyword
+from evocity.errors import RunError, keyword
+from evocity.search.changes import changes_of, compared_with, folder_of, hash_now, noted_of
 from evocity.search.keeping import kept_by, replaced
+from evocity.search.noting import provenance_of
 from evocity.search.preparation import (
     Prepared,
     aims_of,
     compared_names,
-    file_hash,
     named_cities,
-    provenance_of,
     references_of,
 )
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe, RunSection
-from evocity.search.values import PARENTS, resolved
 from evocity.store import Birth, Run, RunWriter, Source, open_run
 
 #: A change of these may change the births; it is noted, not refused.
@@ -56,9 +55,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     """Reopen the run in ``path``. Raises `RunError` as `Search.resume` says."""
     run = open_run(path)
     try:
-        noted = run.provenance["fitness"]
-        copies = replaced(run.path, _folder(run), noted)
-        changes = _changes(run, copies)
+        noted = noted_of(run.provenance)
+        copies = replaced(run.path, folder_of(run), noted)
+        changes = changes_of(run, copies)
         if changes and not accept_changes:
             raise RunError(
                 f"{run.path}: changed since the run began: {'; '.join(changes)}",
@@ -69,9 +68,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         recipe = _recipe(run, generations, copies)
         _refuse_another_run(run, recipe)
         notes = _notes(run, recipe)
-        likes = [one for one in noted if one["goal"] == "like"]
+        likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]
         if changes:  # cities that are not there any more cannot be measured again
-            likes = [one for one in likes if _file_hash(recipe.folder, one["like"]) == "missing"]
+            likes = [one for one in likes if hash_now(recipe.folder, one["like"]) == "missing"]
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
         named = _named(run, recipe, sources)
@@ -117,23 +116,23 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     noted = {one["map"]: one["file"] for one in run.provenance["maps"]}
     noted |= {one["like"]: one["like_file"] for one in run.provenance["fitness"]}
     noted |= run.provenance.get("locked", {}).get("files", {})
-    for one in run.provenance["fitness"]:
-        noted |= _compared_with(one)
+    for one in noted_of(run.provenance):
+        noted |= compared_with(one)
 
     def hashed(folder: Path, name: str) -> str | None:
-        found = _file_hash(folder, name)
+        found = hash_now(folder, name)
         return noted.get(name) if found == "missing" else found
 
     kept = kept_by(prepared.recipe)
     fresh = provenance_of(prepared, run.path, kept, hashed)
     given = {"file": run.provenance["recipe"].get("file")}
     told = {**run.provenance, "recipe": fresh["recipe"] | given}
-    before = {one["name"]: one.get("kept") for one in run.provenance["fitness"]}
+    before = {one["name"]: one.get("kept") for one in noted_of(run.provenance)}
     if changes or any(before[name] != place for name, place in kept.places.items()):
         writer.keep(kept.files)  # a run of an older release kept none
-        told["fitness"] = fresh["fitness"]
-        for one, older in zip(told["fitness"], run.provenance["fitness"], strict=True):
-            if maps := _compared_with(older):  # under the names they had when the run began
+        told |= {key: fresh[key] for key in ("fitness", "recorded") if key in fresh}
+        for one, older in zip(noted_of(told), noted_of(run.provenance), strict=True):
+            if maps := compared_with(older):  # under the names they had when the run began
                 one["reference"] = {name: hashed(prepared.recipe.folder, name) for name in maps}
     if changes:
         told |= {key: fresh[key] for key in ("maps", "locked") if key in fresh}
@@ -156,112 +155,7 @@ def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Rec
         overrides["run.generations"] = generations
     older = {} if run.header.block is None else _BEFORE_LEAVES
     name = f"{run.path}/recipe.toml"
-    return recipe_of(run.recipe_text, _folder(run), overrides, name, copies, older)
-
-
-def _folder(run: Run) -> Path:
-    """Where the recipe lies, or lay: noted as seen from the run folder, of old as it was."""
-    return (run.path.resolve() / run.provenance["recipe"]["folder"]).resolve()
-
-
-def _changes(run: Run, copies: Mapping[str, str]) -> list[str]:
-    """What differs from the start, by the hashes in the provenance; nothing is executed.
-
-    A map that is not there any more is no change, for the run has its own copy, or what was
-    measured of it; nor is a measure's file of which the run has one of ``copies``.
-    """
-    provenance, folder = run.provenance, _folder(run)
-    changes = []
-    if store.hash_of_text(run.recipe_text) != provenance["recipe"]["hash"]:
-        changes.append("the recipe")
-    for one in provenance["maps"]:
-        if _file_hash(folder, one["map"]) not in (one["file"], "missing"):
-            changes.append(f"the map {one['map']} (the run keeps its own copy)")
-    for name, before in provenance.get("locked", {}).get("files", {}).items():
-        if _file_hash(folder, name) not in (before, "missing"):
-            changes.append(f"{name}, which tells what is locked (the run keeps its own copy)")
-    likes = {one["like"]: one["like_file"] for one in provenance["fitness"] if one.get("like")}
-    changes += [
-        f"the map {like}, which cities shall be like"
-        for like, before in likes.items()
-        if _file_hash(folder, like) not in (before, "missing")
-    ]
-    told, kept = {one["map"] for one in provenance["maps"]}, "references" in provenance
-    for one in provenance["fitness"]:
-        for name, before in _compared_with(one).items():
-            there = _file_hash(folder, name)
-            if name not in told and there != before and not (kept and there == "missing"):
-                copy = " (the run keeps its own copy)" if kept else ""
-                changes.append(f"the map {name}, which cities are compared with{copy}")
-    own = {resolved(folder, one["file"]) for one in _entries(run) if "file" in one}
-    for one in provenance["fitness"]:
-        paths = _sources_of(one, folder, own, copies)
-        if _source_hash(one, paths) != one["hash"]:
-            changes.append(f"the source of the measure {one['name']}{_which(one, paths)}")
-    strange = own - {_named_file(one, folder) for one in provenance["fitness"]}
-    changes += [f"the measures of {file}" for file in sorted(strange)]
-    return list(dict.fromkeys(changes))
-
-
-def _compared_with(noted: dict) -> dict:
-    """The maps that a measure compares with, and the hashes of their files."""
-    maps = noted.get("reference")
-    if maps is None or maps == PARENTS:
-        return {}
-    if not isinstance(maps, dict):
-        raise TypeError(f"reference = {maps!r}")
-    return maps
-
-
-def _entries(run: Run) -> list[dict]:
-    """The ``[[fitness]]`` of the recipe; none if its text is at fault, which reading it tells."""
-    try:
-        listed = tomllib.loads(run.recipe_text).get("fitness")
-    except (ValueError, RecursionError):
-        return []
-    return [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
-
-
-def _file_hash(folder: Path, name: str) -> str | None:
-    try:
-        return file_hash(folder, name)
-    except EvocityError:
-        return "missing"
-
-
-def _named_file(noted: dict, folder: Path) -> str | None:
-    """The file that a measure of the user's own was loaded from; None for others, and what is noted
-    of them names no file here. Runs of old, which kept no copies, noted whole paths of all."""
-    if "kept" in noted or Path(noted["file"]).is_absolute():
-        return resolved(folder, noted["file"])
-    return None
-
-
-def _sources_of(noted: dict, folder: Path, own: set[str], copies: Mapping[str, str]) -> list[Path]:
-    """The files that a measure of the user's own would be loaded from now, first the one that
-    declares it; none for those that the recipe does not load from a file."""
-    named = _named_file(noted, folder)
-    if named not in own:
-        return []
-    path = Path(copies.get(named, named))
-    return [path, *(path.parent / name for name in noted.get("beside", ()))]
-
-
-def _source_hash(noted: dict, paths: list[Path]) -> str:
-    """Hash of a measure's source now."""
-    try:
-        return store.hash_of_file(*paths) if paths else fitness.get(noted["name"]).source_hash
-    except (OSError, FitnessError):
-        return "missing"
-
-
-def _which(noted: dict, paths: list[Path]) -> str:
-    """What of a measure's source that changed is missing, or may have changed besides its file."""
-    if _source_hash(noted, paths) == "missing":
-        gone = [str(path) for path in paths if not path.is_file()]
-        return f", {', '.join(gone or [noted['file']])}, which is missing"
-    names = ", ".join(path.name for path in paths[1:])
-    return f" ({paths[0].name}, or what it imports: {names})" if names else ""
+    return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
 
 
 def _refuse_another_run(run: Run, recipe: Recipe) -> None:
@@ -281,6 +175,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         ),
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
+        "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }
     if "references" in run.provenance:
         before = [one["name"] for one in run.provenance["references"]]
@@ -319,7 +214,7 @@ def _edited(run: Run) -> str:
     name = run.provenance["recipe"].get("file")
     if not isinstance(name, str) or Path(name).name != name:
         return ""
-    path = _folder(run) / name
+    path = folder_of(run) / name
     try:
         if not path.is_file():
             return ""

@@ -9,13 +9,26 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+)
 from pydantic_core import PydanticCustomError
 
 from evocity import io
 from evocity.errors import MapError, shown, with_near_miss
 from evocity.genome import VOID
 from evocity.io.heights import TALLEST
+
+
+class Section(BaseModel):
+    """A part of a recipe: unknown keys and wrong types are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:

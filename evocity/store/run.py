@@ -182,7 +182,7 @@ class Run:
         ``columns``: those of the births; generation, id, parents, operator, status and the
         measures if not given.
         """
-        measures = [f"fitness.{name}" for name in self.header.measures]
+        measures = [f"fitness.{name}" for name in self.header.columns]
         own = ["generation", "id", "parents", "operator", "status", *measures]
         columns = own if columns is None else self._known(columns)
         log = self.births(columns=["id", "parents"])

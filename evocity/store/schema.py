@@ -21,9 +21,10 @@ from evocity.pavement import Pavement
 
 #: Versions of a run folder's layout and columns that are read, raised by one with every change
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
-#: length, a kind of chromosome, and tells whether roofs are settled. New runs are written as 3; a
-#: run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3)
+#: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
+#: recorded besides. New runs without these are written as 3; a run of an older release goes on as
+#: it began.
+SCHEMA_VERSIONS = (1, 2, 3, 4)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle.
@@ -53,7 +54,8 @@ _Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
 class Header:
     """What all births of a run share, kept in the metadata of every Parquet file.
 
-    ``measures`` names the ``fitness.<name>`` columns, ``cities`` the sources that the genomes'
+    ``measures`` names those that something is wanted of and ``recorded`` those that are logged
+    besides, all of them columns ``fitness.<name>``; ``cities`` the sources that the genomes'
     ``parent`` points into, ``population`` how many live at most. ``locked`` is the digest of the
     condensation that all genomes have, None if they have none. ``kind`` names the kind of
     chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
@@ -76,14 +78,20 @@ class Header:
     kind: Literal["fabric"] = "fabric"
     settle: bool = False
     block: _Side | None = None
+    recorded: _Names = ()
 
     __pydantic_config__ = _STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
-            return 3
+            return 4 if self.recorded else 3
         return 1 if self.locked is None else 2
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of all measures."""
+        return self.measures + self.recorded
 
     @property
     def chromosome(self) -> Kind:
@@ -95,7 +103,7 @@ class Header:
         if self.locked is None:
             del about["locked"]
         newer = ("kind", "settle") if self.block is not None else ("block",)
-        for name in newer:
+        for name in newer if self.recorded else (*newer, "recorded"):
             del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
         return json.dumps(about)
@@ -113,6 +121,8 @@ class Header:
             raise ValueError(f"a map of {header.height} × {header.width} px")
         if (version < 3) != (header.block is not None):
             raise ValueError(f"schema version {version} with block = {header.block}")
+        if (version > 3) != bool(header.recorded) or set(header.measures) & set(header.recorded):
+            raise ValueError(f"schema version {version} with recorded = {header.recorded}")
         if header.block is not None:
             Pavement(header.height, header.width, header.block)  # raises where they do not fit
         return header
@@ -148,7 +158,8 @@ def summaries_of(text: str | bytes) -> dict[int, dict]:
 class Birth:
     """One evaluated individual.
 
-    ``values`` maps measures to raw values, as far as they were reached; ``made`` is what the
+    ``values`` maps measures to raw values, as far as they were reached and, of those that are
+    recorded besides, have one (``error`` tells why they have none); ``made`` is what the
     operator recorded (its parameters, what it reached). ``genome`` is None where breeding
     itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok, and no
     constraint of the recipe is broken.
@@ -208,7 +219,7 @@ def births_schema(header: Header) -> pa.Schema:
         ("status", _WORD),
         ("error", pa.string()),
         ("seconds", pa.float64()),
-        *((f"fitness.{name}", pa.float64()) for name in header.measures),
+        *((f"fitness.{name}", pa.float64()) for name in header.columns),
         ("feasible", pa.bool_()),
         ("genome", pa.string()),
         *header.chromosome.fields(header),
@@ -240,7 +251,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
         "feasible": [b.ok and b.feasible for b in births],
         "genome": [b.genome.digest if b.genome is not None else None for b in births],
     }
-    for name in header.measures:
+    for name in header.columns:
         columns[f"fitness.{name}"] = [b.values.get(name) for b in births]
     columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
@@ -268,9 +279,9 @@ def births_of(
     births = []
     for index in range(len(table)):
         row = {name: table.column(name)[index] for name in table.column_names}
-        values = {name: row[f"fitness.{name}"].as_py() for name in header.measures}
+        values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
         if row["status"].as_py() == "ok":
-            _check_ok(row, values)
+            _check_ok(row, values, header.measures)
         births.append(
             Birth(
                 **{name: row[name].as_py() for name in _PLAIN},
@@ -283,10 +294,10 @@ def births_of(
     return births
 
 
-def _check_ok(row: Mapping, values: Mapping) -> None:
-    if not row["genome"].is_valid or None in values.values():
+def _check_ok(row: Mapping, values: Mapping, wanted: Sequence[str]) -> None:
+    if not row["genome"].is_valid or any(values[name] is None for name in wanted):
         raise ValueError(f"individual {row['id']} without a genome or a value, though it is ok")
-    if not all(map(math.isfinite, values.values())):
+    if not all(math.isfinite(value) for value in values.values() if value is not None):
         raise ValueError(f"individual {row['id']} with a value that is not finite, though it is ok")
 
 

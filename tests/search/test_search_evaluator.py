@@ -25,7 +25,7 @@ def evaluator(tmp_path):
         path = tmp_path / "moody.py"
         path.write_text(MEASURE.format(body=body))
         fitness.load_file(path)
-        header = SimpleNamespace(chromosome=KINDS["fabric"])
+        header = SimpleNamespace(chromosome=KINDS["fabric"], measures=("moody",), recorded=())
         return Evaluator(Setup(header, (("moody", str(path)),)))
 
     return make

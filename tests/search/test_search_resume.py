@@ -18,8 +18,8 @@ from evocity.io import write_map
 from evocity.report import contact_sheet, write_report
 from evocity.search import Search, read_recipe
 from evocity.search.evaluator import MOST_LETTERS, Outcome
+from evocity.search.noting import file_hash
 from evocity.search.nsga2 import Hypervolume, ranks_and_crowding
-from evocity.search.preparation import file_hash
 from evocity.search.values import free_name
 from evocity.store import open_run
 

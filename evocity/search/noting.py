@@ -1,0 +1,151 @@
+"""What `provenance.json` records of a run: where its maps and measures come from, by hashes."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from evocity import fitness, store
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.search.keeping import Kept, beside_of, kept_by, relative
+from evocity.search.preparation import Prepared, map_of
+from evocity.search.recipe import Recipe
+from evocity.search.values import PARENTS, resolved
+from evocity.search.wanted import FitnessEntry, MeasureEntry
+
+_PACKAGE = Path(fitness.__file__).parent.parent
+
+#: Besides the .shp itself, what of a Shapefile decides the map that is read.
+_SHAPEFILE = (".dbf", ".shx", ".prj")
+
+
+def provenance_of(
+    prepared: Prepared,
+    out: str | os.PathLike,
+    kept: Kept | None = None,
+    hashed: Callable[[Path, str], str | None] | None = None,
+) -> dict:
+    """What `provenance.json` of the run folder ``out`` records, besides the header; paths as seen
+    from there, or from the recipe. ``kept``: what the run keeps of the user's own measures;
+    ``hashed``: `file_hash`, or what else tells the hash of a map's file."""
+    recipe = prepared.recipe
+    kept, hashed = kept or kept_by(recipe), hashed or file_hash
+    entries = [entry for entry in recipe.fitness for _ in entry.measures]
+    locked = {}
+    if recipe.locked.asked:
+        files = {name: hashed(recipe.folder, name) for name in recipe.locked.files}
+        locked["locked"] = {"asked": recipe.locked.asked, "files": files}
+    return store.environment() | {
+        "seed": recipe.run.seed,
+        "recipe": {
+            "folder": relative(recipe.folder, out),
+            "file": recipe.file,
+            "hash": store.hash_of_text(recipe.text),
+            "overrides": recipe.overrides,
+        },
+        "maps": [
+            {
+                "name": source.name,
+                "map": parent.map,
+                "hash": store.hash_of_map(source.city),
+                "genome": source.genome.digest,
+                "file": hashed(recipe.folder, parent.map),
+            }
+            for source, parent in zip(prepared.sources, recipe.parents, strict=True)
+        ],
+        "fitness": [
+            _wanted(recipe, entry, one, hashed)
+            | _source_of(entry, one.measure, kept)
+            | _compared(recipe, entry.compared, hashed)
+            for entry, one in zip(entries, prepared.aims.wanted, strict=True)
+        ],
+        "references": [
+            {"name": name, "source": _number(city, prepared), "hash": store.hash_of_map(city)}
+            for name, city in prepared.named.items()
+        ],
+        **_recorded(recipe, kept, hashed),
+        **locked,
+    }
+
+
+def _recorded(recipe: Recipe, kept: Kept, hashed) -> dict:
+    """What `provenance.json` tells of measures that are recorded besides; nothing without any."""
+    told = [
+        {"name": measure.name}
+        | _source_of(entry, measure, kept)
+        | _compared(recipe, entry.compared, hashed)
+        for entry in recipe.run.record
+        for measure in entry.measures
+    ]
+    return {"recorded": told} if told else {}
+
+
+def _number(city: CityMap, prepared: Prepared) -> int | None:
+    """Which source a ``city`` is, or None."""
+    return next((k for k, one in enumerate(prepared.sources) if one.city is city), None)
+
+
+def _wanted(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed) -> dict:
+    """What `provenance.json` tells of what is wanted of a measure; keys of constraints and sums
+    only if it has them."""
+    objective, constraint = wanted.objective, wanted.constraint
+    like = None if entry.like is None else map_of(recipe, entry.like)
+    about = {
+        "name": wanted.measure.name,
+        "goal": None if objective is None else objective.goal,
+        "target": None if objective is None else objective.target,
+        "like": like,
+        "like_file": None if like is None else hashed(recipe.folder, like),
+    }
+    if constraint is not None:
+        about |= {"min": constraint.low, "max": constraint.high}
+    if wanted.total is not None:
+        about |= {"objective": wanted.total, "weight": wanted.weight}
+    return about
+
+
+def _source_of(entry: MeasureEntry, measure: fitness.Measure, kept: Kept) -> dict:
+    """What `provenance.json` tells of where a measure comes from: the file as the recipe names it,
+    what that imports from its folder, and the run's own copy; of others the file's name."""
+    file = Path(measure.file)
+    ours = measure.origin == "evocity"
+    told = file.relative_to(_PACKAGE.parent).as_posix() if ours else file.name
+    about = {"file": told, "hash": measure.source_hash}
+    if entry.file is not None:
+        about |= {"file": entry.file, "kept": kept.places[measure.name]}
+        if measure.beside:
+            about["beside"] = beside_of(measure)
+    return about
+
+
+def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None, hashed) -> dict:
+    """What `provenance.json` tells of what a measure compares with; nothing if it does not."""
+    if reference is None:
+        return {}
+    if reference == PARENTS:
+        return {"reference": PARENTS}
+    maps = [map_of(recipe, name) for name in reference]
+    return {"reference": {name: hashed(recipe.folder, name) for name in maps}}
+
+
+def file_hash(folder: Path, name: str) -> str | None:
+    """Hash of a map's file, with those that make a Shapefile whole; None for a bundled city,
+    which changes only with a release. ``folder`` is the recipe's."""
+    path = resolved(folder, name)
+    if path == name:
+        return None
+    path = Path(path)
+    try:
+        return store.hash_of_file(path, *_companions(path))
+    except OSError as error:
+        raise MapError(f"{path} cannot be read: {error.strerror}", "a map", "check it") from None
+
+
+def _companions(path: Path) -> list[Path]:
+    if path.suffix.lower() != ".shp":
+        return []
+    beside = (one for one in path.parent.iterdir() if one.stem == path.stem)
+    return sorted(one for one in beside if one.suffix.lower() in _SHAPEFILE)
+
+
+__all__ = ["file_hash", "provenance_of"]

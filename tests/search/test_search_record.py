@@ -1,0 +1,233 @@
+"""`record` of `[run]`: measures logged of every birth that nothing is wanted of."""
+
+import json
+import math
+import re
+import shutil
+
+import pytest
+from test_search_recipe import faults, replaced
+from test_search_run import run
+
+from evocity import fitness
+from evocity.coding import decode
+from evocity.errors import RunError
+from evocity.report import unrecorded, write_report
+from evocity.report.facts import Facts
+from evocity.search import Search, archive, read_recipe
+from evocity.search.evaluator import Evaluator
+from evocity.search.preparation import prepare
+from evocity.store import Header, open_run
+
+#: A measure that fails in each of the ways there are, by the child it is asked of.
+MOODS = """
+@evocity.fitness()
+def mood(city):
+    kind = number(city) % 4
+    if kind == 0:
+        raise ValueError("out of sorts")
+    if kind == 1:
+        return evocity.fitness.Undefined("no mood today")
+    if kind == 2:
+        return "glad"
+    return 1.5
+"""
+
+
+def recording(toy, record, measures="", **settings):
+    path = toy(**settings)
+    (path.parent / "more.py").write_text("from toys import number\nimport evocity\n" + measures)
+    return replaced(path, 'name = "toy"', f'name = "toy"\nrecord = {record}')
+
+
+def without(table, *names):
+    return table.drop_columns([*names, "seconds"]).replace_schema_metadata(None)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_every_birth_is_measured_and_the_search_is_what_it_was(toy, tmp_path, workers):
+    record = '["fsi", "mean_height"]'
+    run(recording(toy, record), tmp_path / "run", workers=workers)
+    run(toy(), tmp_path / "plain", workers=0)
+    found, plain = open_run(tmp_path / "run"), open_run(tmp_path / "plain")
+    names = ("fitness.fsi", "fitness.mean_height")
+    assert without(found.births(), *names).equals(without(plain.births()))
+    assert found.members().to_pylist() == plain.members().to_pylist()
+    assert [{**one, "evaluations_per_second": 0} for one in found.history()] == [
+        {**one, "evaluations_per_second": 0} for one in plain.history()
+    ]
+    for row in found.births().to_pylist():
+        city = decode(found.genome(row["id"])).city
+        for name in names:
+            assert row[name] == fitness.get(name.removeprefix("fitness."))(city)
+        assert found.individuals([row["id"]])[0].values["fsi"] == row["fitness.fsi"]
+    assert found.header.measures == ("spread", "roof")
+    assert found.header.recorded == ("fsi", "mean_height")
+    assert set(found.status()["best"]) == {"spread", "roof"}
+    assert "fitness.fsi" in found.ancestors(9).column_names
+
+
+def test_goals_fronts_and_the_archive_do_not_see_them(toy, tmp_path):
+    run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
+    run(toy(), tmp_path / "plain", workers=0)
+    one, other = (archive(open_run(tmp_path / name)) for name in ("run", "plain"))
+    assert one.births["id"].equals(other.births["id"])
+    assert one.hypervolume == other.hypervolume
+    told = open_run(tmp_path / "run").provenance
+    assert [entry["name"] for entry in told["fitness"]] == ["spread", "roof"]
+    assert [entry["name"] for entry in told["recorded"]] == ["fsi"]
+
+
+def test_the_report_tells_them_as_recorded(toy, tmp_path):
+    run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
+    facts = Facts(open_run(tmp_path / "run"))
+    assert [aim.name for aim in facts.aims] == ["spread", "roof"]
+    ((name, value, _), *others) = facts.shown[0].others
+    assert (name, value) == ("fsi", facts.shown[0].birth.values["fsi"])
+    assert "fsi" not in [one[0] for one in others]
+    page = write_report(tmp_path / "run").read_text()
+    assert re.search(r"<td>fsi</td><td></td><td>recorded</td>", page)
+    assert page.count("<th>fsi</th>") >= len(facts.shown)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_what_fails_to_be_recorded_fails_nothing(toy, tmp_path, workers):
+    run(recording(toy, '["more.py", "fsi"]', MOODS), tmp_path / "run", workers=workers)
+    run(toy(), tmp_path / "plain", workers=0)
+    found = open_run(tmp_path / "run")
+    names = ("fitness.mood", "fitness.fsi", "error")
+    plain = open_run(tmp_path / "plain").births()
+    assert without(found.births(), *names).equals(without(plain, "error"))
+    seen = set()
+    for row in found.births().to_pylist():
+        assert row["status"] == "ok"
+        assert row["fitness.fsi"] is not None
+        if row["fitness.mood"] is not None:
+            assert (row["fitness.mood"], row["error"]) == (1.5, None)
+            seen.add("value")
+            continue
+        assert row["error"].startswith("not recorded: mood")
+        seen |= {word for word in ("out of sorts", "no mood today", "glad") if word in row["error"]}
+    assert seen == {"value", "out of sorts", "no mood today", "glad"}
+    assert "births, such as: mood" in unrecorded(found)
+    assert found.status()["failures"] == 0
+
+
+def test_a_birth_that_fails_is_recorded_as_far_as_it_can_be(toy):
+    measures = "@evocity.fitness(goal='max')\ndef bad(city):\n    return float('nan')\n"
+    prepared = prepare(read_recipe(recording(toy, '["fsi"]')))
+    evaluator = Evaluator(prepared.setup)
+    genome = prepared.sources[0].genome
+    assert evaluator.evaluate(genome).values["fsi"] > 0
+    path = recording(toy, '["fsi"]')
+    (path.parent / "toys.py").write_text((path.parent / "toys.py").read_text() + measures)
+    told = Evaluator(prepare(read_recipe(path)).setup).evaluate(genome)
+    assert (told.status, told.error) == ("invalid", "bad is nan: no reason given")
+    assert told.values["fsi"] > 0
+
+
+def test_a_stopped_run_records_on(toy, tmp_path):
+    recipe = recording(toy, '["fsi", { file = "more.py", name = "mood" }]', MOODS)
+    run(recipe, tmp_path / "whole", workers=0)
+    with Search(read_recipe(recipe), tmp_path / "away" / "parted", workers=0) as search:
+        next(iter(search))
+    for path in [*tmp_path.glob("*.py"), *tmp_path.glob("*.npy")]:
+        path.unlink()
+    (tmp_path / "away").rename(tmp_path / "far")
+    parted = tmp_path / "far" / "parted"
+    with Search.resume(parted, workers=0) as search:
+        assert search.notes == []
+        list(search)
+    whole, other = open_run(tmp_path / "whole").births(), open_run(parted).births()
+    for name in ("genome", "fitness.fsi", "fitness.mood"):
+        assert whole.column(name).equals(other.column(name))
+
+
+def test_a_change_of_what_is_recorded_is_told(toy, tmp_path):
+    run(recording(toy, '["fsi", "more.py"]', MOODS), tmp_path / "run", workers=0, generations=1)
+    (tmp_path / "more.py").write_text((tmp_path / "more.py").read_text() + "\n# edited\n")
+    with pytest.raises(RunError, match="the source of the measure mood"):
+        Search.resume(tmp_path / "run", generations=2)
+    with Search.resume(tmp_path / "run", generations=2, workers=0, accept_changes=True) as search:
+        list(search)
+    kept = (tmp_path / "run" / "fitness" / "more.py").read_text()
+    assert kept.endswith("# edited\n")
+    text = (tmp_path / "run" / "recipe.toml").read_text()
+    (tmp_path / "run" / "recipe.toml").write_text(text.replace('"fsi", ', ""))
+    with pytest.raises(RunError, match=r"run\.record was .*fsi.* and is now"):
+        Search.resume(tmp_path / "run", generations=3, accept_changes=True)
+
+
+def test_recorded_measures_may_compare_and_ask_for_genomes(toy, tmp_path):
+    record = '["integrity", { name = "fabric_distance", reference = ["right"] }]'
+    run(recording(toy, record, population=4), tmp_path / "run", workers=0, generations=0)
+    found = open_run(tmp_path / "run")
+    right = found.sources()[1].city
+    for row in found.births().to_pylist():
+        genome = found.genome(row["id"])
+        city = decode(genome).city
+        expected = fitness.fabric_distance(city, right)
+        told = row["fitness.fabric_distance"]
+        assert math.isnan(expected) if told is None else told == pytest.approx(expected)
+        assert 0 <= row["fitness.integrity"] <= 1
+    assert found.provenance["recorded"][1]["reference"].keys() == {"right.npy"}
+
+
+def test_who_evaluates_elsewhere_may_leave_them_out(toy, tmp_path):
+    recipe = read_recipe(recording(toy, '["fsi"]', population=4, generations=0))
+    with Search(recipe, tmp_path / "run", workers=0) as search:
+        one = {"spread": 1.0, "roof": 2.0}
+        told = [one, one | {"fsi": 3.0}, one | {"fsi": math.nan}, one | {"fsi": "many"}]
+        count = len(search.ask())
+        with pytest.raises(RunError, match="from those of fsi that are known"):
+            search.tell([one | {"gsi": 1.0}] * count)
+        search.tell(told[:count])
+    births = open_run(tmp_path / "run").births().to_pylist()
+    assert [row["fitness.fsi"] for row in births] == [None, 3.0, None, None]
+    assert [row["status"] for row in births] == ["ok"] * 4
+    assert births[2]["error"] == "not recorded: fsi is nan"
+
+
+def test_only_runs_that_record_have_the_new_version(toy, tmp_path):
+    run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0, generations=0)
+    run(toy(), tmp_path / "plain", workers=0, generations=0)
+    assert open_run(tmp_path / "run").provenance["schema_version"] == 4
+    plain = open_run(tmp_path / "plain").provenance
+    assert plain["schema_version"] == 3
+    assert "recorded" not in plain["header"]
+    assert "recorded" not in plain
+    shutil.copytree(tmp_path / "run", tmp_path / "harmed")
+    told = json.loads((tmp_path / "harmed" / "provenance.json").read_text())
+    told["header"]["recorded"] = ["spread"]
+    (tmp_path / "harmed" / "provenance.json").write_text(json.dumps(told))
+    with pytest.raises(RunError, match="damaged"):
+        open_run(tmp_path / "harmed")
+
+
+def test_headers_travel(toy):
+    about = (16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
+    for recorded in ((), ("fsi", "osr")):
+        header = Header(*about, recorded=recorded)
+        assert Header.from_json(header.to_json(), "run") == header
+
+
+@pytest.mark.parametrize(
+    ("record", "key", "says"),
+    [
+        ('["fsy"]', "run.record[0]", "did you mean fsi?"),
+        ('["fsi", "fsi"]', "run.record", "fsi twice"),
+        ('["gsi"]', "run.record", "gsi, which is in [[fitness]] too"),
+        ('["toys.py"]', "run.record", "roof, which is in [[fitness]] too"),
+        ('["none.py"]', "run.record[0]", "no Python file"),
+        ('"fsi"', "run.record", "a list"),
+        ("[3]", "run.record[0]", "the name of a measure, a file NAME.py, or a table"),
+        ("[{ name = 'fsi', goal = 'max' }]", "run.record[0].goal", "name, file, reference"),
+        ("[{ name = 'fsi', reference = 'parents' }]", "run.record[0]", "compares with no city"),
+        ("[{}]", "run.record[0]", "neither name nor file"),
+    ],
+)
+def test_bad_records_are_told(toy, record, key, says):
+    path = recording(toy, record)
+    path.write_text(path.read_text() + "[[fitness]]\nname = 'gsi'\ntarget = 0.3\n")
+    lines = faults(path)
+    assert any(line.startswith(f"{key}: ") and says in line for line in lines), lines
