@@ -11,7 +11,7 @@ from scipy import ndimage
 from evocity.errors import MapError, keyword, setting
 from evocity.views import ground
 from evocity.views.buildings import STEP, Buildings, measured, outlines, told_apart, zones_of
-from evocity.views.structure import gradients, structure
+from evocity.views.structure import gradients, nearest, structure
 
 if TYPE_CHECKING:
     import shapely
@@ -41,15 +41,19 @@ class CityMap:
     crs : coordinate reference system in metres, as an authority code or WKT, or None.
     height_rules : how many buildings got their height by which rule, as the reader counted.
     taken : in words, what of its file was read; "" for a map that was not read from one.
+    site : bool ``(H, W)``: which pixels are the map's own, of a part cut out of another that is no
+        rectangle; the others are neither built nor open ground, and have height 0. None where
+        all are. `within` makes such maps.
+    corner : (row, column) of the map's first pixel on the map it was cut out of.
 
     Raises
     ------
     MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights;
-        or the pixel size is not positive.
+        or the pixel size is not positive; or the site has another shape, or no pixel.
 
-    Views (`built`, `labels`, `areas`, `building_labels`, `buildings`, `outline`, `gradients`,
-    `structure`, `distance_to_built`, `open_space`, `streets`) are computed when first asked for,
-    once a map, and are read-only.
+    Views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `outline`,
+    `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`) are computed when first
+    asked for, once a map, and are read-only.
     """
 
     def __init__(
@@ -63,8 +67,13 @@ class CityMap:
         crs: str | None = None,
         height_rules: Mapping[str, int] | None = None,
         taken: str = "",
+        site: np.ndarray | None = None,
+        corner: tuple[int, int] = (0, 0),
     ):
         array = _checked_heights(heights, name)
+        if site is not None:
+            site = _checked_site(site, array.shape, name)
+            array = _read_only(np.where(site, array, np.float32(0)))
         if not (isinstance(metres_per_pixel, Real) and 0 < metres_per_pixel < np.inf):
             raise MapError(
                 f"{name}: {setting('metres_per_pixel', metres_per_pixel)}",
@@ -80,6 +89,8 @@ class CityMap:
             crs=crs,
             height_rules=dict(height_rules or {}),
             taken=str(taken),
+            site=site,
+            corner=(int(corner[0]), int(corner[1])),
         )
 
     def __setattr__(self, name: str, value) -> None:
@@ -100,9 +111,10 @@ class CityMap:
 
     def __repr__(self) -> str:
         height, width = self.shape
+        built = np.count_nonzero(self.built) / self.pixels
         return (
             f"CityMap({self.name!r}, {height} × {width} px at {self.metres_per_pixel:g} m, "
-            f"built {self.built.mean():.2f}, highest {self.heights.max(initial=0):.1f} m)"
+            f"built {built:.2f}, highest {self.heights.max(initial=0):.1f} m)"
         )
 
     @property
@@ -111,9 +123,42 @@ class CityMap:
         return self.heights.shape
 
     @property
+    def pixels(self) -> int:
+        """How many pixels are the map's own: all, but for what lies beyond its `site`."""
+        return self.heights.size if self.site is None else int(np.count_nonzero(self.site))
+
+    @property
     def area(self) -> float:
-        """Ground covered by the whole map, m²."""
-        return self.heights.size * self.metres_per_pixel**2
+        """Ground covered by the whole map, or by its `site`, m²."""
+        return self.pixels * self.metres_per_pixel**2
+
+    def within(self, mask: np.ndarray) -> "CityMap":
+        """The part of the map where ``mask``, bool ``(H, W)``, holds: what lies in the smallest
+        rectangle about it, and unless it fills that, the mask there as the part's `site`. A
+        building is cut where the part ends, as at a map's border.
+
+        Raises `MapError` for a mask of another shape or without a pixel.
+        """
+        mask = _checked_site(mask, self.shape, self.name)
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        site = mask[window] if self.site is None else mask[window] & self.site[window]
+        origin, pixel = self.origin, self.metres_per_pixel
+        if origin is not None:
+            origin = origin[0] + columns[0] * pixel, origin[1] - rows[0] * pixel
+        return self.replace(
+            self.heights[window],
+            origin=origin,
+            site=None if site.all() else site,
+            corner=(self.corner[0] + rows[0], self.corner[1] + columns[0]),
+        )
+
+    def of_whole(self, array: np.ndarray) -> np.ndarray:
+        """What an ``array`` ``(H, W)`` of the map that this one was cut out of, or of this one
+        itself, has at the pixels of this one."""
+        top, left = self.corner if array.shape != self.shape else (0, 0)
+        height, width = self.shape
+        return array[top : top + height, left : left + width]
 
     def replace(self, heights: np.ndarray, **changes) -> "CityMap":
         """A new map with other ``heights``; what describes this one is kept unless changed."""
@@ -125,6 +170,8 @@ class CityMap:
             "crs": self.crs,
             "height_rules": self.height_rules,
             "taken": self.taken,
+            "site": self.site,
+            "corner": self.corner,
         }
         return CityMap(heights, **(described | changes))
 
@@ -132,6 +179,11 @@ class CityMap:
     def built(self) -> np.ndarray:
         """Bool ``(H, W)``: pixels higher than `BUILT_ABOVE`. About 10 µs at 256²."""
         return _read_only(self.heights > BUILT_ABOVE)
+
+    @cached_property
+    def open_ground(self) -> np.ndarray:
+        """Bool ``(H, W)``: pixels of the map, within its `site`, that are not built."""
+        return _read_only(~self.built if self.site is None else self.site & ~self.built)
 
     @cached_property
     def labels(self) -> np.ndarray:
@@ -156,12 +208,13 @@ class CityMap:
     def buildings(self) -> Buildings:
         """The buildings, told apart by gaps and by steps of height of more than half a storey:
         their labels and a table. `told_apart` takes another step. About 2 ms at 256²."""
-        return measured(self.heights, self.labels, self.building_labels, self.metres_per_pixel)
+        pixel, zones = self.metres_per_pixel, self.building_labels
+        return measured(self.heights, self.labels, zones, pixel, self.site)
 
     def told_apart(self, step: float = STEP) -> Buildings:
         """The buildings, told apart by gaps and by steps of height of more than ``step`` metres:
         `evocity.views.buildings.told_apart`. Infinity tells them apart by gaps alone."""
-        return told_apart(self.heights, self.labels, self.metres_per_pixel, step)
+        return told_apart(self.heights, self.labels, self.metres_per_pixel, step, site=self.site)
 
     @cached_property
     def outline(self) -> "tuple[shapely.Polygon, ...]":
@@ -175,15 +228,22 @@ class CityMap:
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Float32 pair ``(d/dy, d/dx)`` of the heights, metres a metre, y to the south, by the
         Scharr operator, edges repeated. About 1 ms at 256²."""
-        along_y, along_x = gradients(self.heights, self.metres_per_pixel)
+        along_y, along_x = gradients(self._extended, self.metres_per_pixel)
         return _read_only(along_y), _read_only(along_x)
+
+    @property
+    def _extended(self) -> np.ndarray:
+        """The heights; beyond the site those of its nearest pixel, as edges are repeated."""
+        if self.site is None:
+            return self.heights
+        return np.ascontiguousarray(self.heights[nearest(self.site)])
 
     @cached_property
     def structure(self) -> np.ndarray:
         """Float32 ``(2, H, W)``: w cos 2θ and w sin 2θ, θ the direction of the gradient, square to
         the walls, from east towards south, w its square; smoothed, for a raster's façades are
         staircases (`evocity.views.structure`). About 1.2 ms at 256²."""
-        return _read_only(structure(*self.gradients))
+        return _read_only(structure(*self.gradients, self.site))
 
     @cached_property
     def distance_to_built(self) -> np.ndarray:
@@ -195,7 +255,7 @@ class CityMap:
     def open_space(self) -> ground.OpenSpace:
         """The pieces of open ground (8 neighbours): labels int32 ``(H, W)``, areas in m², and the
         built component each is a courtyard of. About 0.4 ms at 256², `labels` given."""
-        return ground.open_space(self.labels, self.metres_per_pixel)
+        return ground.open_space(self.labels, self.metres_per_pixel, self.site)
 
     @cached_property
     def streets(self) -> ground.Streets:
@@ -231,6 +291,19 @@ def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
     return _read_only(array)
 
 
+def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.ndarray:
+    array = np.asarray(site)
+    if array.dtype != bool or array.shape != shape:
+        raise MapError(
+            f"{name}: a part of {array.dtype} and shape {array.shape}",
+            f"booleans of shape {shape}, one a pixel of the map",
+            "make it so, for example numbers > 0",
+        )
+    if not array.any():
+        raise MapError(f"{name}: a part without a pixel", "at least one", "mark some pixels")
+    return _read_only(array.copy())
+
+
 def _read_only(array: np.ndarray) -> np.ndarray:
     array.setflags(write=False)
     return array
@@ -251,7 +324,16 @@ def same_grid(maps: "list[CityMap]") -> None:
 
 
 #: What describes a map besides its heights and pixels.
-_DESCRIBED = ("name", "attribution", "origin", "crs", "height_rules", "taken")
+_DESCRIBED = (
+    "name",
+    "attribution",
+    "origin",
+    "crs",
+    "height_rules",
+    "taken",
+    "site",
+    "corner",
+)
 
 
 def _made_again(heights: np.ndarray, metres_per_pixel: float, described: dict) -> CityMap:

@@ -20,7 +20,7 @@ from evocity.cli.common import (
     warn,
 )
 from evocity.cli.given import case_of, city_of, ids_option, is_genome, is_run, measures_of
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, FitnessError
 
 
 @click.command(
@@ -57,10 +57,17 @@ Examples:
     help="A city that measures such as fabric_distance compare with, read as the maps are. Give "
     "it once for each; they are weighted alike.",
 )
+@click.option(
+    "--within",
+    metavar="FILE",
+    show_default="the whole map",
+    help="Footprints, or a raster above 0 there: measure this part of each map. Measures that ask "
+    "for the genome, the parents or the sources are of whole maps alone.",
+)
 @map_options
 @json_option
 @click.option("--csv", "as_csv", is_flag=True, help="Print a row a map, and nothing else.")
-def score(maps, identifiers, wanted, references, reading, as_json, as_csv) -> None:
+def score(maps, identifiers, wanted, references, within, reading, as_json, as_csv) -> None:
     """Measure maps.
 
     Each MAP is a map file or the name of a bundled district. A genome, from a file or of the
@@ -92,8 +99,10 @@ def score(maps, identifiers, wanted, references, reading, as_json, as_csv) -> No
         }
         if references:
             cases = _compared(cases, references, reading)
+        parts = {} if within is None else {t: _part(within, case) for t, case in cases.items()}
+        alone = bool(wanted) and len(cases) == 1
         table = {
-            title: {m.name: _value(m, case, bool(wanted) and len(cases) == 1) for m in measures}
+            title: {m.name: _value(m, case, alone, parts.get(title)) for m in measures}
             for title, case in cases.items()
         }
     _warn_of_left_out(cases, measures)
@@ -104,6 +113,8 @@ def score(maps, identifiers, wanted, references, reading, as_json, as_csv) -> No
     else:
         for case in cases.values():
             click.echo(describe(case.city))
+        for title, part in parts.items():
+            click.echo(_described(part, title if len(parts) > 1 else "", cases[title].city))
         if len(table) == 1:
             (values,) = table.values()
             print_table([_row(measure, values[measure.name]) for measure in measures])
@@ -163,10 +174,30 @@ def _warn_of_left_out(cases: dict, measures) -> None:
                 warn(f"fabric_distance leaves out {', '.join(gone)}: the same in all of {names}")
 
 
-def _value(measure, case, asked_for: bool) -> float:
-    """What ``measure`` says. Of a map without the genome, the parents or the sources that it asks
-    for it is undefined, unless it was ``asked_for`` by name of that map alone: then the error is
-    told."""
+def _part(place: str, case):
+    """The part of a map that the file ``place`` marks."""
+    from evocity.io import read_mask
+
+    # what a run bred of several cities has no place on Earth: its sources have
+    return evocity.fitness.Part(place, read_mask(place, case.sources or [case.city]))
+
+
+def _described(part, title: str, city) -> str:
+    """In words, what of a map is measured."""
+    cut = part.of(city)
+    height, width = cut.shape
+    shape = "" if part.is_rectangle else f" within {height} × {width} px"
+    of = f" of {title}" if title else ""
+    pixels = f"{height} × {width} px" if part.is_rectangle else f"{cut.pixels} px"
+    return f"measured{of}: {part.name}, {pixels}{shape}, {cut.area / 1e4:.3g} ha"
+
+
+def _value(measure, case, asked_for: bool, part=None) -> float:
+    """What ``measure`` says, of the ``part`` if there is one. Of a map without the genome, the
+    parents or the sources that it asks for it is undefined, unless it was ``asked_for`` by name of
+    that map alone: then the error is told."""
+    if part is not None:
+        return _value_within(part, measure, case, asked_for)
     if asked_for or case.serves(measure):
         return case.measured(measure)
     if "reference" in measure.needs and case.reference is None:
@@ -177,6 +208,19 @@ def _value(measure, case, asked_for: bool) -> float:
         lacking = [need for need in measure.needs if getattr(case, need) is None]
         reason = f"it asks for the {' and the '.join(lacking)}, which only runs know: RUN --id N"
     return evocity.fitness.Undefined(reason)
+
+
+def _value_within(part, measure, case, asked_for: bool) -> float:
+    try:
+        part.check(measure)
+        if not asked_for and "reference" in measure.needs and case.reference is None:
+            reason = "it asks for a city to compare with: --reference CITY"
+            return evocity.fitness.Undefined(reason)
+    except FitnessError as error:
+        if asked_for:
+            raise
+        return evocity.fitness.Undefined(error.found.removeprefix(f"{measure.name} "))
+    return part.measured(measure, case.city, case.reference, case.genome)
 
 
 def _row(measure, value: float) -> tuple[str, str, str]:

@@ -4,6 +4,7 @@
 - `registry`: what makes one of a plain function, the table of names, users' files
 - `shipping`: how a measure of the session, of a notebook's cell, reaches worker processes
 - `siblings`: what such a file imports from its own folder
+- `part`: `Part`, a part of a map that a measure is taken of: this quarter, that bank
 - `goals`: `Objective`, a measure with a goal (max, min, a target, like a city) as a loss
 - `composition`: `Aims`, all that is wanted: objectives, weighted sums of them, constraints
 - `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
@@ -58,6 +59,7 @@ from evocity.fitness.openness import (
     street_width,
 )
 from evocity.fitness.order import alignment, alignment_global
+from evocity.fitness.part import Part
 from evocity.fitness.reference import Reference
 from evocity.fitness.registry import (
     fitness,
@@ -110,6 +112,7 @@ __all__ = [
     "Family",
     "Measure",
     "Objective",
+    "Part",
     "Reference",
     "SizeFit",
     "TypeTable",

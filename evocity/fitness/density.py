@@ -12,7 +12,7 @@ from evocity.fitness.registry import fitness
 FLOOR = 3.0
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def gsi(city: CityMap) -> float:
     """Ground space index: the share of the ground that is built on.
 
@@ -25,10 +25,10 @@ def gsi(city: CityMap) -> float:
     >>> gsi(CityMap(heights, 2.0))
     0.25
     """
-    return np.count_nonzero(city.built) / city.built.size
+    return np.count_nonzero(city.built) / city.pixels
 
 
-@fitness(range=(0, math.inf))
+@fitness(range=(0, math.inf), any_site=True)
 def fsi(city: CityMap) -> float:
     """Floor space index: floor area a unit of ground.
 
@@ -42,10 +42,10 @@ def fsi(city: CityMap) -> float:
     >>> fsi(CityMap(heights, 2.0))
     0.75
     """
-    return _floors(city) / city.heights.size
+    return _floors(city) / city.pixels
 
 
-@fitness(range=(0, math.inf))
+@fitness(range=(0, math.inf), any_site=True)
 def osr(city: CityMap) -> float:
     """Open space ratio: open ground a unit of floor area, how hard the open ground is used.
 
@@ -61,10 +61,10 @@ def osr(city: CityMap) -> float:
     count = np.count_nonzero(city.built)
     if not count:
         return Undefined("nothing is built")
-    return (city.built.size - count) / _floors(city)
+    return (city.pixels - count) / _floors(city)
 
 
-@fitness(range=(1, math.inf))
+@fitness(range=(1, math.inf), any_site=True)
 def storeys(city: CityMap) -> float:
     """Mean number of floors of what is built.
 
@@ -85,7 +85,7 @@ def storeys(city: CityMap) -> float:
     return _floors(city) / count
 
 
-@fitness(unit="m", range=(0, math.inf))
+@fitness(unit="m", range=(0, math.inf), any_site=True)
 def mean_height(city: CityMap) -> float:
     """Mean height of what is built.
 

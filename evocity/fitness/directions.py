@@ -19,7 +19,7 @@ _TIE = 1e-6
 BINS = 9
 
 
-@fitness(goal="min", unit="°", range=(0, 45))
+@fitness(goal="min", unit="°", range=(0, 45), any_site=True)
 def alignment_neighbours(city: CityMap) -> float:
     """How far buildings are turned against those next to them.
 
@@ -42,7 +42,7 @@ def alignment_neighbours(city: CityMap) -> float:
     return _mean_over_neighbours(city, lambda a, b: np.abs((a - b + 45) % 90 - 45))
 
 
-@fitness(unit="°", range=(0, 45))
+@fitness(unit="°", range=(0, 45), any_site=True)
 def alignment_momepy(city: CityMap) -> float:
     """Momepy's alignment, to compare with numbers of other studies.
 
@@ -69,7 +69,7 @@ def alignment_momepy(city: CityMap) -> float:
     return _mean_over_neighbours(city, lambda a, b: np.abs(turned(a) - turned(b)))
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def orientation_order(city: CityMap) -> float:
     """How few directions the walls of the whole map have.
 

@@ -29,7 +29,7 @@ NUMBERS = ("fabric_distance", *FURTHER)
 _CONSTANT = 1e-6
 
 
-@fitness(goal="min", range=(-1, math.inf), numbers=NUMBERS)
+@fitness(goal="min", range=(-1, math.inf), numbers=NUMBERS, any_site=True)
 def fabric_distance(
     city: CityMap, reference: Reference, genome: Genome | None = None
 ) -> Mapping[str, float]:

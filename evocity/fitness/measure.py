@@ -70,6 +70,7 @@ class Measure:
         "this session".
     beside : files that its file imports from its own folder, part of its source.
     reference : what it compares with unless told otherwise, see `bound`; None for nothing.
+    any_site : whether it is right of parts of maps that are no rectangles.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Measure:
     beside: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
     reference: Reference | None = None
+    any_site: bool = False
 
     def __post_init__(self):
         object.__setattr__(self, "__doc__", self.doc)

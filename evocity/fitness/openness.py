@@ -42,7 +42,7 @@ def street_width(city: CityMap) -> float:
     return min(WIDEST, float((lengths * streets.widths).sum() / lengths.sum()))
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def open_space_connectivity(city: CityMap) -> float:
     """Share of the open ground that hangs together: that of its largest piece.
 
@@ -62,7 +62,7 @@ def open_space_connectivity(city: CityMap) -> float:
     return float(areas.max() / areas.sum())
 
 
-@fitness(range=(0, math.inf))
+@fitness(range=(0, math.inf), any_site=True)
 def courtyard_index(city: CityMap) -> float:
     """Ground enclosed by buildings, for each unit of built ground.
 
@@ -85,7 +85,7 @@ def courtyard_index(city: CityMap) -> float:
     return float(space.area[space.enclosed_by >= 0].sum()) / (built * city.metres_per_pixel**2)
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def sky_view_factor(city: CityMap) -> float:
     """Share of the sky that open ground sees.
 
@@ -101,7 +101,7 @@ def sky_view_factor(city: CityMap) -> float:
     >>> sky_view_factor(CityMap(np.zeros((20, 20)), 2.0))
     1.0
     """
-    y, x = _viewpoints(~city.built)
+    y, x = _viewpoints(city.open_ground)
     if not y.size:
         return Undefined("there is no open ground")
     return float(sky_view(city, y, x).mean())

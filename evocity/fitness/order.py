@@ -18,7 +18,7 @@ _CUT = 2.0
 _FLAT = 1e-3
 
 
-@fitness(goal="max", range=(0, 1))
+@fitness(goal="max", range=(0, 1), any_site=True)
 def alignment(city: CityMap) -> float:
     """Share of façades that lie parallel or square to those around them.
 
@@ -46,10 +46,14 @@ def alignment(city: CityMap) -> float:
     sigma = NEIGHBOURHOOD / city.metres_per_pixel
     down = _pooled(fields, _window(height, sigma))
     cosine, sine, weight = _pooled(down.swapaxes(1, 2), _window(width, sigma))
-    return float(min(1.0, np.hypot(cosine, sine).sum() / weight.sum()))
+    lengths = np.hypot(cosine, sine)
+    if city.site is not None:
+        shares = _about(city.site.T, weight.shape)  # the axes were swapped
+        lengths, weight = lengths * shares, weight * shares
+    return float(min(1.0, lengths.sum() / weight.sum()))
 
 
-@fitness(goal="max", range=(0, 1))
+@fitness(goal="max", range=(0, 1), any_site=True)
 def alignment_global(city: CityMap) -> float:
     """Share of façades that lie parallel or square to all others of the map.
 
@@ -78,7 +82,19 @@ def _fourfold(city: CityMap) -> np.ndarray | None:
     """Float32 ``(3, H, W)``: w cos 4θ, w sin 4θ and w of a map's façades; None if it has none."""
     fields = np.empty((3, *city.shape), np.float32)
     steepest = fourfold(city.structure, fields)
+    if city.site is not None:
+        fields[:, ~city.site] = 0
+        steepest = fields[2].max()
     return fields if steepest > _FLAT**2 else None
+
+
+def _about(site: np.ndarray, samples: tuple[int, int]) -> np.ndarray:
+    """``samples``: the pixels of the ``site`` that lie about each centre of the windows of
+    `_window`; windows centred elsewhere are not of the map."""
+    rows, columns = np.nonzero(site)
+    (height, width), (down, along) = site.shape, samples
+    cells = rows * down // height * along + columns * along // width
+    return np.bincount(cells, minlength=down * along).reshape(samples)
 
 
 def _pooled(fields: np.ndarray, window: np.ndarray) -> np.ndarray:

@@ -66,7 +66,8 @@ class Reference:
                 "give genome=, or a reference with weights of its own: " + _HOW,
             )
         from_each = np.bincount(
-            genome.pavement.raster(genome.parent)[city.built], minlength=len(genome.cities)
+            city.of_whole(genome.pavement.raster(genome.parent))[city.built],
+            minlength=len(genome.cities),
         )
         by_name = dict(zip(genome.cities, from_each, strict=False))
         names = [one.name for one in self.cities]

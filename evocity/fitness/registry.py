@@ -52,6 +52,7 @@ def fitness(
     range: tuple[float, float] | Mapping[str, tuple[float, float]] = (-math.inf, math.inf),
     *,
     numbers: Sequence[str] = (),
+    any_site: bool = False,
 ) -> Callable[[Callable], Measure | Family]:
     """Decorator that makes a `Measure` of a function of a city map, under its name.
 
@@ -69,6 +70,9 @@ def fitness(
         becomes a `Family` of measures called function.number. goal, unit and range are then
         those of all, or mappings from a number's name. A first number with the function's own
         name is the one meant by that name alone: the decorator then returns that `Measure`.
+
+    any_site : whether it is right of a part of a map of any shape, whose pixels are ``city.site``;
+        else a recipe takes it within rectangles alone.
 
     Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
     is taken.
@@ -111,6 +115,7 @@ def fitness(
                 needs=needs,
                 takes=takes,
                 number=number,
+                any_site=bool(any_site),
                 origin="evocity" if file.startswith(_PACKAGE) else "this session",
             )
             for number, goal, unit, bounds in each

@@ -16,7 +16,7 @@ CLASSES = 20
 LEVEL = 0.5
 
 
-@fitness(unit="m", range=(0, math.inf))
+@fitness(unit="m", range=(0, math.inf), any_site=True)
 def height_deviation(city: CityMap) -> float:
     """Standard deviation of the height of what is built.
 
@@ -36,7 +36,7 @@ def height_deviation(city: CityMap) -> float:
     return float(heights.std(dtype=np.float64))
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def height_entropy(city: CityMap) -> float:
     """How evenly roofs are spread over all heights.
 
@@ -62,7 +62,7 @@ def height_entropy(city: CityMap) -> float:
     return float((share * np.log(1 / share)).sum()) / math.log(CLASSES)
 
 
-@fitness(goal="max", range=(0, 1))
+@fitness(goal="max", range=(0, 1), any_site=True)
 def roof_flatness(city: CityMap) -> float:
     """Share of what is built that lies level with all built ground beside it.
 

@@ -14,7 +14,7 @@ from evocity.fitness.registry import fitness
 from evocity.views.buildings import CRUMB
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def elongation(city: CityMap) -> float:
     """How long and narrow buildings are not: short by long side.
 
@@ -34,7 +34,7 @@ def elongation(city: CityMap) -> float:
     return _mean(city, short / long)
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def rectangularity(city: CityMap) -> float:
     """How much of the smallest rectangles about them buildings fill.
 
@@ -55,7 +55,7 @@ def rectangularity(city: CityMap) -> float:
     return _mean(city, np.minimum(_boxed(city), 1))
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def convexity(city: CityMap) -> float:
     """How much of their convex hulls buildings fill.
 
@@ -76,7 +76,7 @@ def convexity(city: CityMap) -> float:
     return _mean(city, city.buildings.area / city.buildings.hull_area)
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def compactness(city: CityMap) -> float:
     """How much of the smallest circles about them buildings fill.
 
@@ -95,7 +95,7 @@ def compactness(city: CityMap) -> float:
     return _mean(city, _rounded(city))
 
 
-@fitness(range=(0, 1.5))
+@fitness(range=(0, 1.5), any_site=True)
 def eri(city: CityMap) -> float:
     """Equivalent rectangular index: how near buildings come to rectangles in area and outline.
 
@@ -119,7 +119,7 @@ def eri(city: CityMap) -> float:
     return _mean(city, np.sqrt(_boxed(city)) * outline / city.buildings.perimeter)
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def shape_index(city: CityMap) -> float:
     """How round buildings are, by lengths.
 
@@ -138,7 +138,7 @@ def shape_index(city: CityMap) -> float:
     return _mean(city, np.sqrt(_rounded(city)))
 
 
-@fitness(unit="/ha", range=(0, math.inf))
+@fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def building_density(city: CityMap) -> float:
     """How many buildings stand on a hectare, those in a row told apart by their heights.
 
@@ -157,7 +157,7 @@ def building_density(city: CityMap) -> float:
     return np.count_nonzero(city.buildings.area >= CRUMB) / (city.area / 1e4)
 
 
-@fitness(unit="/ha", range=(0, math.inf))
+@fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def component_density(city: CityMap) -> float:
     """How many pieces of built ground stand on a hectare, rows and blocks counting once.
 
@@ -174,7 +174,7 @@ def component_density(city: CityMap) -> float:
     return np.count_nonzero(city.areas >= CRUMB) / (city.area / 1e4)
 
 
-@fitness(range=(0, 1))
+@fitness(range=(0, 1), any_site=True)
 def party_wall_ratio(city: CityMap) -> float:
     """Share of walls that buildings have in common.
 

@@ -12,7 +12,7 @@ import inspect
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from importlib.util import find_spec
 from types import CodeType, FunctionType, ModuleType
@@ -22,6 +22,7 @@ import numpy as np
 
 from evocity.errors import FitnessError, told
 from evocity.fitness.measure import Family, Measure, Several
+from evocity.fitness.part import own_name
 from evocity.fitness.registry import execute
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, np.dtype)
@@ -94,7 +95,10 @@ def shipped(measures: Sequence[Measure]) -> tuple[Shipment, ...]:
     together: dict[FunctionType, list[Measure]] = {}
     for one in measures:
         if one.origin == "this session":
-            together.setdefault(plain(one.function), []).append(one)
+            own = own_name(one.name)  # whatever part it is taken of
+            found = together.setdefault(plain(one.function), [])
+            if own not in [other.name for other in found]:
+                found.append(replace(one, name=own))
     packed = tuple(shipment(found) for found in together.values())
     for function, one in zip(together, packed, strict=True):
         _check_shipped(function, one)

@@ -88,7 +88,7 @@ def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> Siz
     )
 
 
-@fitness(goal="max", range=(0, 1))
+@fitness(goal="max", range=(0, 1), any_site=True)
 def salingaros(city: CityMap) -> float:
     """How well the sizes of built components follow Salingaros' universal distribution.
 
@@ -141,7 +141,7 @@ def _follows(areas: np.ndarray, what: str) -> float:
     return exponent * agreement * min(1.0, fit.span / 3) * fit.occupancy
 
 
-@fitness(goal="min", unit="/ha", range=(0, math.inf))
+@fitness(goal="min", unit="/ha", range=(0, math.inf), any_site=True)
 def crumbs(city: CityMap) -> float:
     """Number of crumbs, built components too small for a building, a hectare of built ground.
 

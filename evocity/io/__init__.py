@@ -14,7 +14,7 @@
 """
 
 from evocity.io.bundled import attribution_of, cities
-from evocity.io.condensing import read_condensation
+from evocity.io.condensing import read_condensation, read_mask
 from evocity.io.reading import READERS, name_of, plugin_warnings, read_map, readers, suffixes
 from evocity.io.sources import Footprints, Grid, Reader, Request
 from evocity.io.writing import (
@@ -47,6 +47,7 @@ __all__ = [
     "plugin_warnings",
     "read_condensation",
     "read_map",
+    "read_mask",
     "readers",
     "suffixes",
     "write_field",

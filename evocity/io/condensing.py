@@ -5,6 +5,7 @@ on it, each pixel taking the one its centre lies in; any other must have the map
 """
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 import rasterio
@@ -57,6 +58,21 @@ def read_condensation(
         city = city.replace(np.full(city.shape, heights))
     told = dict.fromkeys(line for several in lines for line in several.split("; ") if line)
     return Condensation.cut(city, mask), "; ".join(told)
+
+
+def read_mask(place: str | os.PathLike, cities: Sequence[CityMap]) -> np.ndarray:
+    """Bool ``(H, W)``: the pixels whose centres lie in the polygons of the file ``place``, or where
+    its raster is above 0, on the first of ``cities``, of one size, that it lies on.
+
+    Raises `MapError` as `read_condensation` says, of the first.
+    """
+    faults = []
+    for city in cities:
+        try:
+            return _mask(place, city)[0]
+        except MapError as error:
+            faults.append(error)
+    raise faults[0]
 
 
 def _mask(source: str | os.PathLike, city: CityMap) -> tuple[np.ndarray, str]:
@@ -119,4 +135,4 @@ def _on_grid(grid: Grid, city: CityMap, name: str) -> np.ndarray:
     return values
 
 
-__all__ = ["read_condensation"]
+__all__ = ["read_condensation", "read_mask"]

@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
+from evocity.fitness.part import own_name
 from evocity.search import Archive, archive
 from evocity.search.archiving import aims_of_run
 from evocity.search.recipe import RunSection
@@ -152,7 +153,7 @@ class Facts:
         return [aim for aim in self.aims if aim.goal != "bounds"]
 
     def _aim(self, name: str, stated: dict) -> Aim:
-        known = {measure.name: measure for measure in fitness.measures()}.get(name)
+        known = {measure.name: measure for measure in fitness.measures()}.get(own_name(name))
         target, low, high = (_number(stated.get(key)) for key in ("target", "min", "max"))
         own = known.goal if known else None
         if (low, high) != (None, None) and stated.get("goal") is None and target is None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from evocity import fitness, store
 from evocity.errors import EvocityError, FitnessError
+from evocity.fitness.part import own_name
 from evocity.search.noting import file_hash
 from evocity.search.values import PARENTS, resolved
 from evocity.search.wanted import recorded_of
@@ -36,6 +37,9 @@ def changes_of(run: Run, copies: Mapping[str, str]) -> list[str]:
     for name, before in provenance.get("locked", {}).get("files", {}).items():
         if hash_now(folder, name) not in (before, "missing"):
             changes.append(f"{name}, which tells what is locked (the run keeps its own copy)")
+    for one in provenance.get("within", []):
+        if hash_now(folder, one["name"]) not in (one["file"], "missing"):
+            changes.append(f"{one['name']}, a part that is measured (the run keeps its own copy)")
     likes = {one["like"]: one["like_file"] for one in provenance["fitness"] if one.get("like")}
     changes += [
         f"the map {like}, which cities shall be like"
@@ -116,7 +120,9 @@ def _sources_of(noted: dict, folder: Path, own: set[str], copies: Mapping[str, s
 def _source_hash(noted: dict, paths: list[Path]) -> str:
     """Hash of a measure's source now."""
     try:
-        return store.hash_of_file(*paths) if paths else fitness.get(noted["name"]).source_hash
+        if paths:
+            return store.hash_of_file(*paths)
+        return fitness.get(own_name(noted["name"])).source_hash
     except (OSError, FitnessError):
         return "missing"
 

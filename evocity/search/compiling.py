@@ -17,6 +17,7 @@ from pathlib import Path
 
 from evocity import accelerate
 from evocity.coding.matching import available_cores
+from evocity.fitness.part import own_name
 from evocity.operators import OPERATORS
 from evocity.pavement import read_sides
 from evocity.search import warm
@@ -45,7 +46,7 @@ def needed(recipe: Recipe) -> list[str]:
         warm.DECODE,
         *([warm.FIT] if code.fit else []),
         *(f"operator:{name}" for name in names),
-        *(f"measure:{one.name}" for one in measured if one not in own),
+        *(f"measure:{own_name(one.name)}" for one in measured if one not in own),
         *([warm.VIEWS] if own else buildings),
     ]
 

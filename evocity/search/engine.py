@@ -242,6 +242,7 @@ class Search:
                 self._prepared.condensation,
                 kept.files,
                 self._prepared.others,
+                [part.mask for part in self._prepared.within.values()],
             )
         self._population = Population(self._prepared.header.population, self._prepared.aims)
         self._start_pool()

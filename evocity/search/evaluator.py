@@ -12,6 +12,7 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
+from evocity.fitness.part import Part, own_name, part_of, within
 from evocity.fitness.shipping import Shipment, unpacked
 from evocity.genome import Genome
 from evocity.pavement.levels import USUAL
@@ -27,7 +28,8 @@ UNRECORDED = "not recorded: "
 @dataclass(frozen=True)
 class Setup:
     """What a worker must know. ``measures``: (name, file or None) in the recipe's order, those that
-    are recorded besides last;
+    are recorded besides last; ``within``: the parts of the map that measures are taken of, by
+    their names;
     ``condensation``: what is locked in every genome, or None; ``shipped``: measures of the user's
     session, which another process does not know by name; ``references``: what the measures that
     compare cities compare with, by their names; ``sources``: the maps of the source cities, for
@@ -42,6 +44,7 @@ class Setup:
     parts: tuple[str, ...] = ()
     references: Mapping[str, fitness.Reference] = field(default_factory=dict)
     sources: tuple[CityMap, ...] = ()
+    within: Mapping[str, Part] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,12 @@ class Evaluator:
         files = {file for _, file in setup.measures if file is not None}
         loaded = {file: {m.name: m for m in fitness.load_file(file)} for file in sorted(files)}
         loaded[None] = {m.name: m for one in setup.shipped for m in unpacked(one)}
-        self.measures = {
-            name: loaded[file][name] if file or name in loaded[None] else fitness.get(name)
-            for name, file in setup.measures
-        }
+        self.within = setup.within
+        self.measures = {}
+        for name, file in setup.measures:
+            own = own_name(name)
+            found = loaded[file][own] if file or own in loaded[None] else fitness.get(own)
+            self.measures[name] = within(found, part_of(name)) if name in self.within else found
         for name, reference in setup.references.items():
             self.measures[name] = self.measures[name].bound(reference)
 
@@ -127,7 +132,7 @@ class Evaluator:
         extras = {"genome": genome, "parents": parents, "sources": self.sources}
         for name in self.header.measures:
             try:
-                value = self.measures[name](expressed.city, **extras)
+                value = self._measured(name, expressed.city, extras)
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended("error" if error.__cause__ else "invalid", told(error))
@@ -143,12 +148,17 @@ class Evaluator:
             return ended("invalid", "; ".join(undefined))
         return ended("ok", unrecorded(missing) if missing else None)
 
+    def _measured(self, name: str, city: CityMap, extras: Mapping) -> float:
+        if name in self.within:
+            return self.within[name].measured(self.measures[name], city, genome=extras["genome"])
+        return self.measures[name](city, **extras)
+
     def _record(self, city: CityMap, extras: Mapping, values: dict[str, float]) -> list[str]:
         """Add what is recorded besides to the ``values``; why those that have none do not."""
         missing = []
         for name in self.header.recorded:
             try:
-                value = self.measures[name](city, **extras)
+                value = self._measured(name, city, extras)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:

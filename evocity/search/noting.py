@@ -64,6 +64,7 @@ def provenance_of(
             for name, city in prepared.named.items()
         ],
         **_recorded(recipe, kept, hashed),
+        **_within(prepared, hashed),
         **locked,
     }
 
@@ -78,6 +79,16 @@ def _recorded(recipe: Recipe, kept: Kept, hashed) -> dict:
         for measure in entry.measures
     ]
     return {"recorded": told} if told else {}
+
+
+def _within(prepared: Prepared, hashed) -> dict:
+    """What `provenance.json` tells of the parts that measures are taken of; nothing without any."""
+    folder = prepared.recipe.folder
+    told = [
+        {"name": name, "file": hashed(folder, name), "hash": store.hash_of_mask(part.mask)}
+        for name, part in prepared.within.items()
+    ]
+    return {"within": told} if told else {}
 
 
 def _number(city: CityMap, prepared: Prepared) -> int | None:
@@ -111,6 +122,8 @@ def _source_of(entry: MeasureEntry, measure: fitness.Measure, kept: Kept) -> dic
     ours = measure.origin == "evocity"
     told = file.relative_to(_PACKAGE.parent).as_posix() if ours else file.name
     about = {"file": told, "hash": measure.source_hash}
+    if entry.within is not None:
+        about["within"] = entry.within
     if entry.file is not None:
         about |= {"file": entry.file, "kept": kept.places[measure.name]}
         if measure.beside:

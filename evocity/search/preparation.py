@@ -8,10 +8,12 @@ from evocity.citymap import CityMap, same_grid
 from evocity.condensation import Condensation
 from evocity.errors import FitnessError, RecipeError
 from evocity.fitness.fabric import left_out
+from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
 from evocity.genome import VOID, joined
 from evocity.search.evaluator import Setup
 from evocity.search.locking import locked_layer
+from evocity.search.parting import parts_of
 from evocity.search.recipe import Recipe
 from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source
@@ -20,7 +22,8 @@ from evocity.store import Header, Source
 @dataclass(frozen=True)
 class Prepared:
     """Everything fixed for a run; ``notes`` say in words what of the maps' files was taken;
-    ``named`` are the cities that measures compare with, by the recipe's names for them."""
+    ``named`` are the cities that measures compare with, ``within`` the parts that they are taken
+    of, both by the recipe's names for them."""
 
     recipe: Recipe
     sources: list[Source]
@@ -30,6 +33,7 @@ class Prepared:
     notes: tuple[str, ...] = ()
     references: Mapping[str, fitness.Reference] = field(default_factory=dict)
     named: Mapping[str, CityMap] = field(default_factory=dict)
+    within: Mapping[str, fitness.Part] = field(default_factory=dict)
 
     @property
     def others(self) -> list[CityMap]:
@@ -41,7 +45,7 @@ class Prepared:
     def setup(self) -> Setup:
         """What a worker must know."""
         measures = tuple(
-            (measure.name, entry.source or file_of(measure.name))
+            (measure.name, entry.source or file_of(own_name(measure.name)))
             for entry in self.recipe.entries
             for measure in entry.measures
         )
@@ -52,6 +56,12 @@ class Prepared:
             self.condensation,
             references=self.references,
             sources=tuple(source.city for source in self.sources) if asked else (),
+            within={
+                measure.name: self.within[entry.within]
+                for entry in self.recipe.entries
+                if entry.within is not None
+                for measure in entry.measures
+            },
         )
 
 
@@ -73,6 +83,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     same_grid(cities)
     named = named_cities(recipe, cities, tell, notes.append)
     references = references_of(recipe, cities, named, tell)
+    within = parts_of(recipe, cities)
     condensation, attribution = locked_layer(recipe, cities)
     kind, genomes = recipe.genome.kind, []
     for city in cities:
@@ -83,7 +94,7 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
     aims = aims_of(recipe, note=notes.append)
     noted = tuple(dict.fromkeys(notes))
-    return Prepared(recipe, sources, aims, header, condensation, noted, references, named)
+    return Prepared(recipe, sources, aims, header, condensation, noted, references, named, within)
 
 
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
@@ -153,7 +164,7 @@ def references_of(
             if "reference" not in measure.takes:
                 continue
             found[measure.name] = made[compared]
-            if measure.name.partition(".")[0] == fitness.fabric_distance.name:
+            if own_name(measure.name).partition(".")[0] == fitness.fabric_distance.name:
                 _tell_of_fabric(measure.name, made[compared], tell)
     return found
 

@@ -147,8 +147,8 @@ def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     names = [measure.name for measure in recipe.measures]
     recorded = [measure.name for measure in recipe.recorded]
-    faults = [("fitness", f"{name} twice", "each measure once") for name in _twice(names)]
-    faults += [("run.record", f"{name} twice", "each measure once") for name in _twice(recorded)]
+    faults = [("fitness", f"{name} twice", _once(name)) for name in _twice(names)]
+    faults += [("run.record", f"{name} twice", _once(name)) for name in _twice(recorded)]
     both = sorted(set(names).intersection(recorded))
     faults += [
         ("run.record", f"{name}, which is in [[fitness]] too", "it is logged there, leave it out")
@@ -161,6 +161,10 @@ def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
         ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
         for name in sorted(sums.intersection([*names, *recorded]))
     ]
+
+
+def _once(name: str) -> str:
+    return "each measure once" + (" a part; a label tells parts apart" if "@" in name else "")
 
 
 def _twice(names: list[str]) -> list[str]:

@@ -9,12 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from evocity import store
 from evocity.citymap import CityMap
 from evocity.errors import RunError, keyword
 from evocity.search.changes import changes_of, compared_with, folder_of, hash_now, noted_of
 from evocity.search.keeping import kept_by, replaced
 from evocity.search.noting import provenance_of
+from evocity.search.parting import part_names, parts_of
 from evocity.search.preparation import (
     Prepared,
     aims_of,
@@ -74,7 +77,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)
         named = _named(run, recipe, sources)
-        references = references_of(recipe, [source.city for source in sources], named)
+        cities = [source.city for source in sources]
+        references = references_of(recipe, cities, named)
+        within = parts_of(recipe, cities, _masks(run))
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise RunError(
             f"{run.path}: provenance.json lacks a part ({error!r})",
@@ -89,6 +94,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         run.condensation,
         references=references,
         named=named,
+        within=within,
     )
     edited = _edited(run)
     writer = RunWriter.reopen(path)
@@ -116,6 +122,7 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     noted = {one["map"]: one["file"] for one in run.provenance["maps"]}
     noted |= {one["like"]: one["like_file"] for one in run.provenance["fitness"]}
     noted |= run.provenance.get("locked", {}).get("files", {})
+    noted |= {one["name"]: one["file"] for one in run.provenance.get("within", [])}
     for one in noted_of(run.provenance):
         noted |= compared_with(one)
 
@@ -135,7 +142,7 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
             if maps := compared_with(older):  # under the names they had when the run began
                 one["reference"] = {name: hashed(prepared.recipe.folder, name) for name in maps}
     if changes:
-        told |= {key: fresh[key] for key in ("maps", "locked") if key in fresh}
+        told |= {key: fresh[key] for key in ("maps", "locked", "within") if key in fresh}
     writer.update_provenance(told)
 
 
@@ -177,6 +184,8 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
         "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }
+    parts = [one["name"] for one in run.provenance.get("within", [])]
+    fixed["the parts that are measured"] = parts, part_names(recipe)
     if "references" in run.provenance:
         before = [one["name"] for one in run.provenance["references"]]
         fixed["the reference of measures"] = before, compared_names(recipe)
@@ -291,6 +300,21 @@ def _named(run: Run, recipe: Recipe, sources: list[Source]) -> Mapping[str, City
             "bring the folder back from a copy, or start a new run with the same recipe",
         )
     return named
+
+
+def _masks(run: Run) -> Mapping[str, np.ndarray]:
+    """The parts that measures are taken of, by the recipe's names, as the run keeps them;
+    `RunError` if these are not those it began with."""
+    noted = run.provenance.get("within", [])
+    masks = run.parts()
+    hashes = [store.hash_of_mask(mask) for mask in masks]
+    if hashes != [one["hash"] for one in noted]:
+        raise RunError(
+            f"{run.path / 'within'} holds other parts than the run began with",
+            "the parts of the map that are measured, as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return dict(zip([one["name"] for one in noted], masks, strict=True))
 
 
 def _values(run: Run, generation: int) -> list[Birth]:

@@ -1,7 +1,7 @@
 """What a recipe says of measures: those it searches by, and those it records besides."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, shown, with_near_miss
 from evocity.fitness import WEIGHTED, Constraint, Measure, Objective, load_file, named
+from evocity.fitness.part import check_map_alone, within
 from evocity.fitness.registry import family_of
 from evocity.search.values import (
     PARENTS,
@@ -16,6 +17,7 @@ from evocity.search.values import (
     CityName,
     FileName,
     Finite,
+    LockFile,
     Section,
     Title,
     fault,
@@ -27,12 +29,15 @@ class MeasureEntry(Section):
     """A measure by name, or those of a file; all that is recorded of them is their values.
 
     ``reference``: what measures that compare cities compare with: the run's source cities
-    ("parents", the default), or a tuple of cities.
+    ("parents", the default), or a tuple of cities. ``within``: a file that marks the part of the
+    map they are taken of; they are then called after it, or by the ``label``: gsi@quarter.
     """
 
     name: str | None = None
     file: FileName | None = None
     reference: Cities = None
+    within: LockFile | None = None
+    label: Title | None = None
 
     _measures: list[Measure] = PrivateAttr(default_factory=list)
     _source: str | None = PrivateAttr(None)
@@ -46,8 +51,22 @@ class MeasureEntry(Section):
         if self.reference is not None and not any("reference" in m.takes for m in measures):
             names = ", ".join(measure.name for measure in measures)
             raise fault(f"reference for {names}, which compares with no city", "no reference here")
+        if self.within is None and self.label is not None:
+            raise fault(f"label = {shown(self.label)} without within", "a label of a part alone")
+        if self.within is not None:
+            try:
+                for one in measures:
+                    check_map_alone(one)
+            except FitnessError as error:
+                raise fault(error.found, error.expected) from None
+            measures = [within(one, self.part) for one in measures]
         self._measures.extend(measures)
         return self
+
+    @property
+    def part(self) -> str | None:
+        """What the part is called that its measures are taken of; None of the whole map."""
+        return None if self.within is None else self.label or PurePath(self.within).stem
 
     @property
     def measures(self) -> list[Measure]:

@@ -4,10 +4,16 @@
 - `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Source`: a source city and its genome, as the run started from them
-- `environment`, `hash_of_map`, `hash_of_file`: what provenance records
+- `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
 """
 
-from evocity.store.provenance import environment, hash_of_file, hash_of_map, hash_of_text
+from evocity.store.provenance import (
+    environment,
+    hash_of_file,
+    hash_of_map,
+    hash_of_mask,
+    hash_of_text,
+)
 from evocity.store.run import Run, open_run
 from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header, Member
 from evocity.store.sources import Source
@@ -25,6 +31,7 @@ __all__ = [
     "environment",
     "hash_of_file",
     "hash_of_map",
+    "hash_of_mask",
     "hash_of_text",
     "open_run",
     "refuse_existing",

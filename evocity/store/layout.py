@@ -47,6 +47,7 @@ class Folder:
         self.sources = self.root / "sources"
         self.locked = self.sources / "locked.npy"
         self.references = self.root / "references"
+        self.within = self.root / "within"
         self.events = self.root / "events.jsonl"
         self.lock = self.root / "lock"
 

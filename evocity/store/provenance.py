@@ -7,6 +7,8 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from evocity import __version__
 from evocity.citymap import CityMap
 
@@ -53,6 +55,14 @@ def hash_of_map(city: CityMap) -> str:
     state = hashlib.blake2b(digest_size=16)
     state.update(repr((city.shape, city.metres_per_pixel)).encode())
     state.update(city.heights.tobytes())
+    return state.hexdigest()
+
+
+def hash_of_mask(mask: np.ndarray) -> str:
+    """Hexadecimal hash of booleans and their shape."""
+    state = hashlib.blake2b(digest_size=16)
+    state.update(repr(mask.shape).encode())
+    state.update(np.packbits(mask).tobytes())
     return state.hexdigest()
 
 

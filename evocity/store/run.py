@@ -8,6 +8,7 @@ from functools import cached_property
 from numbers import Integral
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -31,7 +32,13 @@ from evocity.store.schema import (
     check_version,
     summaries_of,
 )
-from evocity.store.sources import Source, read_condensation, read_maps, read_sources
+from evocity.store.sources import (
+    Source,
+    read_condensation,
+    read_maps,
+    read_masks,
+    read_sources,
+)
 
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
@@ -217,6 +224,18 @@ class Run:
             return []
         with self._readable(self._folder.references):
             return read_maps(self._folder.references)
+
+    def parts(self) -> list[np.ndarray]:
+        """Bool ``(H, W)`` each: the parts of the map that measures are taken of, in the order of
+        ``provenance["within"]``; none in most runs."""
+        if not self._folder.within.exists():
+            return []
+        with self._readable(self._folder.within):
+            masks = read_masks(self._folder.within)
+            for mask in masks:
+                if mask.shape != (self.header.height, self.header.width):
+                    raise ValueError(f"a part of shape {mask.shape}")
+            return masks
 
     def events(self) -> list[dict]:
         """What happened to the run, oldest first; each has ``time`` and ``event``."""

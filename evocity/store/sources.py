@@ -16,6 +16,7 @@ from evocity.files import whole_file
 from evocity.genome import Genome, read_genome
 from evocity.store.parts import plain_file, plain_folder, read_bytes
 
+_MASK = re.compile(r"(\d{2,3})\.npy", re.ASCII)
 _DESCRIBED = re.compile(r"(\d{2,3})-[A-Za-z0-9_-]*\.json", re.ASCII)
 
 
@@ -94,6 +95,25 @@ def _described(folder: Path) -> list[tuple[Path, CityMap]]:
             about = _About.model_validate_json(read_bytes(path))
             heights = np.load(plain_file(path.with_suffix(".npy")), allow_pickle=False)
             found[int(match[1])] = path, CityMap(heights, **about.model_dump())
+    return [found[number] for number in sorted(found)]
+
+
+def write_masks(folder: Path, masks: Sequence[np.ndarray]) -> None:
+    """An NPY file a mask: bool ``(H, W)``."""
+    for index, mask in enumerate(masks):
+        with whole_file(folder / f"{index:02d}.npy") as temporary:
+            np.save(temporary, np.asarray(mask, bool), allow_pickle=False)
+
+
+def read_masks(folder: Path) -> list[np.ndarray]:
+    """What `write_masks` wrote. Raises as `read_sources`."""
+    found = {}
+    for path in plain_folder(folder).iterdir():
+        if match := _MASK.fullmatch(path.name):
+            mask = np.load(plain_file(path), allow_pickle=False)
+            if mask.ndim != 2 or mask.dtype != bool:
+                raise ValueError(f"{mask.dtype} of shape {mask.shape}")
+            found[int(match[1])] = mask
     return [found[number] for number in sorted(found)]
 
 

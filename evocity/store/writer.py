@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
@@ -27,7 +29,13 @@ from evocity.store.schema import (
     births_table,
     membership_table,
 )
-from evocity.store.sources import Source, write_condensation, write_maps, write_sources
+from evocity.store.sources import (
+    Source,
+    write_condensation,
+    write_maps,
+    write_masks,
+    write_sources,
+)
 
 
 def refuse_existing(path: str | os.PathLike) -> None:
@@ -66,12 +74,14 @@ class RunWriter:
         condensation: Condensation | None = None,
         own: Mapping[str, bytes] | None = None,
         references: Sequence[CityMap] = (),
+        parts: Sequence[np.ndarray] = (),
     ) -> "RunWriter":
         """Create the run folder ``path``; it appears with all its parts, or not at all.
 
         ``condensation`` is the one whose digest the ``header`` tells as ``locked``; ``own`` are the
         files of the user's own measures, see `keep`; ``references`` the cities, other than the
-        ``sources``, that measures compare with.
+        ``sources``, that measures compare with; ``parts`` the parts of the map that they are taken
+        of, bool ``(H, W)`` each.
         Raises `RunError` if it exists or cannot be written.
         """
         path = Path(path).absolute()
@@ -92,6 +102,9 @@ class RunWriter:
             if references:
                 folder.references.mkdir()
                 write_maps(folder.references, references)
+            if parts:
+                folder.within.mkdir()
+                write_masks(folder.within, parts)
             if condensation is not None:
                 write_condensation(folder.locked, condensation)
             write_own(hidden, own or {})

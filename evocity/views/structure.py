@@ -3,6 +3,7 @@
 from math import comb
 
 import numpy as np
+from scipy import ndimage
 
 from evocity.views._kernels import scharr, smooth, square
 
@@ -18,10 +19,14 @@ def gradients(heights: np.ndarray, metres_per_pixel: float) -> tuple[np.ndarray,
     return along_y, along_x
 
 
-def structure(along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
+def structure(
+    along_y: np.ndarray, along_x: np.ndarray, site: np.ndarray | None = None
+) -> np.ndarray:
     """Squared gradient in doubled angles: w cos 2θ and w sin 2θ.
 
     along_y, along_x : float32 ``(H, W)``, gradient of heights, metres a metre, y to the south.
+    site : bool ``(H, W)``: where the map's own pixels are, None for everywhere. Beyond it the
+        nearest of them are repeated, as the edges of a map are.
     Returns float32 ``(2, H, W)``. θ, half its angle, is the direction of the gradient, which
     crosses walls at right angles, from east towards south; its length w = \\|∇h\\|² the weight.
 
@@ -31,15 +36,27 @@ def structure(along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
 
     Source: Bigün & Granlund 1987, Optimal orientation detection of linear symmetry.
     """
-    dy, dx = _smoothed(np.stack([along_y, along_x]))
+    beyond = None if site is None else nearest(site)
+    dy, dx = _smoothed(np.stack([along_y, along_x]), beyond)
     # z² of z = dx + i dy, whose direction is twice the gradient's.
     squared = np.empty((2, *along_y.shape), np.float32)
     square(dy, dx, squared)
-    return _smoothed(squared)
+    return _smoothed(squared, beyond)
 
 
-def _smoothed(fields: np.ndarray) -> np.ndarray:
-    """``fields`` ``(n, H, W)`` under `_BINOMIAL`, edges repeated."""
+def nearest(site: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns ``(H, W)`` of the pixel of a ``site`` that is nearest to each: an index that
+    repeats its edge beyond it."""
+    found = ndimage.distance_transform_edt(~site, return_distances=False, return_indices=True)
+    return found[0], found[1]
+
+
+def _smoothed(
+    fields: np.ndarray, beyond: tuple[np.ndarray, np.ndarray] | None = None
+) -> np.ndarray:
+    """``fields`` ``(n, H, W)`` under `_BINOMIAL`, edges repeated; ``beyond``: `nearest`."""
+    if beyond is not None:
+        fields = np.ascontiguousarray(fields[:, *beyond])
     smoothed = np.empty_like(fields)
     smooth(fields, _BINOMIAL, smoothed)
     return smoothed

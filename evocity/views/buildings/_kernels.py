@@ -226,16 +226,18 @@ REACH = 3
 
 
 @kernel
-def fourfold(labels, bounds, sums):
+def fourfold(labels, bounds, site, sums):
     """sums[i] = Σ |∇m| e^{4iθ} as (real, imaginary), m the mask of building i + 1 smoothed by
     the binomial (1, 4, 6, 4, 1) / 16 along both axes, θ its gradient's angle from east to south.
 
     ``labels`` (H + 6, W + 6): the edges repeated, so that the map's border is no wall.
+    ``site`` (H, W): where gradients count; of no size where all do.
     """
     rows, columns = labels.shape[0] - 2 * REACH, labels.shape[1] - 2 * REACH
     mask = np.empty((2 * REACH + 1, columns + 2 * REACH), np.int32)
     smooth, slope = np.empty(mask.shape[1], np.int32), np.empty(mask.shape[1], np.int32)
     along_x, along_y = np.empty(columns, np.int32), np.empty(columns, np.int32)
+    everywhere = site.size == 0
     for i in range(bounds.shape[0]):
         a = i + 1
         top, bottom = max(bounds[i, 0] - REACH, 0), min(bounds[i, 2] + REACH, rows)
@@ -268,7 +270,7 @@ def fourfold(labels, bounds, sums):
                 )
             for x in range(wide):
                 dy, dx = along_y[x], along_x[x]
-                if dx or dy:
+                if (dx or dy) and (everywhere or site[y, np.uintp(left) + x]):
                     # |g| e^{4iθ} = g⁴ / |g|³
                     re, im, square = dx * dx - dy * dy, 2 * dx * dy, dx * dx + dy * dy
                     re, im, square = np.float64(re), np.float64(im), np.float64(square)

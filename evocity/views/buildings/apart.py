@@ -24,6 +24,7 @@ def told_apart(
     metres_per_pixel: float,
     step: float = STEP,
     crumb: float = CRUMB,
+    site: np.ndarray | None = None,
 ) -> Buildings:
     """Tell the buildings of a map apart, and measure them.
 
@@ -42,6 +43,7 @@ def told_apart(
     metres_per_pixel : side of a pixel, metres.
     step : metres, 0 or more; 0 tells every plateau apart, infinity gaps alone.
     crumb : m²; 0 for no joining.
+    site : as in `measured`.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def told_apart(
                 f"{name} = {value!r}", f"{unit}, 0 or more", f"leave {name} out for the default"
             )
     zones = zones_of(heights, labels, metres_per_pixel, step, crumb)
-    return measured(heights, labels, zones, metres_per_pixel)
+    return measured(heights, labels, zones, metres_per_pixel, site)
 
 
 def zones_of(

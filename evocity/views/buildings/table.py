@@ -7,6 +7,10 @@ import numpy as np
 
 from evocity.views.buildings import _kernels
 from evocity.views.buildings.hulls import hulls
+from evocity.views.structure import nearest
+
+#: The site of a map that is no part.
+_ALL = np.empty((0, 0), bool)
 
 # The columns of the table that `Buildings.as_dict` hands on as they are.
 _COLUMNS = ("component", "area", "perimeter", "height", "volume", "y", "x", "direction")
@@ -123,14 +127,20 @@ def measured(
     labels: np.ndarray,
     zones: np.ndarray,
     metres_per_pixel: float,
+    site: np.ndarray | None = None,
 ) -> Buildings:
-    """The table of the buildings that ``zones`` ``(H, W)`` numbers; the rest as in `told_apart`."""
+    """The table of the buildings that ``zones`` ``(H, W)`` numbers; the rest as in `told_apart`.
+
+    ``site``, bool ``(H, W)``: where the map's own pixels are, None for everywhere. As the map's
+    border, its edge is no wall that has a direction.
+    """
     count = int(zones.max(initial=0))
     counts, total = np.zeros((count, 6), np.int64), np.zeros(count)
     bounds, sums = np.empty((count, 4), np.int32), np.empty((count, 2))
     first = np.empty(count, np.int64)
     _kernels.tally(np.pad(zones, 1), heights, counts, bounds, total, first)
-    _kernels.fourfold(np.pad(zones, _kernels.REACH, mode="edge"), bounds, sums)
+    seen, own = (zones, _ALL) if site is None else (zones[nearest(site)], site)
+    _kernels.fourfold(np.pad(seen, _kernels.REACH, mode="edge"), bounds, own, sums)
     pixels, sum_y, sum_x, sides, shared, corners = counts.T
     # θ runs from east to south, and a wall is square to its gradient: both times 4 are mirrored
     direction = np.degrees(np.arctan2(-sums[:, 1], sums[:, 0])) / 4

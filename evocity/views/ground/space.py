@@ -31,13 +31,17 @@ class OpenSpace:
     enclosed: np.ndarray
 
 
-def open_space(labels: np.ndarray, metres_per_pixel: float) -> OpenSpace:
+def open_space(
+    labels: np.ndarray, metres_per_pixel: float, site: np.ndarray | None = None
+) -> OpenSpace:
     """The open space around built components.
 
     Parameters
     ----------
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on built components of 4 neighbours.
     metres_per_pixel : side of a pixel, metres.
+    site : bool ``(H, W)``: where the map's own pixels are, None for everywhere. Its edge is a
+        border as the map's is; ``enclosed`` counts what lies beyond as ground.
 
     About 0.4 ms at 256², labels given. All arrays are read-only.
     """
@@ -47,8 +51,24 @@ def open_space(labels: np.ndarray, metres_per_pixel: float) -> OpenSpace:
     enclosed_by = np.empty(count, np.int32)
     enclosed = np.empty(labels.max(initial=0), np.int64)
     nest(grounds, labels, pixels, enclosed_by, enclosed)
+    if site is not None:
+        grounds, pixels, enclosed_by = _inside(grounds, enclosed_by, site)
     pixel = metres_per_pixel**2
     arrays = grounds, pixels * pixel, enclosed_by, enclosed * pixel
     for array in arrays:
         array.setflags(write=False)
     return OpenSpace(*arrays)
+
+
+def _inside(
+    grounds: np.ndarray, enclosed_by: np.ndarray, site: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The pieces of ground within the ``site``: labels, pixels, and by what each is enclosed, −1
+    where the ground goes on beyond."""
+    own, count = ndimage.label((grounds > 0) & site, structure=np.ones((3, 3)))
+    beyond = np.zeros(enclosed_by.size + 1, bool)
+    beyond[grounds[~site]] = True
+    whole = np.zeros(count, np.intp)
+    whole[own[own > 0] - 1] = grounds[own > 0]
+    by = np.where(beyond[whole], -1, enclosed_by[whole - 1]).astype(np.int32)
+    return own.astype(np.int32, copy=False), np.bincount(own.ravel(), minlength=count + 1)[1:], by
