@@ -106,7 +106,7 @@ def salingaros(city: CityMap) -> float:
     return _follows(city.areas, "built components")
 
 
-@fitness(goal="max", range=(0, 1))
+@fitness(goal="max", range=(0, 1), any_site=True)
 def salingaros_buildings(city: CityMap) -> float:
     """How well the sizes of buildings follow Salingaros' universal distribution.
 

@@ -17,7 +17,7 @@ from evocity.genome import Genome
 TYPES = packaged()
 
 
-@fitness(range=(0, 1), numbers=TYPES.names)
+@fitness(range=(0, 1), numbers=TYPES.names, any_site=True)
 def building_types(city: CityMap) -> Mapping[str, float]:
     """Shares of what is built that are detached houses, rows, courtyard blocks, slabs and so on.
 
@@ -50,7 +50,7 @@ def building_types(city: CityMap) -> Mapping[str, float]:
     return _numbers(city, TYPES)
 
 
-@fitness(goal="min", range=(0, 1))
+@fitness(goal="min", range=(0, 1), any_site=True)
 def type_distance(city: CityMap, reference: Reference, genome: Genome | None = None) -> float:
     """How far the city's mixture of building types is from that of other cities.
 
@@ -182,8 +182,8 @@ def _declare(stem: str, content: bytes) -> None:
     distance.__doc__ = f"Half the sum of differences of the shares of the types of {stem}.toml."
     for function, name in ((numbers, stem), (distance, f"{stem}_distance")):
         function.__name__, function.__qualname__ = name, f"{stem}.toml:{name}"
-    fitness(range=(0, 1), numbers=table.names)(numbers)
-    fitness(goal="min", range=(0, 1))(distance)
+    fitness(range=(0, 1), numbers=table.names, any_site=True)(numbers)
+    fitness(goal="min", range=(0, 1), any_site=True)(distance)
 
 
 TABLES[".toml"] = _declare
