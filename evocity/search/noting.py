@@ -42,6 +42,10 @@ def provenance_of(
             "file": recipe.file,
             "hash": store.hash_of_text(recipe.text),
             "overrides": recipe.overrides,
+            "operators": {
+                name: entry.model_dump(exclude_none=True)
+                for name, entry in recipe.operators.items()
+            },
         },
         "maps": [
             {

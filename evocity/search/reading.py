@@ -74,8 +74,8 @@ def recipe_of(
 
     ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, for a
     run that is taken up again: files of measures -> those to be executed in their place; the maps
-    need not be there any more, the run has its own. ``defaults`` map keys to what an older release
-    took where the recipe says nothing.
+    need not be there any more, the run has its own. ``defaults`` map keys, or whole sections, to what
+    an older release took where the recipe says nothing.
     """
     try:
         raw = tomllib.loads(text)
@@ -98,8 +98,10 @@ def recipe_of(
         if isinstance(raw.setdefault(section, {}), dict):
             raw[section][entry] = value
     for key, value in (defaults or {}).items():
-        section, entry = key.split(".")
-        if isinstance(raw.setdefault(section, {}), dict):
+        section, _, entry = key.partition(".")
+        if not entry:
+            raw.setdefault(section, value)
+        elif isinstance(raw.setdefault(section, {}), dict):
             raw[section].setdefault(entry, value)
     faults = []
     recipe = None

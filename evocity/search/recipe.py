@@ -202,11 +202,9 @@ class Recipe(Section):
         Annotated[OperatorEntry, BeforeValidator(entry_of)],
     ] = Field(
         default_factory=lambda: {
-            "pavement_fusion": OperatorEntry(weight=2),
-            "region_fusion": OperatorEntry(weight=2),
-            "lambda_crossover": OperatorEntry(weight=1),
+            "quarter_fusion": OperatorEntry(weight=4, fill={"from": 0.1, "to": 0.6}),
+            "quarter_refill": OperatorEntry(weight=3),
             "relocation": OperatorEntry(weight=1),
-            "mutation": OperatorEntry(weight=1),
         },
         min_length=1,
     )

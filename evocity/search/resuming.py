@@ -33,6 +33,14 @@ from evocity.store import Birth, Run, RunWriter, Source, open_run
 _NOTED_VERSIONS = ("evocity", "numpy", "numba")
 #: What releases before leaves took where a recipe says nothing of it.
 _BEFORE_LEAVES = {"genome.block": 4, "genome.fit": False, "genome.settle": False}
+#: The mixture of releases that did not note it, where a recipe says nothing of operators.
+_BEFORE_QUARTERS = {
+    "pavement_fusion": 2,
+    "region_fusion": 2,
+    "lambda_crossover": 1,
+    "relocation": 1,
+    "mutation": 1,
+}
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,8 @@ def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Rec
     overrides = dict(run.provenance["recipe"]["overrides"])
     if generations is not None:
         overrides["run.generations"] = generations
-    older = {} if run.header.block is None else _BEFORE_LEAVES
+    mixture = run.provenance["recipe"].get("operators", _BEFORE_QUARTERS)
+    older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
     name = f"{run.path}/recipe.toml"
     return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
 

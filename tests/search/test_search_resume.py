@@ -1,5 +1,6 @@
 """Taking a run up again: what changed is told before anything is executed or lost."""
 
+import json
 import os
 import shutil
 import signal
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from codes import uniformly
 from test_search_run import run
+from towns import draw_town
 
 from evocity import fitness, read_map, store
 from evocity.errors import RecipeError, RunError
@@ -327,3 +329,37 @@ def test_ctrl_c_while_workers_start_is_one_line(toy, tmp_path, delay):
     assert "Traceback" not in told
     assert told.splitlines()[-1].startswith("Stopped.")
     shutil.rmtree(out)
+
+
+@pytest.mark.parametrize("noted", [{"mutation": {"weight": 2.0, "sigma": 0.3}}, None])
+def test_a_run_keeps_the_mixture_it_began_with(tmp_path, noted):
+    """Where the recipe says nothing of operators: what was noted, or what older releases took."""
+    for seed in (41, 42):
+        np.save(tmp_path / f"{seed}.npy", draw_town(seed, side=64, buildings=12).heights)
+    recipe = tmp_path / "plain.toml"
+    recipe.write_text("""
+    run = { seed = 5, population = 8, generations = 3 }
+    map = { pixels = 64, metres_per_pixel = 2.0 }
+    genome = { block = 4, fit = false }
+    parents = [{ map = "41.npy" }, { map = "42.npy" }]
+    fitness = [{ name = "gsi", target = 0.4 }, { name = "crumbs" }]
+    """)
+    out = tmp_path / "run"
+    with Search(read_recipe(recipe), out=out, workers=0) as search:
+        next(iter(search))
+    about = json.loads((out / "provenance.json").read_text())
+    assert about["recipe"]["operators"]["quarter_fusion"]["fill"] == {"from": 0.1, "to": 0.6}
+    if noted is None:
+        del about["recipe"]["operators"]
+    else:
+        about["recipe"]["operators"] = noted
+    (out / "provenance.json").write_text(json.dumps(about))
+    with Search.resume(out, workers=0) as search:
+        for _ in search:
+            pass
+        taken = search.recipe.operators
+    older = {"pavement_fusion", "region_fusion", "lambda_crossover", "relocation", "mutation"}
+    assert set(taken) == (older if noted is None else {"mutation"})
+    births = open_run(out).births(columns=["generation", "operator"]).to_pylist()
+    bred = {one["operator"] for one in births if one["generation"] > 1}
+    assert bred <= set(taken)
