@@ -53,6 +53,7 @@ metres_per_pixel = 2.0
 map = "{first}"
 [[parents]]
 map = "{second}"
+{operators}
 [[fitness]]
 name = "autosimilarity"
 [[fitness]]
@@ -86,7 +87,10 @@ def main(given) -> None:
         last = {how: evocity.open_run(path) for how, path in runs.items()}
         genomes = {how: living(run) for how, run in last.items()}
         law_of = {"this one": given.law, "beside": "salingaros"}
-        tables = {how: [measured(one, maps, law_of[how]) for one in found] for how, found in genomes.items()}
+        tables = {
+            how: [measured(one, maps, law_of[how]) for one in found]
+            for how, found in genomes.items()
+        }
         losses = {how: np.array([row[-1] for row in table]) for how, table in tables.items()}
         every = np.concatenate(list(losses.values()))
         reference = every.max(axis=0) + 0.1 * np.ptp(every, axis=0)
@@ -115,6 +119,7 @@ def bred(folder: Path, pair, given) -> Path:
                 first=pair[0],
                 second=pair[1],
                 law=given.law,
+                operators=given.operators,
                 guard="" if given.no_guard else GUARD,
             )
         )
@@ -164,5 +169,6 @@ if __name__ == "__main__":
     parser.add_argument("--generations", type=int, default=62)
     parser.add_argument("--pairs", type=int, default=len(PAIRS), help="so many of the three")
     parser.add_argument("--law", default="salingaros_buildings", help="or salingaros")
+    parser.add_argument("--operators", default="", help="[operators] as TOML; else the default")
     parser.add_argument("--no-guard", action="store_true")
     main(parser.parse_args())
