@@ -1,10 +1,10 @@
 """Streets of one city, buildings of another: python benchmarks/quarters.py [--seeds N]
 
-Quarter fusion of five pairs of districts at 256², coded as `evocity.encode` does by default, fill .5,
-means over seeds: the fill reached; fabric distance of the decoded child to both cities; crumbs a
-hectare of the child and of the worse of the two codes; connectivity of the open space, beside that of
-the lower code; integrity. Then milliseconds of one core, median and least, of a child of three street
-blocks and of one at fill .2, repair included, where the parents are known to the process.
+Quarter fusion of five pairs of districts at 256², coded as `evocity.encode` does by default, fill
+.5, means over seeds: the fill reached; fabric distance of the decoded child to both cities; crumbs
+a hectare of the child and of the worse of the two codes; connectivity of the open space, beside
+that of the lower code; integrity. Then milliseconds of one core, median and least, of a child of
+three street blocks and of one at fill .2, repair included, where the process knows the parents.
 """
 
 import argparse
