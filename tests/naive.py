@@ -1001,7 +1001,9 @@ class Fitting:
     kept: np.ndarray
 
 
-def best_fit(built, components, stale, block, weights, density, spread, draws, taken, step=2):
+def best_fit(
+    built, components, stale, block, weights, density, least, spread, draws, taken, step=2
+):
     """Of the places of a donor, under each isometry some drawn of the best; of these, what is best
     without the components that lie partly outside."""
     (rows, columns), area, best = built.shape, block.sum(), None
@@ -1044,6 +1046,7 @@ def best_fit(built, components, stale, block, weights, density, spread, draws, t
             ]
             kept = np.isin(seen, whole) & block
             score = worth_of(kept, y, x)
-            if kept.any() and (best is None or score > best.score + 1e-7):
+            enough = kept.sum() >= max(least, 1)
+            if enough and (best is None or score > best.score + 1e-7):
                 best = Fitting((iso, y, x), score, kept)
     return best

@@ -74,8 +74,8 @@ def recipe_of(
 
     ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, for a
     run that is taken up again: files of measures -> those to be executed in their place; the maps
-    need not be there any more, the run has its own. ``defaults`` map keys, or whole sections, to what
-    an older release took where the recipe says nothing.
+    need not be there any more, the run has its own. ``defaults`` map keys, or whole sections, to
+    what an older release took where the recipe says nothing.
     """
     try:
         raw = tomllib.loads(text)

@@ -1,5 +1,6 @@
 """Quarter fusion: streets of one parent, whole buildings of the others."""
 
+import math
 from functools import cache
 
 import naive
@@ -117,20 +118,22 @@ def test_the_kernel_against_its_naive_twin(seed, itself):
     sums = np.zeros((2, 20, 11 + SPARE), np.float32)
     borders = np.pad(np.cumsum(donor.built - stale, axis=1), ((0, 0), (1, 0)))
     sums[0, :, :11], sums[1, :, :10] = borders[:, ::2], borders[:, 1::2]
+    enough = 0.8 * (seed % 3)
+    least = math.ceil(enough * room.density * room.area)
     iso, top, left, score = best_fit(
         sums, donor.components, donor.covered, stale, room.block, room.weights, room.density,
-        0.03, draws, isometries.AFFINE, taken,
+        least, 0.03, draws, isometries.AFFINE, taken,
     )  # fmt: skip
     twin = naive.best_fit(
-        donor.built, donor.components, stale, room.block, room.weights, room.density, 0.03,
-        draws, taken,
+        donor.built, donor.components, stale, room.block, room.weights, room.density, least,
+        0.03, draws, taken,
     )  # fmt: skip
     assert (iso >= 0) == (twin is not None)
     if twin is None:
         return
     assert score == pytest.approx(twin.score, abs=1e-5)
     assert (iso, top, left) == twin.place
-    fit = best_place(room, donor, stale, 0.03, _Draws(draws), itself)
+    fit = best_place(room, donor, stale, enough, 0.03, _Draws(draws), itself)
     assert ((fit.iso, fit.top, fit.left), fit.kept.tolist()) == (twin.place, twin.kept.tolist())
 
 
@@ -147,7 +150,7 @@ class _Draws:
 @pytest.mark.parametrize("seed", range(8))
 def test_what_fits_is_whole_and_inside(seed):
     room, _, donor = a_room(seed)
-    fit = best_place(room, donor, fresh(donor), 0.03, np.random.default_rng(seed))
+    fit = best_place(room, donor, fresh(donor), 0.0, 0.03, np.random.default_rng(seed))
     if fit is None:
         return
     seen = fit.seen(donor.components)
@@ -179,7 +182,7 @@ def test_a_building_of_the_same_shape_is_found_wherever_it_stands_and_however_it
         # a donor as large as the block has one place; so the block is cut to what is built
         room = Room(14, 12, np.ones((9, 12), bool), np.zeros((9, 12), bool),
                     np.where(shape, 1, -1).astype(np.float32), float(shape.mean()))  # fmt: skip
-        fit = best_place(room, there, fresh(there), 0.0, np.random.default_rng(0))
+        fit = best_place(room, there, fresh(there), 0.0, 0.0, np.random.default_rng(0))
         assert np.array_equal(fit.kept, shape)
         assert np.array_equal(fit.seen(there.built), here.built[14:23, 12:24])
 
@@ -241,7 +244,7 @@ def test_what_is_larger_than_the_donor_fits_nowhere():
     donor = street_blocks(draw_town(3, side=24, buildings=5), Pavement(24, 24, 2))
     block = np.ones((13, 4), bool)
     room = Room(0, 0, block, ~block, np.full(block.shape, 1 / 52, np.float32), 0.5)
-    assert best_place(room, donor, fresh(donor), 0.0, np.random.default_rng(0)) is None
+    assert best_place(room, donor, fresh(donor), 0.0, 0.0, np.random.default_rng(0)) is None
 
 
 # -- children -------------------------------------------------------------------------------------

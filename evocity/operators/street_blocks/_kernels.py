@@ -13,7 +13,7 @@ SPARE = WIDTH
 
 @kernel
 def best_fit(
-    sums, components, covered, stale, block, weights, density, spread, draws, affine, taken
+    sums, components, covered, stale, block, weights, density, least, spread, draws, affine, taken
 ):
     """Where a donor fits best into a street block, once what lies partly outside is left out.
 
@@ -25,12 +25,13 @@ def best_fit(
     block : bool ``(r, c)``, the cells of the street block.
     weights : float32 ``(r, c)``, what a built cell is worth; 0 outside the block.
     density : the share of its cells that should be built.
+    least : so many must be at least, once what lies partly outside is left out.
     spread : places are drawn of those whose score is within this of the isometry's best.
     draws : float64 ``(8, k)``, 0…1: which of them, k times under each isometry.
     affine : `evocity.isometries.AFFINE`.
     taken : int64 ``(4,)``, top, left, bottom, right: places that overlap this are none.
 
-    Returns isometry (-1 if the donor fits nowhere), top, left and score of the best.
+    Returns isometry (-1 if nothing fits), top, left and score of the best.
     """
     rows, columns = components.shape
     counts = np.zeros(covered.size, np.int64)
@@ -57,7 +58,7 @@ def best_fit(
             y, x = STEP * (k // scores.shape[1]), STEP * (k % scores.shape[1])
             y, x = _refined(sums, runs, density, tops, lefts, size, y, x, taken)
             score = _whole(
-                components, covered, stale, counts, turned, worth, density, y, x, runs[2]
+                components, covered, stale, counts, turned, worth, density, least, y, x, runs[2]
             )
             if score > most:
                 found, top, left, most = iso, y, x, score
@@ -184,9 +185,9 @@ def _refined(sums, runs, density, tops, lefts, size, top, left, taken):
 
 
 @kernel
-def _whole(components, covered, stale, counts, block, weights, density, top, left, area):
+def _whole(components, covered, stale, counts, block, weights, density, least, top, left, area):
     """The score of what is built at a place, once components partly outside are left out; -inf
-    if nothing remains. ``counts`` are 0 before and after."""
+    if less than ``least`` remains. ``counts`` are 0 before and after."""
     tall, wide = block.shape
     for i in range(tall):
         for j in range(wide):
@@ -203,6 +204,6 @@ def _whole(components, covered, stale, counts, block, weights, density, top, lef
     for i in range(tall):
         for j in range(wide):
             counts[components[top + i, left + j]] = 0
-    if built == 0:
+    if built < max(least, 1):
         return np.float32(-np.inf)
     return score - np.float32(abs(built / area - density) / 2)

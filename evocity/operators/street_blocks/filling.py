@@ -82,8 +82,8 @@ class Filling:
             return True
         theirs = self._blocks[donor]
         stale = (self._stones.standing(donor) & theirs.built) * np.float32(self._repeats)
-        fit = best_place(room, theirs, stale, self._spread, rng, itself=donor == 0)
-        if fit is None or np.count_nonzero(fit.kept) < self._density * room.density * room.area:
+        fit = best_place(room, theirs, stale, self._density, self._spread, rng, itself=donor == 0)
+        if fit is None:
             self._stones.count(gone, 1)
             return False
         self._lay(room, donor, fit, fit.seen(theirs.built) & ~fit.kept)

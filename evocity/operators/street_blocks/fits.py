@@ -1,5 +1,6 @@
 """Where the buildings of a map fit into a street block of another."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,12 +91,13 @@ def best_place(
     room: Room,
     donor: StreetBlocks,
     stale: np.ndarray,
+    enough: float,
     spread: float,
     rng: np.random.Generator,
     itself: bool = False,
 ) -> Fit | None:
-    """Where the ``donor`` fits best into a street block; None if nowhere, or if no building of
-    its fits whole.
+    """Where the ``donor`` fits best into a street block; None if nowhere so that whole buildings
+    cover ``enough`` of the block, a share of its own density.
 
     Of every place of the donor, under all 8 isometries: the share of the block that would be
     built, less twice the share of its outline that would be, less half of how far the former is
@@ -115,6 +117,7 @@ def best_place(
         np.ascontiguousarray(room.block),
         room.weights,
         room.density,
+        math.ceil(enough * room.density * room.area),
         spread,
         rng.random((isometries.COUNT, _DRAWN)),
         isometries.AFFINE,
