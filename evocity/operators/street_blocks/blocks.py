@@ -1,6 +1,6 @@
 """The street blocks of a map."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,6 +28,7 @@ class StreetBlocks:
         component.
     components : int32 ``(R, C)``: the block whose component stands in each cell, 0 on ground and
         where a crumb stands.
+    rooms : what is known of its street blocks (`Room.of`).
     """
 
     labels: np.ndarray
@@ -35,6 +36,7 @@ class StreetBlocks:
     area: np.ndarray
     covered: np.ndarray
     components: np.ndarray
+    rooms: dict = field(default_factory=dict)
 
 
 _known: WeakKeyDictionary[CityMap, dict[int, StreetBlocks]] = WeakKeyDictionary()

@@ -35,8 +35,15 @@ class Room:
 
     @classmethod
     def of(cls, host: StreetBlocks, number: int, facades: float, widened: int = 0) -> "Room":
-        """Street block ``number`` of ``host``, with the weights that `fits` tells; its streets
-        wider by so many cells."""
+        """Street block ``number`` of ``host``, with the weights that `best_place` tells; its
+        streets wider by so many cells. Kept as long as ``host`` is."""
+        asked = int(number), facades, widened
+        if asked not in host.rooms:
+            host.rooms[asked] = cls._of(host, *asked)
+        return host.rooms[asked]
+
+    @classmethod
+    def _of(cls, host: StreetBlocks, number: int, facades: float, widened: int) -> "Room":
         whole = host.labels == number
         top, left, bottom, right = _bounds(whole)
         within = np.s_[top:bottom, left:right]
