@@ -21,11 +21,11 @@ class QuarterFusion(Drafting):
 
     Street blocks are drawn one after another. Into each go the buildings of another parent from
     where they fit best, of all places and under all 8 isometries: much is built inside, little on
-    the outline, façades stand where façades stood (`evocity.operators.street_blocks.best_place`). The
-    donor's built components that lie partly outside are left out whole, and what remains decides
-    between the isometries. So no building is cut, neither the first parent's nor another's, and
-    streets stay where they are. Lifs and their domain blocks are carried along. Where a component
-    was left out, bare ground remains: the void's.
+    the outline, façades stand where façades stood (`street_blocks.best_place`). The donor's built
+    components that lie partly outside are left out whole, and what remains decides between the
+    isometries. So no building is cut, neither the first parent's nor another's, and streets stay
+    where they are. Lifs and their domain blocks are carried along. Where a component was left out,
+    bare ground remains: the void's.
 
     A block keeps its buildings if too little would be built, if it is larger than the donor's
     map, or if something in it is locked (condensation).
