@@ -1,16 +1,18 @@
-"""What breeding costs and what children keep: python benchmarks/operators.py
+"""What breeding costs and what children keep: python benchmarks/operators.py [NAME …]
 
-Every operator with its default parameters, on leaves (the default partition) beside range blocks of
-one side, B = 4: three pairs of districts at 256², reach 24, codes neither fitted nor settled. Of
-children after collage repair, over seeds: how far they decode from what was meant (root mean
-square), how many crumbs a hectare they have, and the stitched map has that was meant, and how much
-of what is built belongs to buildings of the sources still whole. And milliseconds of one core.
+Every operator, or those named, with its default parameters, on leaves (the default partition)
+beside range blocks of one side, B = 4: three pairs of districts at 256², reach 24, codes neither
+fitted nor settled. Of children after collage repair, over seeds: how far they decode from what was
+meant (root mean square), how many crumbs a hectare they have, and the stitched map has that was
+meant, and how much of what is built belongs to buildings of the sources still whole. And
+milliseconds of one core.
 """
 
 import os
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
+import sys
 import time
 from statistics import mean, median
 
@@ -55,7 +57,7 @@ def kept(operator, parents, cities, seed: int) -> tuple[float, ...]:
     return spent, float(apart), float(crumbs(decoded)), float(crumbs(meant)), whole, len(child)
 
 
-def main() -> None:
+def main(names: list[str]) -> None:
     print(description())
     cities = {name: evocity.read_map(name) for pair in PAIRS for name in pair}
     codes = {
@@ -72,7 +74,8 @@ def main() -> None:
     for pair in PAIRS:
         print(f"\n{' x '.join(pair)}, 256², {len(SEEDS)} seeds, B = 4 / leaves")
         print(f"{'':20}" + "".join(f"{column:>16}" for column in columns))
-        for name, kind in sorted(OPERATORS.items()):
+        for name in sorted(names or OPERATORS):
+            kind = OPERATORS[name]
             rows = {}
             for partition, genomes in codes.items():
                 operator, few = kind(), [genomes[one] for one in pair][: kind.parents[0]]
@@ -88,4 +91,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 #: maps leave traces of a few decimetres on the ground that are no buildings.
 BUILT_ABOVE = 1.5
 
+#: Height of a storey, metres: where floors are counted, and where storeys give a height.
+STOREY = 3.0
+
 #: Largest map that is read, coded or decoded: its side (corners of domain blocks are int16)
 #: and its pixels in all (about 11 500²).
 MAX_SIDE = 32_767
@@ -340,4 +343,4 @@ def _made_again(heights: np.ndarray, metres_per_pixel: float, described: dict) -
     return CityMap(heights, metres_per_pixel, **described)
 
 
-__all__ = ["BUILT_ABOVE", "MAX_PIXELS", "MAX_SIDE", "CityMap", "same_grid"]
+__all__ = ["BUILT_ABOVE", "MAX_PIXELS", "MAX_SIDE", "STOREY", "CityMap", "same_grid"]

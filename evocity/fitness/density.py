@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from evocity.citymap import CityMap
+from evocity.citymap import STOREY, CityMap
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
 #: Height of one floor, metres.
-FLOOR = 3.0
+FLOOR = STOREY
 
 
 @fitness(range=(0, 1), any_site=True)

@@ -21,8 +21,7 @@ import math
 import re
 from collections.abc import Mapping
 
-#: Metres of one storey.
-STOREY = 3.0
+from evocity.citymap import STOREY
 
 #: No building is higher, metres; what claims to be is taken as unknown.
 TALLEST = 1000.0

@@ -12,12 +12,15 @@ interpolation      all lifs between those of two parents, or their steps of deco
 mutation           any nucleotide of one parent
 gene_copy          genes of one parent copied to other places
 gene_exchange      genes of one parent exchanged
+height_scaling     buildings of one parent raised and lowered by whole storeys
 block_exchange     macro-blocks of one parent exchanged
 relocation         groups of lifs of one parent moved, their domains with them
 repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
 grid               the cells that crossings follow, sizes in metres
 groups, footings   groups of cells, and what stands on them
+refitting          lifs fitted to a changed map, domain blocks as they are
+storeys            by how many storeys buildings may rise or fall
 street_blocks      what streets enclose, what fits into it, how it is filled
 pairing            which block of another city is likest
 shares             how much of a child is whose
@@ -40,6 +43,7 @@ from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.direct_fusion import DirectFusion
 from evocity.operators.gene_copy import GeneCopy
 from evocity.operators.gene_exchange import GeneExchange
+from evocity.operators.height_scaling import HeightScaling
 from evocity.operators.interpolation import Interpolation
 from evocity.operators.lambda_crossover import LambdaCrossover
 from evocity.operators.mutation import Mutation
@@ -86,6 +90,7 @@ OPERATORS: Mapping[str, type[Operator]] = {
         Mutation,
         GeneCopy,
         GeneExchange,
+        HeightScaling,
         BlockExchange,
         Relocation,
     )
@@ -182,6 +187,7 @@ __all__ = [
     "Drafting",
     "GeneCopy",
     "GeneExchange",
+    "HeightScaling",
     "Interpolation",
     "LambdaCrossover",
     "Mutation",

@@ -7,11 +7,8 @@ from numbers import Integral, Real
 import numpy as np
 from scipy import ndimage
 
-from evocity.citymap import MAX_PIXELS, MAX_SIDE
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, STOREY
 from evocity.errors import MapError, setting
-
-#: Height of a storey, metres; as where heights are read from a number of storeys.
-STOREY = 3.0
 
 #: What would stand alone on less is not built, m²: slivers where lots meet, or the map ends.
 SMALLEST = 30.0

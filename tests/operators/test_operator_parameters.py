@@ -16,7 +16,7 @@ EVERY = [(name, field.name) for name, kind in OPERATORS.items() for field in fie
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
 FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso", "rate", "change", "cut", "alike"}
 FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max", "area_min"}
-FLOATS |= {"spread", "density", "facades", "widened", "repeats"}
+FLOATS |= {"storey", "highest", "spread", "density", "facades", "widened", "repeats"}
 TRUTHS = {"void", "isometries", "choose", "stepwise"}
 
 

@@ -1,0 +1,131 @@
+"""Height scaling: whole buildings, or all of a street block, rise or fall by whole storeys."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.citymap import STOREY
+from evocity.coding.decoded import decoded
+from evocity.genome import Genome
+from evocity.operators.crossing import Draft, Drafting, raw_heights
+from evocity.operators.grid import common_grid
+from evocity.operators.parameters import Check
+from evocity.operators.refitting import refitted
+from evocity.operators.storeys import Storeys
+from evocity.operators.street_blocks import street_blocks
+from evocity.views.buildings import CRUMB
+
+_WHAT = ("buildings", "quarters")
+#: The largest factor, and the highest storey and roof, that are one.
+_MOST = 10.0, 1000.0
+
+
+@dataclass(frozen=True)
+class HeightScaling(Drafting):
+    """Raise and lower buildings by whole storeys, so that floor space can be bred.
+
+    Each building, or each street block with all its buildings (`street_blocks`), that is drawn
+    gets a factor. Every building of it then changes by the whole number of storeys that brings it
+    nearest to its height times the factor; the highest changes by one at least. Roofs keep
+    their shape. A building keeps its footprint too: it is no lower than a storey, and nowhere does
+    a wall between two buildings shrink until they are one (`evocity.operators.storeys`). Crumbs,
+    components under 24 m², stay. So does a building of which a pixel is locked (condensation), and
+    a street block with such a building. What cannot change is passed over for another.
+
+    ``made`` tells how many changed, by how many storeys in all they were ``raised`` and
+    ``lowered``, and ``fsi_change``, the floor space gained for each unit of ground.
+
+    σ and β of the lifs that show, or call, what has changed are fitted to the new heights, σ
+    within its cap; domain blocks stay, and collage repair matches again what then strays.
+
+    Parameters
+    ----------
+    what : "buildings", told apart by gaps and steps (`CityMap.building_labels`), or "quarters",
+        which are street blocks.
+    share : share of the buildings, or of the street blocks, that are drawn, 0…1; one at least
+        unless it is 0. How many changed is in ``made["scaled"]``.
+    factors : the least and the largest factor, 0.1…10; drawn evenly by their logarithm. (1, 1.6)
+        only raises.
+    storey : metres; 3, as the measure `fsi` counts floors.
+    highest : no building is raised above this, metres. 50 m is where French law begins to call
+        housing high-rise (Code de la construction, R146-3).
+    repair, reach, domains : as in `Drafting`; what is meant to be laid is the parent's decoded map
+        with the new heights.
+
+    Source: ours.
+    """
+
+    what: str = "quarters"
+    share: float = 0.1
+    factors: Sequence[float] = (0.625, 1.6)
+    storey: float = STOREY
+    highest: float = 50.0
+
+    name = "height_scaling"
+    parents = (1, 1)
+
+    def _checks(self) -> dict[str, Check]:
+        factor, metres = _MOST
+        return {
+            "what": (lambda what: what in _WHAT, " or ".join(_WHAT)),
+            "share": (lambda share: 0 <= share <= 1, "0…1"),
+            "factors": (
+                lambda pair: len(pair) == 2 and 1 / factor <= pair[0] <= pair[1] <= factor,
+                f"two numbers {1 / factor:g}…{factor:g}, the least and the largest",
+            ),
+            "storey": (lambda storey: 2 <= storey <= metres, f"2…{metres:g} m"),
+            "highest": (lambda roof: 0 <= roof <= metres, f"0…{metres:g} m"),
+        }
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        (parent,) = parents
+        city, raw = decoded(parent).city, raw_heights(parent)
+        labels = city.building_labels
+        pixels = np.bincount(labels.ravel())
+        total = np.bincount(labels.ravel(), city.heights.ravel())
+        roofs = total / np.maximum(pixels, 1)
+        storeys = Storeys(raw, labels, roofs, self.storey, self.highest)
+        groups = self._groups(parent, city, pixels)
+        wanted = max(math.ceil(self.share), round(self.share * len(groups)))
+        factors = np.exp(rng.uniform(*np.log(self.factors), len(groups)))
+        scaled = 0
+        for number in rng.permutation(len(groups)):
+            if scaled == wanted:
+                break
+            scaled += factors[number] != 1 and storeys.scale(groups[number], factors[number])
+        intended = storeys.laid()
+        attractor = decoded(parent).attractor
+        child = refitted(parent, attractor, attractor + (intended - raw)) if scaled else parent
+        change, gained = storeys.change, (intended - raw).mean(dtype=float)
+        made = {
+            "what": self.what,
+            "scaled": scaled,
+            "buildings": int(np.count_nonzero(change)),
+            "raised": int(change[change > 0].sum()),
+            "lowered": int(-change[change < 0].sum()),
+            "fsi_change": round(gained / STOREY, 4),
+        }
+        return Draft(child, intended, made)
+
+    def _groups(self, parent: Genome, city, pixels: np.ndarray) -> list[np.ndarray]:
+        """Numbers of the buildings, of ``pixels`` each, that may change, those that change
+        together in one array."""
+        labels, locked = city.building_labels, np.zeros(pixels.size, bool)
+        if parent.condensation is not None:
+            locked[labels[parent.condensation.mask]] = True
+        large = pixels * city.metres_per_pixel**2 >= CRUMB
+        large[0] = False
+        if self.what == "buildings":
+            return [np.array([one]) for one in np.flatnonzero(large & ~locked)]
+        grid = common_grid(self.name, [parent], 0.0)
+        quarter = np.zeros(pixels.size, np.int64)
+        blocks = street_blocks(city, grid).labels
+        quarter[labels.ravel()] = grid.raster(blocks.ravel()).ravel()  # one of each building
+        held = np.zeros(int(blocks.max()) + 1, bool)
+        held[quarter[1:][locked[1:]]] = True
+        mine = np.flatnonzero(large & ~held[quarter])
+        order = np.argsort(quarter[mine], kind="stable")
+        numbers, first = np.unique(quarter[mine][order], return_index=True)
+        return np.split(mine[order], first[1:]) if numbers.size else []
