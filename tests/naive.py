@@ -305,15 +305,25 @@ def outline_step(current, brought, columns, group, start, end):
     return float(np.mean(gaps)) if gaps else 0.0
 
 
-def best_move(blocks, columns, group, starts, ends, exchanged, tolerance, change, choice):
-    found = []
-    for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        step = outline_step(blocks, blocks, columns, group, start, end)
+def best_move(blocks, columns, group, isos, starts, ends, exchanged, tolerance, change, choice):
+    """The kernel's move, each group cut out, turned by itself and laid on a copy of the map."""
+    rows, found = len(blocks) // columns, []
+    for k, (iso, start, end) in enumerate(zip(isos, starts, ends, strict=True)):
+        tall, wide = group.max(axis=1) + 1
+        table = np.arange(tall * wide).reshape(tall, wide)
+        turned = isometries.apply(iso, table)
+        here = [np.argwhere(turned == table[i, j])[0] for i, j in group.T]
+        new = np.array(here).T
+        own = (group[0] + start[0]) * columns + group[1] + start[1]
+        other = (new[0] + end[0]) * columns + new[1] + end[1]
+        forth, back = blocks.copy(), blocks.copy()
+        forth[other] = isometries.apply(iso, blocks[own])
+        back[own] = isometries.apply(isometries.INVERSE[iso], blocks[other])
+        assert (new.max(axis=1) + end < (rows, columns)).all()
+        step = outline_step(blocks, forth, columns, new, end, end)
         if exchanged:
-            step = max(step, outline_step(blocks, blocks, columns, group, end, start))
-        there = (group[0] + start[0]) * columns + group[1] + start[1]
-        here = (group[0] + end[0]) * columns + group[1] + end[1]
-        gap = np.abs(blocks[there].astype(float) - blocks[here]).mean()
+            step = max(step, outline_step(blocks, back, columns, group, start, start))
+        gap = np.abs(forth[other].astype(float) - blocks[other]).mean()
         if step <= tolerance and gap > change:
             found.append((step, k))
     return min(found[:choice])[1] if found else -1

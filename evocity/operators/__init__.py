@@ -19,6 +19,7 @@ repair             collage repair, used by all of them
 crossing           what they share: drafts, and how a draft becomes a child
 grid               the cells that crossings follow, sizes in metres
 groups, footings   groups of cells, and what stands on them
+turning            cells laid turned and mirrored
 refitting          lifs fitted to a changed map, domain blocks as they are
 storeys            by how many storeys buildings may rise or fall
 street_blocks      what streets enclose, what fits into it, how it is filled

@@ -87,12 +87,13 @@ def outline_sides(group):
 
 
 @kernel
-def outline_step(current, brought, columns, sides, start, end, most):
+def outline_step(current, brought, columns, theirs, sides, start, end, most):
     """Mean |brought − current| along the outline of a group of blocks laid from block ``start``
     at block ``end`` (row, column), metres; inf once it is sure to be above ``most``.
 
-    Both maps are blocks ``(n, B, B)``, ``columns`` of them a row; ``sides`` are those of
-    `outline_sides`. Sides on the map's own border at ``end`` are left out; 0 if all are.
+    Both maps are blocks ``(n, B, B)``, ``columns`` of them a row of ``current`` and ``theirs`` of
+    ``brought``; ``sides`` are those of `outline_sides`. Sides on the map's own border at ``end``
+    are left out; 0 if all are.
     """
     block = current.shape[1]
     last_row, last_column = current.shape[0] // columns - 1, columns - 1
@@ -108,7 +109,7 @@ def outline_step(current, brought, columns, sides, start, end, most):
         ):
             continue
         here = i * columns + j
-        there = (sides[0, k] + start[0]) * columns + sides[1, k] + start[1]
+        there = (sides[0, k] + start[0]) * theirs + sides[1, k] + start[1]
         edge = 0 if facing % 2 == 0 else block - 1
         count += block
         for p in range(block):
@@ -122,30 +123,39 @@ def outline_step(current, brought, columns, sides, start, end, most):
 
 
 @kernel
-def best_move(blocks, columns, group, sides, starts, ends, exchanged, tolerance, change, choice):
-    """Of the first ``choice`` moves (``starts[k]`` to ``ends[k]``, blocks, ``(m, 2)`` each) of a
-    ``group`` of ``blocks`` that are admissible, the one that steps least along its outline, of
-    equals the first; −1 if none is. Admissible moves step by at most ``tolerance`` metres, at
-    both places if they are ``exchanged`` (the worse counts), and change the map by more than
-    ``change`` metres on average. Arguments as in `outline_step`.
+def best_move(
+    blocks, turned, columns, theirs, groups, sides, which, starts, ends, exchanged, tolerance,
+    change, choice,
+):  # fmt: skip
+    """Of the first ``choice`` moves of a group of ``blocks`` that are admissible, the one that
+    steps least along its outline, of equals the first; −1 if none is.
+
+    ``turned`` (K, n, B, B) are the map under K isometries, ``theirs`` (K,) their blocks a row,
+    ``groups`` (K, 2, g) and ``sides`` (K, 3, s) the group and its sides there. Move k is from
+    ``starts[k]`` of the turned map ``which[k]`` to ``ends[k]`` of the map, ``(m, 2)`` each, blocks.
+
+    Admissible moves step by at most ``tolerance`` metres, at both places if they are
+    ``exchanged`` (the worse counts; what gives way is then turned back), and change the map by
+    more than ``change`` metres on average. Other arguments as in `outline_step`.
     """
     block = blocks.shape[1]
     best, least = -1, np.inf
     for k in range(len(starts)):
-        start, end = starts[k], ends[k]
-        step = outline_step(blocks, blocks, columns, sides, start, end, tolerance)
+        w, start, end = which[k], starts[k], ends[k]
+        group, there, wide = groups[w], turned[w], theirs[w]
+        step = outline_step(blocks, there, columns, wide, sides[w], start, end, tolerance)
         if exchanged and step <= tolerance:
-            back = outline_step(blocks, blocks, columns, sides, end, start, tolerance)
+            back = outline_step(there, blocks, wide, columns, sides[w], end, start, tolerance)
             step = max(step, back)
         if step > tolerance:
             continue
         total = 0.0
         for g in range(group.shape[1]):
-            here = (group[0, g] + end[0]) * columns + group[1, g] + end[1]
-            there = (group[0, g] + start[0]) * columns + group[1, g] + start[1]
+            own = (group[0, g] + end[0]) * columns + group[1, g] + end[1]
+            new = (group[0, g] + start[0]) * wide + group[1, g] + start[1]
             for i in range(block):
                 for j in range(block):
-                    total += abs(blocks[there, i, j] - blocks[here, i, j])
+                    total += abs(there[new, i, j] - blocks[own, i, j])
         if total <= change * group.shape[1] * block * block:
             continue
         if best < 0 or step < least:
@@ -375,7 +385,10 @@ def inject_regions(
         for k in range(region.size):
             group[0, k], group[1, k] = divmod(region[k], columns)
         sides = outline_sides(group)
-        if outline_step(current, brought, columns, sides, here, here, tolerance) > tolerance:
+        if (
+            outline_step(current, brought, columns, columns, sides, here, here, tolerance)
+            > tolerance
+        ):
             continue
         for b in region:
             row = donor * blocks + b

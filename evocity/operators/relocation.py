@@ -27,7 +27,7 @@ class Relocation(Drafting):
     A place is admissible if it is clear of the group's own, if what comes and what stands there
     differ by at most ``tolerance`` metres on average along the outline, and if they differ by
     more than ``change`` metres on average within. Domain blocks that lie wholly inside the
-    group are carried along by its offset; others stay where they are.
+    group are carried along, and turned with it; others stay where they are.
 
     Parameters
     ----------
@@ -44,6 +44,9 @@ class Relocation(Drafting):
     change : metres; 0 passes over only what would change nothing.
     choice : of so many admissible places, drawn at random, the group takes the one whose
         outline differs least.
+    isometries : whether a group is laid turned or mirrored: for each place that is looked at one
+        of the 8 isometries is drawn. Of two places that are exchanged, what gives way is turned
+        back.
     repair, reach, domains : as in `PavementFusion`; what is meant to be laid is the parent's
         decoded map with the groups at their new places.
     """
@@ -56,6 +59,7 @@ class Relocation(Drafting):
     tolerance: float | None = 6.0
     change: float = 2.0
     choice: int = 60
+    isometries: bool = False
     size_min: int | None = None
     size_max: int | None = None
 
@@ -85,6 +89,7 @@ class Relocation(Drafting):
             rng,
             copied=self.mode == "copy",
             carried=True,
+            turned=self.isometries,
             tolerance=self.tolerance,
             change=self.change,
             choice=self.choice,

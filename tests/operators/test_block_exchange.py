@@ -3,7 +3,7 @@
 import naive
 import numpy as np
 import pytest
-from codes import stones
+from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rearranged import (
@@ -15,11 +15,12 @@ from rearranged import (
     town,
 )
 
+from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import OperatorError
-from evocity.operators._kernels import best_move, outline_sides, outline_step
+from evocity.operators._kernels import outline_sides, outline_step
 from evocity.operators.block_exchange import BlockExchange
-from evocity.operators.groups import square
+from evocity.operators.groups import Rearrangement, square
 
 GROUPS = [
     square(1),
@@ -116,7 +117,7 @@ def test_outlines_against_their_naive_twins(group):
     for start, end in zip(corners, corners[::-1], strict=True):
         truth = naive.outline_step(current, brought, 7, group, start, end)
         for most in (0.5 * truth, 1.001 * truth, np.inf):
-            step = outline_step(current, brought, 7, sides, start, end, most)
+            step = outline_step(current, brought, 7, 7, sides, start, end, most)
             assert step == pytest.approx(truth) or (truth > most and step == np.inf)
 
 
@@ -124,25 +125,36 @@ def test_the_outline_of_the_whole_map_is_its_border():
     blocks = np.random.default_rng(0).random((2, 6, 4, 4)).astype(np.float32)
     whole = np.stack(np.divmod(np.arange(6), 3))
     origin = np.zeros(2, int)
-    assert outline_step(*blocks, 3, outline_sides(whole), origin, origin, np.inf) == 0
+    assert outline_step(*blocks, 3, 3, outline_sides(whole), origin, origin, np.inf) == 0
 
 
+@pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("exchanged", [False, True])
 @pytest.mark.parametrize("group", GROUPS, ids=["1", "9", "hooked", "apart"])
-def test_best_move_against_its_naive_twin(group, exchanged):
+def test_best_move_against_its_naive_twin(group, exchanged, turned):
     rng = np.random.default_rng(11)
+    moves = Rearrangement(uniformly(CityMap(np.zeros((24, 28)), 2.0), reach=None).genome, "test")
     blocks = np.repeat(rng.integers(0, 4, (42, 1, 1)) * 3, 16, 1).reshape(42, 4, 4)
-    blocks = (blocks + rng.random(blocks.shape)).astype(np.float32)
-    reach = np.array([6, 7]) - group.max(axis=1)
-    corners = np.stack(np.divmod(np.arange(reach.prod()), reach[1]), axis=1)
-    starts, ends = rng.permutation(corners), rng.permutation(corners)
+    moves.blocks = blocks = (blocks + rng.random(blocks.shape)).astype(np.float32)
+    if turned:
+        starts = np.zeros(2, np.int64)
+        isos, ends = moves.turned_elsewhere(group, starts, rng)
+        assert len(np.unique(isos)) > 3
+    else:
+        reach = np.array([6, 7]) - group.max(axis=1)
+        corners = np.stack(np.divmod(np.arange(reach.prod()), reach[1]), axis=1)
+        starts, ends, isos = rng.permutation(corners), rng.permutation(corners), None
+    each = np.broadcast_to(starts, ends.shape)
+    ways = np.zeros(len(ends), int) if isos is None else isos
     found = set()
     for tolerance in (1.0, 4.0, np.inf):
         for change in (0.0, 3.0, 99.0):
             for choice in (1, 3, 99):
-                asked = starts, ends, exchanged, tolerance, change, choice
-                truth = naive.best_move(blocks, 7, group, *asked)
-                assert best_move(blocks, 7, group, outline_sides(group), *asked) == truth
+                asked = {"exchanged": exchanged, "change": change, "choice": choice}
+                asked["tolerance"] = tolerance
+                truth = naive.best_move(blocks, 7, group, ways, each, ends, **asked)
+                best = moves.best(group, starts, ends, isos=isos, **asked)
+                assert (-1 if best is None else best) == truth
                 found.add(truth)
     assert len(found) > 2
     assert -1 in found

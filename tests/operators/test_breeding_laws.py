@@ -79,6 +79,7 @@ VARIANTS = [
     HeightScaling(what="buildings", share=0.5, factors=(0.4, 2.5), repair=None),
     Relocation(),
     Relocation(mode="copy", shape="square", tolerance=None, repair=None),
+    Relocation(isometries=True),
     Mutation(),
     Mutation(group=1, sigma=1, beta=1, x=1, y=1, dx=1, dy=1, iso=1, repair=None, move=80),
 ]

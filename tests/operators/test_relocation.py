@@ -1,5 +1,8 @@
 """Relocation: groups go elsewhere, their inner domain blocks with them, and no seam is seen."""
 
+import dataclasses
+from functools import cache
+
 import naive
 import numpy as np
 import pytest
@@ -9,12 +12,15 @@ from hypothesis import strategies as st
 from rearranged import assert_laws, district, odd_maps, town
 from towns import draw_town
 
+from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding import decode
+from evocity.coding import decode, encode
 from evocity.errors import OperatorError
-from evocity.fitness.heredity import integrity_of
+from evocity.fitness.heredity import integrity_of, whole_buildings
+from evocity.genome import Genome, unpacked
 from evocity.operators.groups import Rearrangement, square
 from evocity.operators.relocation import Relocation
+from evocity.operators.turning import swaps, turned_places
 
 VARIANTS = [
     Relocation(),
@@ -22,6 +28,7 @@ VARIANTS = [
     Relocation(shape="square", size_max=6, count=3),
     Relocation(mode="copy", shape="square", size_min=1, tolerance=None, change=0),
 ]
+TURNED = [dataclasses.replace(operator, isometries=True) for operator in VARIANTS]
 KEPT = ("sigma", "beta", "dx", "dy", "iso", "parent")
 
 
@@ -94,6 +101,112 @@ def test_a_group_of_its_own_kind_needs_no_repair():
     draft = moves.draft({})
     assert not np.allclose(draft.intended, before, atol=1)
     assert np.abs(decode(draft.genome).city.heights - draft.intended).max() < 0.1
+
+
+# -- turned ------------------------------------------------------------------------------------
+
+
+def shown(parent: Genome, code: Genome, heights: np.ndarray) -> np.ndarray:
+    """The map that a ``code`` of one city shows: of every lifs its stone, turned."""
+    found = np.empty_like(heights)
+    row, column = unpacked(code.source)
+    for i, (y, x, s) in enumerate(zip(*code.pavement.corners, code.pavement.side, strict=True)):
+        stone = heights[row[i] : row[i] + s, column[i] : column[i] + s]
+        found[y : y + s, x : x + s] = isometries.apply(int(code.turn[i]), stone)
+    return found
+
+
+@cache
+def on_leaves() -> Genome:
+    how = {"block": (2, 16), "lifs": 400, "fit": False, "settle": False}
+    return encode(draw_town(2, side=96, buildings=16), **how).genome
+
+
+@pytest.mark.parametrize("operator", TURNED, ids=str)
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_what_is_turned_shows_its_stones_turned(operator, seed):
+    for parent in (town(), on_leaves()):
+        operator = dataclasses.replace(operator, size_min=None, size_max=None, side_max=64.0)
+        assert_laws(operator, parent, seed)
+        draft = operator.draft([parent], np.random.default_rng(seed))
+        heights = np.maximum(decode(parent).attractor, 0)
+        assert np.array_equal(draft.intended, shown(parent, draft.genome, heights))
+        pixels = np.sort(
+            shown(parent, draft.genome, np.arange(heights.size).reshape(heights.shape))
+        )
+        if operator.mode == "move":
+            assert np.array_equal(np.unique(pixels), np.arange(heights.size))
+
+
+def test_every_isometry_is_laid():
+    found = set()
+    for seed in range(12):
+        operator = Relocation(isometries=True, tolerance=None, change=0, shape="square")
+        found |= set(operator.draft([town()], np.random.default_rng(seed)).genome.turn.tolist())
+    assert found == set(range(8))
+
+
+@pytest.mark.parametrize("iso", range(8))
+def test_places_are_turned_as_the_blocks_are(iso):
+    table = np.arange(15).reshape(3, 5)
+    row, column = turned_places(np.indices((3, 5)).reshape(2, -1), (3, 5), iso)
+    turned = isometries.apply(iso, table)
+    assert turned.shape == ((5, 3) if swaps(iso) else (3, 5))
+    assert np.array_equal(turned[row, column], np.arange(15))
+
+
+@pytest.mark.parametrize("mode", ["move", "copy"])
+@pytest.mark.parametrize("iso", range(8))
+def test_a_turned_group_of_its_own_kind_needs_no_repair(iso, mode):
+    """Two houses on ground, whose lifs call their own domain blocks: laid turned, they come out as
+    they were, code alone; also where rows become columns."""
+    heights = np.zeros((64, 96), np.float32)
+    rng = np.random.default_rng(0)
+    for y, x, tall, wide in ((8, 8, 16, 24), (36, 60, 24, 16)):
+        plots = 3 * rng.integers(1, 6, (tall // 4, wide // 4))
+        heights[y : y + tall, x : x + wide] = plots.repeat(4, 0).repeat(4, 1)
+    parent = uniformly(CityMap(heights, 2.0), reach=4).genome
+    group = np.indices((6, 8)).reshape(2, -1)  # rows × columns of the first house's ground
+    end = np.array([8, 14]) if swaps(iso) else np.array([9, 14])
+    moves = Rearrangement(parent, "test")
+    lay = moves.copy if mode == "copy" else moves.exchange
+    lay(group, np.array([1, 1]), end, carried=True, iso=iso)
+    draft = moves.draft({})
+    before = decode(parent).city.heights
+    window = np.s_[4 * end[0] : 4 * end[0] + (32 if swaps(iso) else 24)]
+    across = np.s_[4 * end[1] : 4 * end[1] + (24 if swaps(iso) else 32)]
+    laid = isometries.apply(iso, before[4:28, 4:36])
+    assert np.array_equal(draft.intended[window, across], laid)
+    gave = isometries.apply(isometries.INVERSE[iso], before[window, across])
+    assert np.array_equal(
+        draft.intended[4:28, 4:36], gave if mode == "move" else before[4:28, 4:36]
+    )
+    error = np.abs(decode(draft.genome).attractor - draft.intended)
+    assert error[window, across].max() < 0.1
+
+
+def test_turned_buildings_count_as_whole():
+    parent = district("new-york-west-village", 256)
+    maps = [decode(parent).city]
+    operator, found = Relocation(isometries=True, repair=None), []
+    for seed in range(4):
+        child = operator([parent], np.random.default_rng(seed))
+        found.append(integrity_of(child, maps))
+        whole = whole_buildings(child, maps)
+        for k in np.flatnonzero(whole.iso > 0)[:20]:
+            mask = whole.labels == k + 1
+            rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+            here = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            own = np.argwhere(maps[0].building_labels == whole.building[k])
+            (top, left), (bottom, right) = own.min(axis=0), own.max(axis=0) + 1
+            stands = maps[0].building_labels[top:bottom, left:right] == whole.building[k]
+            assert np.array_equal(here, isometries.apply(int(whole.iso[k]), stands))
+        assert (whole.iso > 0).any()
+    assert np.mean(found) > 0.9
+
+
+# -- real districts ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village", "cape-town-salt-river"])
@@ -187,9 +300,11 @@ def test_what_is_not_admissible_stays():
 @pytest.mark.parametrize("mode", ["move", "copy"])
 @pytest.mark.parametrize("shape", ["square", "buildings"])
 def test_ends_well_on_any_map(name, mode, shape):
-    child = assert_laws(Relocation(mode=mode, shape=shape, size_max=99), odd_maps()[name], 0)
-    if name in ("empty", "one roof"):
-        assert child.made["relocated"] == 0
+    for turned in (False, True):
+        operator = Relocation(mode=mode, shape=shape, size_max=99, isometries=turned)
+        child = assert_laws(operator, odd_maps()[name], 0)
+        if name in ("empty", "one roof"):
+            assert child.made["relocated"] == 0
 
 
 def test_faults_are_told():
