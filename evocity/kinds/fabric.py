@@ -26,7 +26,7 @@ class Fabric:
     it was written."""
 
     name = "fabric"
-    first = ("pavement_fusion", "mutation")
+    first = ("quarter_fusion", "pavement_fusion"), ("quarter_refill", "mutation")
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         if header.block is not None:

@@ -27,8 +27,9 @@ class Kind(Protocol):
     what is condensed in every genome of the run, or None."""
 
     name: str
-    #: Operators that breed the first population: of two sources, and of one.
-    first: tuple[str, str]
+    #: Operators that breed the first population, of two sources and of one: the first of each that
+    #: a recipe has, else the last.
+    first: tuple[tuple[str, ...], tuple[str, ...]]
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         """Its columns among the births', in order."""

@@ -19,8 +19,9 @@ class QuarterRefill(Drafting):
     """Single street blocks of the first parent filled anew, from anywhere in any parent.
 
     Each street block that is drawn gets the buildings that fit it of a parent drawn for it: the
-    first parent itself, from elsewhere on its map, or one of the others if there are any. Else
-    as in `QuarterFusion`, of which it is the mutation.
+    first parent itself, from elsewhere on its map, or one of the others if there are any. In a
+    search the source cities are among these. Else as in `QuarterFusion`, of which it is the
+    mutation.
 
     Parameters
     ----------
@@ -45,6 +46,8 @@ class QuarterRefill(Drafting):
     parents = (1, None)
     #: Bare ground without a stone may be laid.
     lays_void: ClassVar[bool] = True
+    #: In a search the source cities are further parents, so no stone is lost for good.
+    takes_founders: ClassVar[bool] = True
 
     def _checks(self) -> dict[str, Check]:
         return filling_checks()

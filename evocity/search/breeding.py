@@ -55,12 +55,17 @@ def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
 def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
     """Generation 0: the sources themselves, then their fusions and mutants.
 
-    Of three births after the sources two are pavement fusions, of each ordered pair of sources
-    in turn and with a fill drawn from 0.1…0.9, or from the recipe's own range, and one is a
-    mutant of a source. A single source has mutants alone.
+    Of three births after the sources two are fusions, of each ordered pair of sources in turn and
+    with a fill drawn from 0.1…0.9, or from the recipe's own range, and one is a mutant of a source.
+    A single source has mutants alone. Fusions are quarter fusions where the recipe has them, else
+    pavement fusions; mutants are by quarter refill, else by mutation.
     """
     count = len(sources)
-    crossing, changing = recipe.genome.kind.first
+    weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
+    crossing, changing = (
+        next((name for name in names if name in weighty), names[-1])
+        for names in recipe.genome.kind.first
+    )
     pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
     plans = []
     for slot in range(recipe.run.population):
@@ -78,15 +83,27 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
             parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
         else:
             operator = recipe.operator_drawn(changing, rng)
-            parents = ((turn // 3 if pairs else turn) % count,)
+            lone = (turn // 3 if pairs else turn) % count
+            parents = (lone, *founders_of(operator, count))
         genomes = tuple(sources[i] for i in parents)
         plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))
     return plans
 
 
-def next_population(recipe: Recipe, generation: int, living: Sequence[Individual]) -> list[Plan]:
+def founders_of(operator, count: int) -> range:
+    """The births, of the ``count`` sources, that an ``operator`` has as further parents."""
+    return range(count if getattr(operator, "takes_founders", False) else 0)
+
+
+def next_population(
+    recipe: Recipe,
+    generation: int,
+    living: Sequence[Individual],
+    sources: Sequence[Genome],
+) -> list[Plan]:
     """The children of one generation: operator by weight, parents by tournament, then the
-    operator's parameters that the recipe gives ranges of."""
+    operator's parameters that the recipe gives ranges of; the ``sources`` are further parents of
+    operators that take from anywhere."""
     names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
     weights = np.array([recipe.operators[name].weight for name in names])
     fewest = {name: recipe.operator(name).parents[0] for name in names}
@@ -98,12 +115,14 @@ def next_population(recipe: Recipe, generation: int, living: Sequence[Individual
         entry: OperatorEntry = recipe.operators[name]
         count = entry.parents or fewest[name]
         chosen = tournament(ids, ranks, crowding, count, rng)
+        operator = recipe.operator_drawn(name, rng)
+        founders = founders_of(operator, len(sources))
         plans.append(
             Plan(
                 generation * recipe.run.population + slot,
-                recipe.operator_drawn(name, rng),
-                tuple(ids[i] for i in chosen),
-                tuple(living[i].genome for i in chosen),
+                operator,
+                (*(ids[i] for i in chosen), *founders),
+                (*(living[i].genome for i in chosen), *(sources[i] for i in founders)),
                 rng,
             )
         )

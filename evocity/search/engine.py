@@ -321,9 +321,10 @@ class Search:
         if self._prepared is None:
             self._start()
         self._generation_began = time.perf_counter()
+        sources = [source.genome for source in self._prepared.sources]
         if self._next == 0:
-            return first_population(self.recipe, [s.genome for s in self._prepared.sources])
-        return next_population(self.recipe, self._next, self._population.living)
+            return first_population(self.recipe, sources)
+        return next_population(self.recipe, self._next, self._population.living, sources)
 
     def _written(self, individuals: Sequence[Born]) -> Generation:
         """Select among these ``individuals`` and the living; write the generation down whole."""

@@ -123,6 +123,7 @@ class Drawn:
     parents: tuple[int, int | None]
     parameters: Mapping[str, Any]
     drawn: Mapping[str, float]
+    takes_founders: bool = False
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         child = operators.make(self.name, **self.parameters, **self.drawn)(parents, rng)
@@ -155,7 +156,8 @@ def drawn_of(
     if not set(ranges) - set(changes):
         return operator_of(name, parameters, coding, **changes)
     drawn = {key: one.draw(rng) for key, one in ranges.items() if key not in changes}
-    return Drawn(name, kind.parents, _own(kind, fixed, coding) | changes, drawn)
+    takes = getattr(kind, "takes_founders", False)
+    return Drawn(name, kind.parents, _own(kind, fixed, coding) | changes, drawn, takes)
 
 
 def _own(kind: type | None, fixed: Mapping[str, Any], coding: Mapping | None) -> dict[str, Any]:

@@ -203,8 +203,8 @@ class Recipe(Section):
     ] = Field(
         default_factory=lambda: {
             "quarter_fusion": OperatorEntry(weight=4, fill={"from": 0.1, "to": 0.6}),
-            "quarter_refill": OperatorEntry(weight=3),
-            "relocation": OperatorEntry(weight=1),
+            "quarter_refill": OperatorEntry(weight=3, street_blocks={"from": 2, "to": 8}),
+            "height_scaling": OperatorEntry(weight=1),
         },
         min_length=1,
     )

@@ -497,3 +497,34 @@ def test_a_run_breeds_by_it_and_goes_on(tmp_path):
     assert min(whole) == 1
     assert VOID in run.header.cities
     assert any(run.genome(one["id"]).made["street_blocks"] for one in births)
+
+
+def test_a_run_refills_from_its_sources(tmp_path):
+    for seed in (41, 42):
+        np.save(tmp_path / f"{seed}.npy", draw_town(seed, side=96, buildings=22).heights)
+    recipe = tmp_path / "refill.toml"
+    recipe.write_text("""
+    run = { seed = 5, population = 8, generations = 1 }
+    map = { pixels = 96, metres_per_pixel = 2.0 }
+    parents = [{ map = "41.npy" }, { map = "42.npy" }]
+    genome = { fit = false }
+    fitness = [{ name = "gsi", target = 0.4 }]
+    [operators.quarter_refill]
+    street_blocks = { from = 2, to = 4 }
+    density = 0.1
+    """)
+    with evocity.Search(evocity.read_recipe(recipe), out=tmp_path / "run", workers=0) as search:
+        for _ in search:
+            pass
+    births = evocity.open_run(tmp_path / "run").births(columns=["operator", "parents", "status"])
+    births = births.to_pylist()
+    assert {one["status"] for one in births} == {"ok"}
+    # the fusions of the first population are the former ones where the mixture has none
+    assert {one["operator"] for one in births[:8]} == {
+        "source",
+        "pavement_fusion",
+        "quarter_refill",
+    }
+    for one in births[8:]:
+        assert one["operator"] == "quarter_refill"
+        assert one["parents"][1:] == [0, 1]
