@@ -491,7 +491,7 @@ def test_a_run_breeds_by_it_and_goes_on(tmp_path):
             pass
     run = evocity.open_run(tmp_path / "run")
     births = [one for one in run.births().to_pylist() if one["operator"] == "quarter_fusion"]
-    assert len(births) == 12
+    assert len(births) == 3 + 12  # of the first population, and of two generations
     assert {one["status"] for one in births} == {"ok"}
     whole = [one["fitness.integrity"] for one in run.births().to_pylist()[:2]]
     assert min(whole) == 1
