@@ -12,7 +12,8 @@ import evocity
 from evocity.operators import make
 from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
 
-PARENTS = ("lyon-1er", "montpellier-pas-du-loup")
+PARENTS = ("lyon-1er", "new-york-west-village")
+SEED = 3
 FONT = Path(evocity.__file__).parent / "data" / "fonts" / "roboto-regular.ttf"
 HIGHEST, SIDE, GAP, MARGIN = 30.0, 512, 28, 36
 
@@ -21,13 +22,13 @@ def bred() -> tuple[list[evocity.CityMap], evocity.CityMap]:
     """The parents as read, and their child as decoded."""
     parents = [evocity.read_map(name) for name in PARENTS]
     genomes = [evocity.encode(parent).genome for parent in parents]
-    fuse = make("pavement_fusion", side_min=48, side_max=192, tolerance=5.0, fill=0.5)
-    return parents, evocity.decode(fuse(genomes, np.random.default_rng(37))).city
+    fuse = make("quarter_fusion", fill=0.5)
+    return parents, evocity.decode(fuse(genomes, np.random.default_rng(SEED))).city
 
 
 def draw(parents: list[evocity.CityMap], child: evocity.CityMap) -> Image.Image:
     cities = [parents[0], child, parents[1]]
-    titles = [parents[0].name, "their child, by pavement fusion", parents[1].name]
+    titles = [parents[0].name, "the streets of one, with buildings of the other", parents[1].name]
     width = 2 * MARGIN + 3 * SIDE + 2 * GAP
     thanks = [f"{parent.name}: {parent.attribution}" for parent in parents]
     foot = MARGIN + 40 + SIDE + 24
