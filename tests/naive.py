@@ -374,7 +374,7 @@ def grown(seed, columns, owner, donor, components, buildings, standing, kept, cu
 
 
 def inject_regions(
-    current, brought, owner, donor, size, corners, columns, components, buildings,
+    current, brought, owner, donor, kin, size, corners, columns, components, buildings,
     kept, tolerance, cut, limit, least, most,
 ):  # fmt: skip
     """As the kernel, on copies: returns (current, owner, kept)."""
@@ -386,9 +386,10 @@ def inject_regions(
         stands = owner[place] == whose
         np.add.at(standing, buildings.labels[stands], buildings.pixels[stands])
         square = [(row + i) * columns + column + j for i in range(size) for j in range(size)]
-        if (owner == donor).sum() >= least:
+        own = kin[owner] == kin[donor]
+        if own.sum() >= least:
             break
-        if not 0 < (owner[square] != donor).sum() <= most - (owner == donor).sum():
+        if not 0 < (~own[square]).sum() <= most - own.sum():
             continue
         region, held = grown(
             np.array(square),
@@ -403,7 +404,7 @@ def inject_regions(
             limit,
         )
         region = sorted(region)
-        if not 0 < (owner[region] != donor).sum() <= most - (owner == donor).sum():
+        if not 0 < (~own[region]).sum() <= most - own.sum():
             continue
         group = np.stack(np.divmod(region, columns))
         if (donor in components.whose and not held) or (

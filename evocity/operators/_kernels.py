@@ -342,18 +342,19 @@ def grown(seed, columns, owner, donor, components, buildings, standing, kept, cu
 
 @kernel
 def inject_regions(
-    current, brought, owner, donor, size, corners, columns, components, buildings, standing,
+    current, brought, owner, donor, kin, size, corners, columns, components, buildings, standing,
     kept, tolerance, cut, limit, least, most,
 ):  # fmt: skip
     """As `inject`, but each macro-block is `grown` first and holds a component of the donor, if
     that has any. Maps are blocks ``(n, B, B)``, ``owner`` is ``(n,)``, candidate ``corners``
-    (row, column) are ``(m, 2)``, in blocks. ``current``, ``owner``, ``standing`` and ``kept``
-    are changed in place. Returns the blocks owned."""
+    (row, column) are ``(m, 2)``, in blocks. What maps of one ``kin`` own counts together: the
+    turned maps of a parent. ``current``, ``owner``, ``standing`` and ``kept`` are changed in
+    place. Returns the blocks owned."""
     starts, labels, pixels = buildings.starts, buildings.labels, buildings.pixels
     blocks = owner.size
     owned = 0
     for value in owner:
-        if value == donor:
+        if kin[value] == kin[donor]:
             owned += 1
     bare = True
     for value in components.whose:
@@ -370,7 +371,7 @@ def inject_regions(
             for j in range(size):
                 b = (corners[m, 0] + i) * columns + corners[m, 1] + j
                 seed[i * size + j] = b
-                gained += owner[b] != donor
+                gained += kin[owner[b]] != kin[donor]
         if gained == 0 or owned + gained > most:
             continue
         region, held = _grown(
@@ -378,7 +379,7 @@ def inject_regions(
         )
         gained = 0
         for b in region:
-            gained += owner[b] != donor
+            gained += kin[owner[b]] != kin[donor]
         if gained == 0 or owned + gained > most or (held == 0 and not bare):
             continue
         group = np.empty((2, region.size), np.int64)

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from evocity.citymap import MAX_SIDE
-from evocity.genome import NUCLEOTIDES, VOID, Genome, packed
+from evocity.genome import NUCLEOTIDES, VOID, Genome, Pieces, laid, packed
 from evocity.operators._kernels import inject
-from evocity.operators.crossing import Draft, Drafting, assembled, raw_heights
+from evocity.operators.crossing import Draft, Drafting, raw_heights
 from evocity.operators.grid import MOST, common_grid, span_checks
 from evocity.operators.groups import macro_block_sides
 from evocity.operators.parameters import Check, at_fault
@@ -81,8 +81,9 @@ class PavementFusion(Drafting):
         grid = common_grid(self.name, parents)
         self._check_positions(grid, parents)
         smallest, largest = macro_block_sides(self, grid, parents, SMALLEST, self._largest)
-        owner, stitched = self._pave(parents, grid, (smallest, largest), shares, rng)
-        reached = np.bincount(owner.ravel(), minlength=len(parents)) / owner.size
+        pieces, stitched = self._pave(parents, grid, (smallest, largest), shares, rng)
+        reached = np.bincount(pieces.whose.ravel(), minlength=len(parents)) / pieces.whose.size
+        child = laid(parents, pieces, carried=bool(pieces.iso.any())).genome
         metres = grid.block * parents[0].metres_per_pixel
         made = {
             "side_min": smallest * metres,
@@ -92,7 +93,7 @@ class PavementFusion(Drafting):
             "fill": [round(float(share), 4) for share in shares],
             "fill_reached": [round(float(share), 4) for share in reached],
         }
-        return Draft(assembled(parents, owner, grid), stitched, made)
+        return Draft(child, stitched, made)
 
     def _check_positions(self, grid, parents) -> None:
         if self.positions is not None and any(parent.pavement != grid for parent in parents):
@@ -112,7 +113,8 @@ class PavementFusion(Drafting):
         """The share of each of ``count`` parents, then of the void if it takes part."""
         return shares_of(self.name, self.fill, count, self.void)
 
-    def _pave(self, parents, grid, sizes, shares, rng) -> tuple[np.ndarray, np.ndarray]:
+    def _pave(self, parents, grid, sizes, shares, rng) -> tuple[Pieces, np.ndarray]:
+        """What stands in each cell of the ``grid``, and the stitched map."""
         maps = [raw_heights(parent) for parent in parents]
         first = int(np.argmax(shares))
         owner = np.full((grid.rows, grid.columns), first, np.int64)
@@ -135,7 +137,7 @@ class PavementFusion(Drafting):
                 (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0,
             )
             margin *= 0.8
-        return owner, current
+        return Pieces.in_place(owner, grid.block), current
 
     def _sizes(self, grid, smallest: int, largest: int, count: int) -> list[int]:
         """Side of the macro-blocks at each change of parent, in cells, falling; each size as often

@@ -6,15 +6,18 @@ from typing import ClassVar
 
 import numpy as np
 
+from evocity import isometries
 from evocity.citymap import MAX_PIXELS
 from evocity.coding.decoded import decoded
-from evocity.genome import Genome
+from evocity.genome import Genome, Pieces
 from evocity.operators._kernels import give_back, inject_regions
 from evocity.operators.crossing import Draft, raw_heights
-from evocity.operators.footings import footings_of
+from evocity.operators.footings import Footings, footings_of
 from evocity.operators.grid import in_cells, side_checks
 from evocity.operators.parameters import Check
 from evocity.operators.pavement_fusion import PavementFusion
+from evocity.operators.turning import swaps, turned_blocks
+from evocity.pavement import Pavement
 
 #: Regions that cut nothing come first, then those that cut up to so much of what they may.
 _STAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -50,6 +53,10 @@ class RegionFusion(PavementFusion):
     limit, size_min, size_max, positions : the same in range blocks, of uniform pavements;
         deprecated.
     tries : macro-blocks tried at each size in each round of ``cut``; None tries them all.
+    isometries : whether donors are laid turned and mirrored: at each size the donor's whole map
+        lies under one of the 8 isometries, drawn; of maps that are no squares, one of the 4 that
+        make no rows of columns. So a region brings another part of the donor than what stood
+        there, turned, with its domain blocks. The parent that fills the map lies as it is.
     repair, reach, domains : as in `PavementFusion`.
     """
 
@@ -58,6 +65,7 @@ class RegionFusion(PavementFusion):
     area_max: float | None = None
     limit: int | None = None
     tries: int | None = 60
+    isometries: bool = False
 
     name = "region_fusion"
     _largest: ClassVar[float] = 96.0
@@ -77,20 +85,21 @@ class RegionFusion(PavementFusion):
         draft = super()._draft(parents, rng)
         return replace(draft, made={**draft.made, "cut": self.cut, "tries": self.tries})
 
-    def _pave(self, parents, grid, sizes, shares, rng) -> tuple[np.ndarray, np.ndarray]:
+    def _pave(self, parents, grid, sizes, shares, rng) -> tuple[Pieces, np.ndarray]:
         limit = in_cells(
             self.name, "limit", self.area_max, self.limit, _AREA, grid, parents, power=2
         )
-        maps = [grid.blocks(raw_heights(parent)) for parent in parents]
-        cities = [decoded(parent).city for parent in parents]
-        components = footings_of(grid, [city.labels for city in cities])
-        buildings = footings_of(grid, [city.building_labels for city in cities])
-        margin, donor = self.margin, int(np.argmax(shares))
-        owner, current = np.full(len(grid), donor), maps[donor].copy()
-        standing = np.where(buildings.whose == donor, buildings.whole, 0)
+        first = int(np.argmax(shares))
+        sizes = self._sizes(grid, *sizes, len(parents))
+        donors = [(first + 1 + turn) % len(parents) for turn in range(len(sizes))]
+        turned = _TurnedMaps(parents, grid)
+        sides = self._sides(donors, first, parents, turned, grid, rng)
+        maps, components, buildings = turned.maps(), *turned.footings()
+        kin, margin = np.array(turned.whose), self.margin
+        owner, current = np.full(len(grid), first), maps[first].copy()
+        standing = np.where(buildings.whose == first, buildings.whole, 0)
         kept = np.zeros(standing.size, bool)
-        for size in self._sizes(grid, *sizes, len(parents)):
-            donor = (donor + 1) % len(parents)
+        for size, donor, side in zip(sizes, donors, sides, strict=True):
             pixel = parents[0].metres_per_pixel
             corners = np.stack(self._candidates(grid, pixel, size, rng, self.tries), axis=1)
             least = (shares[donor] - margin) * owner.size if margin < shares[donor] else 0
@@ -98,9 +107,10 @@ class RegionFusion(PavementFusion):
             for share in _STAGES if self.cut else (1.0,):
                 inject_regions(
                     current,
-                    maps[donor],
+                    maps[side],
                     owner,
-                    donor,
+                    side,
+                    kin,
                     size,
                     corners,
                     grid.columns,
@@ -115,5 +125,70 @@ class RegionFusion(PavementFusion):
                     most,
                 )
             margin *= 0.8
-        give_back(current, np.stack(maps), owner, buildings, standing)
-        return owner, grid.raster(current)
+        give_back(current, maps, owner, buildings, standing)
+        return turned.pieces(owner), grid.raster(current)
+
+    def _sides(self, donors, first, parents, turned: "_TurnedMaps", grid, rng) -> list[int]:
+        """Which of the ``turned`` maps each of the ``donors``, one a change of parent, shows."""
+        if not self.isometries:
+            return donors
+        still = {first, len(parents) - 1} if self.void else {first}  # ground is bare under any
+        square = grid.rows == grid.columns
+        able = [iso for iso in range(isometries.COUNT) if square or not swaps(iso)]
+        isos = rng.choice(able, len(donors)).tolist()
+        return [
+            turned.number(donor, 0 if donor in still else iso)
+            for donor, iso in zip(donors, isos, strict=True)
+        ]
+
+
+class _TurnedMaps:
+    """The maps of some parents as they lie, in their order, then those that are asked for turned.
+
+    whose, iso : of each map, which parent's it is and under which isometry.
+    """
+
+    def __init__(self, parents: Sequence[Genome], grid: Pavement):
+        self._parents, self._grid = parents, grid
+        self.whose, self.iso = list(range(len(parents))), [0] * len(parents)
+
+    def number(self, parent: int, iso: int) -> int:
+        """Which of the maps is this parent's under this isometry."""
+        pairs = list(zip(self.whose, self.iso, strict=True))
+        if (parent, iso) not in pairs:
+            self.whose.append(parent)
+            self.iso.append(iso)
+            return len(pairs)
+        return pairs.index((parent, iso))
+
+    def maps(self) -> np.ndarray:
+        """What the maps show, float32 ``(m, n, B, B)``, cut along the cells."""
+        return np.stack(
+            [
+                turned_blocks(self._grid, raw_heights(self._parents[parent]), iso)[0]
+                for parent, iso in zip(self.whose, self.iso, strict=True)
+            ]
+        )
+
+    def footings(self) -> tuple[Footings, Footings]:
+        """Of their built components, and of their buildings."""
+        cities = [decoded(self._parents[parent]).city for parent in self.whose]
+        kinds = [city.labels for city in cities], [city.building_labels for city in cities]
+        turned = (
+            [
+                np.ascontiguousarray(isometries.apply(iso, one))
+                for iso, one in zip(self.iso, kind, strict=True)
+            ]
+            for kind in kinds
+        )
+        first, second = (footings_of(self._grid, kind) for kind in turned)
+        return first, second
+
+    def pieces(self, owner: np.ndarray) -> Pieces:
+        """What stands in each cell, where ``owner`` ``(n,)`` tells of which map it is."""
+        shape = self._grid.rows, self._grid.columns
+        cells = np.arange(owner.size).reshape(shape)
+        seen = np.stack([isometries.apply(iso, cells).ravel() for iso in self.iso])
+        row, column = np.divmod(seen[owner, np.arange(owner.size)].reshape(shape), shape[1])
+        whose, iso = (np.array(one)[owner].reshape(shape) for one in (self.whose, self.iso))
+        return Pieces(self._grid.block, whose, row, column, iso.astype(np.uint8))

@@ -9,8 +9,8 @@ import pytest
 from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_breeding_laws import MOVING, lays_void, parents_for
 from test_breeding_laws import VARIANTS as IN_BLOCKS
+from test_breeding_laws import lays_void, moves, parents_for, renews
 from towns import draw_town
 
 from evocity.coding import decode, encode
@@ -128,7 +128,7 @@ def test_every_pixel_is_a_stone_of_the_parents(operator, kind):
             assert lays_void(operator)
             continue
         assert stone[:3] in known
-        if not isinstance(operator, MOVING):
+        if not moves(operator):
             assert stone[1:] == (y, x, 0)
     row, column = unpacked(child.source)
     assert (np.minimum(row, column) >= 0).all()
@@ -144,7 +144,7 @@ def test_range_blocks_are_split_no_more_than_the_parents_ask_for(operator, kind)
         draft = operator.draft(parents, np.random.default_rng(seed)).genome
         child = operator(parents, np.random.default_rng(seed))
         assert len(child) <= len(draft)
-        if not isinstance(operator, MOVING):
+        if not moves(operator):
             assert len(draft) <= len(finest)
             assert common_refinement([finest, draft.pavement]) == finest
         cells = common_grid("test", parents)
@@ -154,7 +154,7 @@ def test_range_blocks_are_split_no_more_than_the_parents_ask_for(operator, kind)
 
 @pytest.mark.parametrize("operator", VARIANTS, ids=str)
 def test_a_city_bred_with_itself_gives_itself(operator):
-    if operator.parents[0] == 1 or lays_void(operator):
+    if renews(operator):
         pytest.skip("changes a lone parent by design")
     for city in (on_leaves(1), on_leaves(2, 200)):
         whole = merged(city)

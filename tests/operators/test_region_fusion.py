@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 from rearranged import district, odd_maps, town
 from towns import draw_town
 
+from evocity import isometries
 from evocity.citymap import CityMap
-from evocity.coding import decode
+from evocity.coding import decode, encode
+from evocity.coding.decode import CollageMap
 from evocity.errors import OperatorError
-from evocity.fitness.heredity import integrity_of
-from evocity.genome import NUCLEOTIDES
+from evocity.fitness.heredity import integrity_of, whole_buildings
+from evocity.genome import NUCLEOTIDES, Genome, unpacked
 from evocity.operators._kernels import (
     fill_courts,
     give_back,
@@ -128,6 +130,86 @@ def test_the_fill_reached_is_told():
         reached.append(shares[1])
     assert max(reached) <= 0.5
     assert np.mean(reached) > 0.3
+
+
+# -- turned -------------------------------------------------------------------------------------
+
+
+def rectangle(seed: int) -> Genome:
+    how = {"block": (2, 16), "lifs": 500, "fit": False, "settle": False}
+    heights = draw_town(seed, side=96, buildings=20).heights[:64]
+    return encode(CityMap(heights, 2.0, name=f"wide {seed}"), **how).genome
+
+
+def shown(parents, code: Genome) -> np.ndarray:
+    """The map that a ``code`` shows: of every lifs its stone, turned."""
+    maps = {parent.cities[0]: np.maximum(decode(parent).attractor, 0) for parent in parents}
+    found = np.zeros((code.pavement.height, code.pavement.width), np.float32)
+    places = zip(*code.pavement.corners, code.pavement.side, *unpacked(code.source), strict=True)
+    for i, (y, x, s, row, column) in enumerate(places):
+        city = code.cities[code.parent[i]]
+        if city != VOID:
+            stone = maps[city][row : row + s, column : column + s]
+            found[y : y + s, x : x + s] = isometries.apply(int(code.turn[i]), stone)
+    return found
+
+
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 2**32), void=st.booleans(), square=st.booleans())
+def test_turned_regions_show_the_stones_of_the_donor_turned(seed, void, square):
+    parents = open_towns(2) if square else [rectangle(31), rectangle(32)]
+    operator = RegionFusion(isometries=True, void=void, tolerance=1000.0)
+    child = operator(parents, np.random.default_rng(seed))
+    assert operator(parents, np.random.default_rng(seed)) == child
+    assert decode(child).converged
+    draft = operator.draft(parents, np.random.default_rng(seed))
+    assert np.array_equal(draft.intended, shown(parents, draft.genome))
+    reached = draft.genome.shares
+    order = [draft.genome.cities.index(parent.cities[0]) for parent in parents]
+    assert child.made["fill_reached"][:2] == pytest.approx(reached[order], abs=1e-4)
+    if not square:
+        assert set(draft.genome.turn.tolist()) <= {0, 2, 5, 7}
+
+
+def test_donors_are_laid_under_every_isometry_and_who_fills_the_map_as_it_lies():
+    parents, found = open_towns(2), set()
+    for seed in range(24):
+        operator = RegionFusion(isometries=True, tolerance=1000.0, repair=None, fill=0.3)
+        child = operator(parents, np.random.default_rng(seed))
+        found |= set(child.turn.tolist())
+        assert not child.turn[owner_of(child, parents) == 0].any()
+    assert found == set(range(8))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turned_regions_cut_no_building_and_count_as_whole(seed):
+    parents = open_towns()
+    maps = [decode(parent).city for parent in parents]
+    operator = RegionFusion(cut=0, isometries=True, size_min=1, tolerance=1000.0)
+    child = operator(parents, np.random.default_rng(seed))
+    assert (child.parent > 0).any()
+    assert integrity_of(child, maps) == 1
+    assert (whole_buildings(child, maps).iso > 0).any()
+
+
+@pytest.mark.parametrize("kind", ["square", "rectangle"])
+def test_turned_domain_blocks_come_along(kind):
+    """A lifs that calls a domain block of its own donor, under its own isometry, lays what it laid
+    there."""
+    parents = open_towns(2) if kind == "square" else [rectangle(31), rectangle(32)]
+    count = 0
+    for seed in range(4):
+        operator = RegionFusion(isometries=True, tolerance=1000.0)
+        draft = operator.draft(parents, np.random.default_rng(seed))
+        code = draft.genome
+        side = code.pavement.raster(8 * code.parent.astype(int) + code.turn)
+        gaps = np.abs(CollageMap(code)(draft.intended) - draft.intended)
+        for i in np.flatnonzero(code.dx > 0):
+            called = side[code.y[i] : code.y[i] + code.dy[i], code.x[i] : code.x[i] + code.dx[i]]
+            if (called == 8 * int(code.parent[i]) + code.turn[i]).all() and code.turn[i] > 0:
+                assert gaps[code.pavement.index == i].mean() < 0.15  # no height is below ground
+                count += 1
+    assert count > 100
 
 
 # -- whole buildings ------------------------------------------------------------------------------
@@ -363,8 +445,10 @@ def test_growth_against_its_naive_twin(cut):
 def test_injection_against_its_naive_twin(cut):
     rng = np.random.default_rng(9)
     injections = 0
+    kin = np.array([0, 1, 1])
     for trial in range(6):
         cities, pavement = table((2 * trial + 50, 2 * trial + 51))
+        cities.append(cities[1].replace(isometries.apply(1, cities[1].heights)))
         components, buildings = footings(pavement, cities)
         maps = [pavement.blocks(city.heights) for city in cities]
         owner, kept = np.zeros(64, np.int64), np.zeros(buildings.whole.size, bool)
@@ -372,11 +456,12 @@ def test_injection_against_its_naive_twin(cut):
         current = maps[0].copy()
         for donor, tolerance, limit, least, most in [
             (1, 9.0, 40, 30, 50),
+            (2, 30.0, 40, 45, 50),
             (0, 99.0, 64, 45, 64),
             (1, 99.0, 30, 64, 60),
         ]:
             corners = np.stack(np.divmod(rng.permutation(49), 7), axis=1)
-            asked = 2, corners, 8, components, buildings
+            asked = kin, 2, corners, 8, components, buildings
             told = tolerance, cut, limit, least, most
             truth = naive.inject_regions(current, maps[donor], owner, donor, *asked, kept, *told)
             before = owner.copy()
@@ -386,7 +471,7 @@ def test_injection_against_its_naive_twin(cut):
             assert np.array_equal(current, truth[0])
             assert np.array_equal(owner, truth[1])
             assert np.array_equal(kept, truth[2])
-            assert owned == (owner == donor).sum()
+            assert owned == (kin[owner] == kin[donor]).sum()
             injections += not np.array_equal(owner, before)
             assert np.array_equal(standing, standing_of(cities, pavement, owner, buildings))
     assert injections > 3
