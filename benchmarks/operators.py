@@ -3,9 +3,10 @@
 Every operator, or those named, with its default parameters: three pairs of districts at 256²,
 coded as `evocity.encode` does by default, or with range blocks of one side. Of children after
 collage repair, over ten seeds: milliseconds of one core (median); how far they decode from what was
-meant, roofs not settled (root mean square); how many crumbs a hectare they have, and the map has that was meant; how
-much of what is built belongs to buildings of the sources still whole; fabric distance to the
-parents' cities; what share of the built ground has its stone in its own place; lifs.
+meant, roofs not settled (root mean square); how many crumbs a hectare they have, and the map has
+that was meant; how much of what is built belongs to buildings of the sources still whole; fabric
+distance to the parents' cities; what share of the built ground has its stone in its own place;
+lifs.
 """
 
 import os
