@@ -43,6 +43,7 @@ def _go_through(start: Start, folder: Path) -> None:
     try:
         with show, start(show.prepared) as search:
             started = True
+            search.prepare()
             signs, noted = goal_signs(search.recipe), _note(search, 0)
             for generation in search:
                 noted = _note(search, noted)
@@ -100,7 +101,7 @@ def _note_parents(folder: Path, recipe) -> None:
 
 def _tell_failures(folder: Path) -> None:
     """One line on standard error for each way in which births failed, and one for values that a
-    recorded measure did not give."""
+    recorded measure, or one that is a constraint, did not give."""
     from evocity.report import failures, unrecorded
 
     with contextlib.suppress(RunError):  # no generation was whole

@@ -113,6 +113,11 @@ class Aims:
         """Names of the objectives: a measure's, or that of a sum."""
         return tuple(self._terms)
 
+    @property
+    def bounds(self) -> frozenset[str]:
+        """Names of the measures that are constraints and nothing else."""
+        return frozenset(one.measure.name for one in self.wanted if one.objective is None)
+
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """One loss an objective, lower is better and always finite, of raw ``values``."""
         return tuple(
@@ -121,9 +126,12 @@ class Aims:
         )
 
     def violation(self, values: Mapping[str, float]) -> float:
-        """Sum of the constraints' violations; 0 where all are kept (feasible)."""
+        """Sum of the constraints' violations; 0 where all are kept (feasible). A measure that
+        ``values`` lack is undefined, and breaks its bound."""
         kept = [one for one in self.wanted if one.constraint is not None]
-        return _finite(sum(one.constraint.violation(values[one.measure.name]) for one in kept))
+        told = (values.get(one.measure.name, math.nan) for one in kept)
+        violations = [k.constraint.violation(value) for k, value in zip(kept, told, strict=True)]
+        return _finite(sum(violations))
 
 
 def _finite(value: float) -> float:

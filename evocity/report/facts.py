@@ -93,6 +93,8 @@ class Aim:
         itself, which a stranger's run may not have."""
         if self.goal == "bounds":
             low, high = self._bounds
+            if math.isnan(value):
+                return sys.float_info.max
             return min(max(low - value, value - high, 0.0), sys.float_info.max)
         if self.target is not None:
             return min(abs(float(value) - self.target), sys.float_info.max)

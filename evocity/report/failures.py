@@ -34,10 +34,8 @@ def failures(run: Run) -> list[Failure]:
 
 
 def unrecorded(run: Run) -> str:
-    """In words, how many births of ``run`` that are ok lack a value of a measure that is recorded
-    besides; "" if none does. Raises as `failures`."""
-    if not run.header.recorded:
-        return ""
+    """In words, how many births of ``run`` that are ok lack a value: of a measure that is recorded
+    besides, or of a constraint, which they break; "" if none does. Raises as `failures`."""
     births = run.births(columns=["status", "error"]).to_pylist()
     lacking = [one["error"] for one in births if one["status"] == "ok" and one["error"]]
     if not lacking:

@@ -94,7 +94,7 @@ def _place_of(facts: Facts, one: Shown) -> str:
 
 def _card(facts: Facts, one: Shown, place: int, highest: float, badge: str) -> str:
     birth = one.birth
-    losses = [aim.loss(birth.values[aim.name]) for aim in facts.aims]
+    losses = [aim.loss(birth.values.get(aim.name, math.nan)) for aim in facts.aims]
     keys = json.dumps([place, *losses, -birth.id])
     name, rank = escape(str(birth.id)), escape(str(one.rank))
     others = "".join(

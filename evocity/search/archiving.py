@@ -5,6 +5,7 @@ this reads it, columns alone. Nothing of the run is executed, no measure is load
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
     aims = aims_of_run(run)
     # a run may go on meanwhile: the generation is settled before anything of it is read
     last = len(run.generations) - 1 if last is None else last
-    births = _measured(run)
+    births = _measured(run, aims.bounds)
     births = births.filter(pc.less_equal(births["generation"], last))
     living = pc.is_in(births["id"], value_set=run.members(last)["id"]).to_numpy()
     first = pc.equal(births["generation"], pc.min(births["generation"])).to_numpy()
@@ -149,13 +150,15 @@ def _uncalled(city) -> float:
     raise NotImplementedError("a measure known by its name alone")
 
 
-def _measured(run: Run) -> pa.Table:
-    """Generation, id and values of all births with status ``ok``, by id."""
+def _measured(run: Run, bounds: Collection[str]) -> pa.Table:
+    """Generation, id and values of all births with status ``ok``, by id; of measures that are
+    ``bounds`` alone there may be none."""
     values = [f"fitness.{name}" for name in run.header.measures]
     births = run.births(columns=["generation", "id", "status", *values])
     births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
     births = births.sort_by("id").combine_chunks()
-    columns = [births[name].to_numpy(zero_copy_only=False) for name in values]
+    sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
+    columns = [births[name].to_numpy(zero_copy_only=False) for name in sought]
     known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
     if not known or len(pc.unique(births["id"])) < len(births):
         raise RunError(

@@ -2,7 +2,7 @@
 elsewhere."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
@@ -80,9 +80,15 @@ def _founder(plan: Plan) -> Outcome:
     return Outcome("ok", genome=plan.genomes[0])
 
 
-def outcome_of(result, measures: Sequence[str], recorded: Sequence[str] = ()) -> Outcome:
+def outcome_of(
+    result,
+    measures: Sequence[str],
+    recorded: Sequence[str] = (),
+    bounds: Collection[str] = (),
+) -> Outcome:
     """What somebody told of a genome they evaluated: of all ``measures``, and of those that are
-    ``recorded`` besides as many as they like. Raises `RunError` for what is no result."""
+    ``recorded`` besides as many as they like. ``bounds``: the measures that are constraints alone,
+    broken where they are NaN. Raises `RunError` for what is no result."""
     if isinstance(result, Outcome):
         return result
     if isinstance(result, Exception):
@@ -103,7 +109,10 @@ def outcome_of(result, measures: Sequence[str], recorded: Sequence[str] = ()) ->
             wrong.append(name)
         if finite or (number is not None and name in measures):
             values[name] = number
-    failed = [name for name in wrong if name in measures]
+    broken = [name for name in bounds if math.isnan(values.get(name, 0.0))]
+    for name in broken:
+        del values[name]
+    failed = [name for name in wrong if name in measures and name not in broken]
     error = ", ".join(f"{name} is {shown(result[name])}" for name in failed)
     if not failed and wrong:
         error = unrecorded([f"{name} is {shown(result[name])}" for name in wrong])

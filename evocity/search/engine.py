@@ -17,6 +17,7 @@ from evocity.search.breeding import Individual, Plan, first_population, next_pop
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
+from evocity.search.guarding import told_of_parents
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.population import Population
@@ -64,7 +65,7 @@ class Search:
     progress : told in a few words what is prepared before the first generation.
 
     ``notes`` are what a user should know, in words: on `resume`, before it goes on; of a new run,
-    from generation 0 on, what of the maps' files was taken.
+    from `prepare` on, what of the maps' files was taken, and which constraints no parent keeps.
     Raises `RunError` if ``out`` exists, `FitnessError` if a measure declared in this session, in a
     notebook's cell for one, cannot be sent to the worker processes. A script that uses workers
     must start the search under ``if __name__ == "__main__":``, as with every use of processes in
@@ -167,13 +168,26 @@ class Search:
             raise
         self.close()
 
+    def prepare(self) -> None:
+        """Read and code the parents, start the workers, see which constraints the parents keep, and
+        make the run folder: what the first generation does otherwise. Nothing of a run that is
+        prepared already, or was taken up again.
+
+        Raises `MapError`, `GenomeError` or `FitnessError` where a map does not serve, `RecipeError`
+        if no parent keeps a bound that none can keep better, see `evocity.search.guarding`.
+        """
+        self._refuse_closed("prepare()")
+        if self._prepared is None:
+            self._start(True)
+
     def ask(self) -> list[Genome]:
         """Breed the next generation: the genomes to evaluate, in order.
 
         Births whose operator failed are not among them; they are logged by `tell`. Raises
-        `RunError` out of turn, after the last generation and after `close`.
+        `RunError` out of turn, after the last generation and after `close`. Which constraints the
+        parents keep is not looked at, unless `prepare` was called.
         """
-        plans = self._planned("ask()")
+        plans = self._planned("ask()", guarded=False)
         self._asked = bred(self._pool, plans)
         return [one.bred.genome for one in self._to_evaluate()]
 
@@ -181,8 +195,9 @@ class Search:
         """Take the results of the genomes last asked for, in their order, and select.
 
         A result is a mapping from every measure to its value, or the exception that prevented
-        it. NaN and infinity make a birth `invalid`. Measures that are recorded besides may be
-        left out. The generation is written down whole.
+        it. NaN and infinity make a birth `invalid`; a NaN of a measure that is a constraint alone
+        breaks it. Measures that are recorded besides may be left out. The generation is written
+        down whole.
         Raises `RunError` for results out of turn, and after `close`: the run's folder may be
         another process's by then.
         """
@@ -199,7 +214,8 @@ class Search:
                 "give an exception for a genome that could not be evaluated",
             )
         header = self._prepared.header
-        told = [outcome_of(one, header.measures, header.recorded) for one in results]
+        bounds = self._prepared.aims.bounds
+        told = [outcome_of(one, header.measures, header.recorded, bounds) for one in results]
         outcomes = dict(zip((one.plan.id for one in asked), told, strict=True))
         return self._written(
             [replace(one, evaluated=outcomes.get(one.plan.id)) for one in self._asked]
@@ -227,10 +243,24 @@ class Search:
         if self._writer is not None:
             self._writer.close()
 
-    def _start(self) -> None:
+    def _start(self, guarded: bool) -> None:
         self._compile()
         self._prepared = prepare(self.recipe, self._progress)
-        self.notes += self._prepared.notes
+        try:
+            self._start_pool()
+            unkept = told_of_parents(self._prepared, self._pool) if guarded else []
+            self._create()
+        except BaseException:
+            if self._pool is not None:
+                self._pool.close()
+            self._prepared = self._pool = None
+            raise
+        self.notes += [*self._prepared.notes, *unkept]
+        self._population = Population(self._prepared.header.population, self._prepared.aims)
+        self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
+
+    def _create(self) -> None:
+        """Make the run folder, if the run is kept."""
         if self.out is not None:
             kept = kept_by(self.recipe)
             self._writer = RunWriter.create(
@@ -244,9 +274,6 @@ class Search:
                 self._prepared.others,
                 [part.mask for part in self._prepared.within.values()],
             )
-        self._population = Population(self._prepared.header.population, self._prepared.aims)
-        self._start_pool()
-        self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
     @property
     def _sides(self) -> int | tuple[int, int]:
@@ -303,8 +330,9 @@ class Search:
 
     # -- one generation ------------------------------------------------------------------
 
-    def _planned(self, what: str) -> list[Plan]:
-        """The next generation's births; what a run needs is prepared before the first."""
+    def _planned(self, what: str, guarded: bool = True) -> list[Plan]:
+        """The next generation's births; what a run needs is prepared before the first, ``guarded``
+        or not by a look at what the parents keep."""
         self._refuse_closed(what)
         if self._asked is not None:
             raise RunError(
@@ -319,7 +347,7 @@ class Search:
                 "go on with more: Search.resume(path, generations=…)",
             )
         if self._prepared is None:
-            self._start()
+            self._start(guarded)
         self._generation_began = time.perf_counter()
         sources = [source.genome for source in self._prepared.sources]
         if self._next == 0:

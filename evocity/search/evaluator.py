@@ -3,7 +3,7 @@
 import math
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ class Setup:
     session, which another process does not know by name; ``references``: what the measures that
     compare cities compare with, by their names; ``sources``: the maps of the source cities, for
     measures that ask for them; ``sides``, ``parts``: the kernels it calls, as
-    `evocity.search.warm` names them."""
+    `evocity.search.warm` names them; ``bounds``: the measures that are constraints alone."""
 
     header: Header
     measures: tuple[tuple[str, str | None], ...]
@@ -45,6 +45,7 @@ class Setup:
     references: Mapping[str, fitness.Reference] = field(default_factory=dict)
     sources: tuple[CityMap, ...] = ()
     within: Mapping[str, Part] = field(default_factory=dict)
+    bounds: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Evaluator:
         files = {file for _, file in setup.measures if file is not None}
         loaded = {file: {m.name: m for m in fitness.load_file(file)} for file in sorted(files)}
         loaded[None] = {m.name: m for one in setup.shipped for m in unpacked(one)}
-        self.within = setup.within
+        self.within, self.bounds = setup.within, setup.bounds
         self.measures = {}
         for name, file in setup.measures:
             own = own_name(name)
@@ -111,17 +112,25 @@ class Evaluator:
             return Outcome("error", told(error), time.perf_counter() - start)
         return Outcome("ok", None, time.perf_counter() - start, genome=genome)
 
-    def evaluate(self, genome: Genome, parents: Sequence[Genome] = ()) -> Outcome:
+    def evaluate(
+        self,
+        genome: Genome,
+        parents: Sequence[Genome] = (),
+        names: Collection[str] | None = None,
+    ) -> Outcome:
         """Decode, then every measure; the first that raises ends it, values until then kept. Of
-        those that are recorded besides, none ends it: ``error`` tells why one has no value.
+        those that are recorded besides, none ends it: ``error`` tells why one has no value, and so
+        it does of a constraint that is undefined, which is broken then.
 
         ``parents``: the genomes it was bred from, for measures that ask for them; none for one
-        that was not bred, which is its own parent.
+        that was not bred, which is its own parent. ``names``: the measures that are taken, all
+        unless they are told.
         """
         start = time.perf_counter()
         parents = parents or (genome,)
         values: dict[str, float] = {}
         undefined: list[str] = []
+        missing: list[str] = []
 
         def ended(status: str, error: str | None = None) -> Outcome:
             return Outcome(status, error, time.perf_counter() - start, values)
@@ -130,7 +139,8 @@ class Evaluator:
         if expressed.city is None:
             return ended("invalid", expressed.problem)
         extras = {"genome": genome, "parents": parents, "sources": self.sources}
-        for name in self.header.measures:
+        wanted = [one for one in self.header.measures if names is None or one in names]
+        for name in wanted:
             try:
                 value = self._measured(name, expressed.city, extras)
             except FitnessError as error:
@@ -140,10 +150,14 @@ class Evaluator:
                 raise
             except BaseException as error:
                 return ended("error", f"{name}: {told(error)}")
+            if name in self.bounds and math.isnan(value):
+                missing.append(f"{_undefined(name, value)}, which breaks its bound")
+                continue
             values[name] = float(value)
             if not math.isfinite(value):
                 undefined.append(_undefined(name, value))
-        missing = self._record(expressed.city, extras, values)
+        if names is None:
+            missing += self._record(expressed.city, extras, values)
         if undefined:
             return ended("invalid", "; ".join(undefined))
         return ended("ok", unrecorded(missing) if missing else None)

@@ -62,6 +62,7 @@ class Prepared:
                 if entry.within is not None
                 for measure in entry.measures
             },
+            bounds=self.aims.bounds,
         )
 
 

@@ -159,10 +159,10 @@ class Birth:
     """One evaluated individual.
 
     ``values`` maps measures to raw values, as far as they were reached and, of those that are
-    recorded besides, have one (``error`` tells why they have none); ``made`` is what the
-    operator recorded (its parameters, what it reached). ``genome`` is None where breeding
-    itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok, and no
-    constraint of the recipe is broken.
+    recorded besides or constraints alone, have one (``error`` tells why they have none); ``made``
+    is what the operator recorded (its parameters, what it reached). ``genome`` is None where
+    breeding itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
+    and no constraint of the recipe is broken.
     """
 
     generation: int
@@ -281,7 +281,7 @@ def births_of(
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
         if row["status"].as_py() == "ok":
-            _check_ok(row, values, header.measures)
+            _check_ok(row, values, header.measures if row["feasible"].as_py() else ())
         births.append(
             Birth(
                 **{name: row[name].as_py() for name in _PLAIN},

@@ -307,6 +307,9 @@ class Search:
     def __exit__(self, *_):
         pass
 
+    def prepare(self):
+        pass
+
     def __iter__(self):
         yield generation(0)
         if isinstance(self.then, BaseException):

@@ -1,0 +1,224 @@
+"""Guards: constraints of which the parents' codes have most, said before the first birth."""
+
+import math
+import re
+
+import pytest
+from test_search_recipe import replaced
+from test_search_run import run
+
+from evocity import fitness
+from evocity.coding import decode
+from evocity.errors import RecipeError, RunError
+from evocity.fitness import Constraint, Measure
+from evocity.report import unrecorded, write_report
+from evocity.search import Search, archive, read_recipe
+from evocity.search.guarding import Bounded, rounded, told_of
+from evocity.search.guarding import bounded as bounds_of
+from evocity.search.preparation import prepare
+from evocity.store import open_run
+
+#: Of children undefined; of what they have of their sources, too little for a bound of .5.
+OWN = """
+import evocity
+
+@evocity.fitness(goal="max")
+def settled(city, genome, parents):
+    if parents[0] is genome:
+        return 1.0
+    return evocity.fitness.Undefined("a child")
+
+@evocity.fitness(goal="max", range=(0, 1))
+def kin(city, genome, sources):
+    return 0.25 + 0.125 * genome.parent[0]
+
+@evocity.fitness(goal="max")
+def moody(city):
+    raise ValueError("out of sorts")
+"""
+SPREAD = '[[fitness]]\nfile = "toys.py"\nname = "spread"\n'
+
+
+def guarded(toy, bounds, **settings):
+    path = replaced(toy(**settings), '[[fitness]]\nfile = "toys.py"\n', SPREAD + bounds)
+    (path.parent / "own.py").write_text(OWN, encoding="utf-8")
+    return path
+
+
+def of_own(name, bound):
+    return f'[[fitness]]\nfile = "own.py"\nname = "{name}"\n{bound}\n'
+
+
+# -- a constraint that is undefined ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_constraint_that_is_undefined_is_broken_and_ends_nothing(toy, tmp_path, workers):
+    path = guarded(toy, of_own("settled", "min = 0.5"), max_failures=0.0)
+    last = run(path, tmp_path / "run", workers=workers)[-1]
+    assert last.failures == 0
+    assert {one.id for one in last.population if not one.violation} == {0, 1}
+    assert last.population[0].violation == 0 < last.population[-1].violation
+    found = open_run(tmp_path / "run")
+    for row in found.births().to_pylist():
+        child = row["id"] > 1
+        assert row["status"] == "ok"
+        assert row["feasible"] is not child
+        assert row["fitness.settled"] == (None if child else 1.0)
+        reason = "not recorded: settled is nan: a child, which breaks its bound"
+        assert row["error"] == (reason if child else None)
+    assert set(archive(found).births["id"].to_pylist()) <= {0, 1}
+    count = len(found.births())
+    assert unrecorded(found).startswith(f"{count - 2} of {count} births, such as: settled is nan")
+    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    assert "breaks a constraint" in page
+    assert "NaN" not in "".join(re.findall(r'data-keys="[^"]*"', page))
+
+
+def test_a_run_with_undefined_constraints_resumes_to_the_same_rows(toy, tmp_path):
+    path = guarded(toy, of_own("settled", "min = 0.5"))
+    run(path, tmp_path / "whole", workers=0)
+    run(path, tmp_path / "parts", workers=0, generations=1)
+    with Search.resume(tmp_path / "parts", generations=3, workers=0) as search:
+        list(search)
+    whole, parts = (
+        open_run(tmp_path / name).births().drop_columns(["seconds"]) for name in ("whole", "parts")
+    )
+    assert whole.equals(parts)
+
+
+def test_a_goal_that_is_undefined_still_fails(toy, tmp_path):
+    path = guarded(toy, of_own("settled", 'min = 0.5\ngoal = "max"'), max_failures=1.0)
+    run(path, tmp_path / "run", workers=0, generations=0)
+    births = open_run(tmp_path / "run").births(columns=["id", "status"]).to_pylist()
+    assert {row["status"] for row in births if row["id"] > 1} == {"invalid"}
+
+
+def test_what_is_told_as_nan_breaks_a_constraint(toy):
+    path = guarded(toy, of_own("settled", "min = 0.5"))
+    with Search(read_recipe(path), workers=0) as search:
+        genomes = search.ask()
+        told = [{"spread": 1.0, "settled": math.nan if k else 1.0} for k in range(len(genomes))]
+        told[2] = {"spread": math.nan, "settled": 1.0}
+        found = search.tell(told)
+    assert (found.feasible, found.failures) == (1, 1)
+
+
+# -- what no parent keeps ----------------------------------------------------------------------
+
+
+def test_a_bound_that_no_parent_keeps_is_told_before_the_first_birth(toy, tmp_path):
+    path = guarded(toy, '[[fitness]]\nname = "gsi"\nmin = 0.9\n')
+    with Search(read_recipe(path), out=tmp_path / "run", workers=0) as search:
+        search.prepare()
+        (told,) = [note for note in search.notes if "keeps" in note]
+        assert len(open_run(tmp_path / "run").generations) == 0
+        sources = open_run(tmp_path / "run").sources()
+        densities = [fitness.gsi(decode(source.genome).city) for source in sources]
+        had = ", ".join(
+            f"{source.name} {value:.4g}" for source, value in zip(sources, densities, strict=True)
+        )
+        assert told.startswith(f"no parent's own code keeps gsi ≥ 0.9: {had}; ")
+        best = max(densities)
+        (bound,) = re.findall(r"write min = ([\d.]+), which one keeps", told)
+        assert 0.99 * best < float(bound) <= best
+        assert next(iter(search)).feasible == 0
+
+
+def test_what_a_parent_keeps_is_not_spoken_of(toy, tmp_path):
+    path = guarded(toy, of_own("kin", "min = 0.3"))
+    with Search(read_recipe(path), workers=0) as search:
+        search.prepare()
+        assert not [note for note in search.notes if "keeps" in note]
+
+
+def test_a_guard_that_no_parent_keeps_is_refused(toy, tmp_path):
+    path = guarded(toy, of_own("kin", "min = 0.5"))
+    with (
+        pytest.raises(RecipeError, match=r"code keeps kin ≥ 0\.5: left 0\.25, right") as told,
+        Search(read_recipe(path), out=tmp_path / "run", workers=0) as search,
+    ):
+        list(search)
+    assert told.value.remedy == "write min = 0.375 for kin"
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_search_that_was_refused_may_be_asked_again(toy):
+    path = guarded(toy, of_own("kin", "min = 0.5"))
+    search = Search(read_recipe(path), workers=0)
+    for _ in range(2):
+        with pytest.raises(RecipeError, match="kin"):
+            search.prepare()
+    assert len(search.ask()) == 8  # who evaluates elsewhere knows what they ask for
+    search.close()
+    with pytest.raises(RunError, match="closed"):
+        search.prepare()
+
+
+def test_a_measure_that_fails_on_the_parents_is_not_judged(toy, tmp_path):
+    path = guarded(toy, of_own("moody", "min = 0.5"), max_failures=1.0)
+    with (
+        pytest.raises(RunError, match="out of sorts"),
+        Search(read_recipe(path), workers=0) as search,
+    ):
+        list(search)
+
+
+def test_parents_that_keep_each_bound_but_none_of_them_all(toy):
+    path = guarded(toy, of_own("kin", "min = 0.3"))
+    recipe = read_recipe(path)
+    prepared = prepare(recipe)
+    values = [{"kin": 0.25, "spread": 1.0}, {"kin": 0.375, "spread": 1.0}]
+    (kin,) = bounds_of(prepared, [Told(one) for one in values])
+    assert (kin.kept, kin.inherited, kin.told) == ({"right"}, True, "kin ≥ 0.3")
+    other = Bounded(Constraint(fitness.gsi, high=0.4), {"left": 0.3, "right": 0.5}, False)
+    (told,) = told_of([kin, other])
+    assert told.endswith("all constraints at once. Kept are kin ≥ 0.3: right; gsi ≤ 0.4: left")
+    assert told_of([other]) == []
+
+
+class Told:
+    status = "ok"
+
+    def __init__(self, values):
+        self.values = values
+
+
+@pytest.mark.parametrize(
+    ("goal", "low", "high", "values", "hopeless", "nearest"),
+    [
+        ("max", 0.5, None, (0.2, 0.4), True, "min = 0.4"),
+        ("max", 0.5, None, (0.2, math.nan), True, "min = 0.2"),
+        ("max", 0.5, None, (math.nan, math.nan), True, ""),
+        ("max", None, 0.5, (0.8, 0.9), False, "max = 0.8"),  # to be unlike one's parents
+        ("max", 0.2, 0.5, (0.8, 0.9), False, "max = 0.8"),
+        ("max", 0.4, 0.5, (0.1, 0.2), True, "min = 0.2"),
+        ("min", None, 0.15, (0.2, 0.23456), True, "max = 0.2"),
+        ("min", None, 0.15, (0.23456,), True, "max = 0.235"),
+        ("min", 0.3, None, (0.1, 0.12345), False, "min = 0.123"),
+        (None, 0.5, None, (0.1, 0.2), False, "min = 0.2"),
+    ],
+)
+def test_which_bounds_are_hopeless_and_what_is_nearest(goal, low, high, values, hopeless, nearest):
+    measure = Measure("m", lambda city: 0.0, goal, "", (0, 1), "", "", 0)
+    had = {f"city-{k}": value for k, value in enumerate(values)}
+    one = Bounded(Constraint(measure, low, high), had, inherited=True)
+    assert (one.hopeless, one.nearest, one.kept) == (hopeless, nearest, set())
+    assert not Bounded(one.constraint, had, inherited=False).hopeless
+    if nearest:
+        key, bound = nearest.split(" = ")
+        near = Constraint(measure, **{{"min": "low", "max": "high"}[key]: float(bound)})
+        assert any(not near.violation(value) for value in values if not math.isnan(value))
+
+
+@pytest.mark.parametrize("value", [1234.5, 0.0123456, -0.0123456, 3.0])
+def test_bounds_are_rounded_so_that_the_value_keeps_them(value):
+    down, up = rounded(value, up=False), rounded(value, up=True)
+    assert down <= value <= up
+    assert up - down <= 0.01 * abs(value)
+
+
+def test_the_demonstration_has_a_guard_that_its_parents_keep():
+    recipe = read_recipe("demo")
+    guard = {one.name: (one.min, one.max) for one in recipe.fitness if not one.is_objective}
+    assert guard == {"integrity": (0.5, None), "fabric_distance": (None, 0.15)}
