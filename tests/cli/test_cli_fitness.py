@@ -155,6 +155,7 @@ def test_measures_of_genome_and_parents_are_tried_on_children():
     assert told["usable"]
     assert told["values"]["lyon-1er, decoded"] == 1
     assert 0 < told["values"]["child by pavement_fusion"] < 1
+    assert told["values"]["child by quarter_fusion"] == 1
     assert told["values"]["lyon-1er"] is None
     assert "genome and sources" in told["reasons"]["lyon-1er"]
 

@@ -25,7 +25,7 @@ def notes(tmp_path, monkeypatch):
 def test_a_recipe_names_the_parts_that_it_calls(toy):
     parts = compiling.needed(read_recipe("demo"))
     assert parts[0] == warm.SEARCH
-    assert {"fit", "decode", "operator:region_fusion", "measure:crumbs"} <= set(parts)
+    assert {"fit", "decode", "operator:quarter_fusion", "measure:crumbs"} <= set(parts)
     assert not {"views", "operator:gene_copy", "measure:street_width", "search everywhere"} & {
         *parts
     }
