@@ -1,5 +1,6 @@
 """The `evocity` command: one file a command; each parses, calls the library and prints.
 
+- `recipe`: a recipe to begin from, for anyone's cities
 - `run`, `resume`: a search, shown while it goes on by `searching`
 - `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
@@ -29,6 +30,7 @@ from evocity.cli.grow import grow
 from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
 from evocity.cli.readers import readers
+from evocity.cli.recipe import recipe
 from evocity.cli.report import report
 from evocity.cli.resume import resume
 from evocity.cli.run import run
@@ -55,6 +57,7 @@ def main() -> None:
 
 for _command in (
     run,
+    recipe,
     resume,
     status,
     report,

@@ -129,6 +129,8 @@ _MAP_OPTIONS = (
         help="Metres of one grey level or unit of a raster.",
     ),
 )
+#: Of these, the ones that are of a file and not of the window.
+FILE_OPTIONS = _MAP_OPTIONS[3:]
 _MAP_KEYS = ("pixels", "metres_per_pixel", "center", "layer", "default_height", "height_scale")
 
 

@@ -163,10 +163,10 @@ def blaming_options(**given: object):
     except RecipeError as error:
         header, *faults = error.found.split("\n  ")
         keys = {
-            f"{section}.{name}: ": f"--{name} "
+            f"{section}.{name}: ": f"--{name.replace('_', '-')} "
             for name in given
             if given[name] is not None
-            for section in ("run", "evaluation")
+            for section in ("run", "evaluation", "map")
         }
         named = [
             next((o + fault[len(key) :] for key, o in keys.items() if fault.startswith(key)), fault)

@@ -11,7 +11,7 @@
 - `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
   `roof_flatness`
 - `sizes`: how the sizes of buildings are distributed: `salingaros`,
-  `salingaros_buildings`, `fit_sizes`, `crumbs`
+  `salingaros_buildings`, `fit_sizes`, `crumbs`, `small_buildings`
 - `shape`: what shape buildings have, how many there are: `elongation`, `rectangularity`,
   `convexity`, `compactness`, `eri`, `shape_index`, `building_density`, `component_density`,
   `party_wall_ratio`
@@ -88,6 +88,7 @@ from evocity.fitness.sizes import (
     fit_sizes,
     salingaros,
     salingaros_buildings,
+    small_buildings,
 )
 from evocity.fitness.texture import box_dimension, correlation_dimension, lacunarity
 from evocity.fitness.type_table import TypeTable
@@ -160,6 +161,7 @@ __all__ = [
     "salingaros_buildings",
     "shape_index",
     "sky_view_factor",
+    "small_buildings",
     "storeys",
     "street_width",
     "type_distance",

@@ -20,6 +20,9 @@ LARGEST = SMALLEST * math.e**4
 #: Fewer sizes than this say nothing of a distribution.
 FEWEST = 30
 
+#: What a building smaller than this is, m²: a shed, a garage, or a piece of a building.
+SMALL = 50.0
+
 _STEEPEST = 700.0  # bound on |m| ln(b/a), near the end of exp's range
 
 
@@ -160,6 +163,26 @@ def crumbs(city: CityMap) -> float:
     if not areas.size:
         return Undefined("nothing is built")
     return np.count_nonzero(areas < CRUMB) / (areas.sum() / 1e4)
+
+
+@fitness(goal="min", unit="/ha", range=(0, math.inf), any_site=True)
+def small_buildings(city: CityMap) -> float:
+    """How many buildings of less than 50 m² stand on a hectare: sheds, garages, and pieces.
+
+    `crumbs` counts what no building can be; this counts what a fabric has little of, and what
+    breeding leaves wherever it cuts a building. Buildings are told apart by gaps and by steps of
+    height.
+
+    Formula: buildings of less than 50 m² (`CityMap.buildings`), by the area of the map in hectares.
+    Unit: 1/ha. Range: 0 upwards. Empty map: 0.
+    Source: ours; in the bundled districts 5 to 23 % of the buildings are so small.
+
+    >>> heights = np.zeros((50, 50))
+    >>> heights[10:13, 10:13] = heights[30:40, 10:20] = 9
+    >>> small_buildings(CityMap(heights, 2.0))
+    1.0
+    """
+    return np.count_nonzero(city.buildings.area < SMALL) / (city.area / 1e4)
 
 
 def _slope(mean: float) -> float:

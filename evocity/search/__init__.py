@@ -2,6 +2,8 @@
 
 - `reading`, `recipe`, `values`, `agreement`: a TOML file becomes a `Recipe` without faults
 - `preparation`: maps are read and encoded, targets measured
+- `guarding`: which constraints the parents keep, before the first birth
+- `calibration`, `recipe_text`: a recipe to begin from, its guard calibrated on the parents
 - `breeding`: who is bred from whom, each birth from its own generator
 - `births`: plans become births, in one job each or by those who evaluate elsewhere
 - `door`: what an operator returned is checked before it is a birth of the run

@@ -38,6 +38,7 @@ def commands(group: click.Group = main, words: tuple[str, ...] = ()):
 def test_the_commands_are_these():
     assert [" ".join(words) for words, _ in commands()] == [
         "run",
+        "recipe new",
         "resume",
         "status",
         "report",

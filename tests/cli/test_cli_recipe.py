@@ -1,6 +1,16 @@
 """`evocity recipe new`, and what `run` says of bounds that no parent keeps."""
 
-from cli_tools import call, refused, write_recipe
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from cli_tools import call, contents, refused, write_recipe
+from towns import draw_town
+
+import evocity
+from evocity import search
+from evocity.coding import decode
 
 #: Of what children have of their sources, too little for a bound of .5.
 KIN = """
@@ -30,3 +40,194 @@ def test_run_refuses_a_guard_that_no_parent_keeps(tmp_path):
     says = "no parent's own code keeps kin ≥ 0.5: left 0.25, right 0.375"
     message = refused(tmp_path, "run", path, "--out", tmp_path / "run", says=says)
     assert "what to do: write min = 0.375 for kin" in message
+
+
+# -- a recipe to begin from --------------------------------------------------------------------
+
+OWN = """
+import evocity
+
+@evocity.fitness(goal="max", unit="m")
+def tallest(city):
+    "Height of the highest roof."
+    print("measuring")
+    return city.heights.max()
+
+@evocity.fitness()
+def middling(city):
+    return city.heights.mean()
+"""
+
+
+@pytest.fixture(scope="module")
+def towns(tmp_path_factory):
+    """A folder with two towns and a measure of one's own."""
+    folder = tmp_path_factory.mktemp("towns")
+    for seed, name in enumerate(("left", "right")):
+        np.save(folder / f"{name}.npy", draw_town(seed + 1, side=128, buildings=150).heights)
+    (folder / "own.py").write_text(OWN)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def night(towns):
+    """What `recipe new` tells and writes of two towns, in another folder than they lie in."""
+    (towns / "runs").mkdir()
+    path = towns / "runs" / "night.toml"
+    words = (towns / "left.npy", towns / "right.npy", "--pixels", 128, "--metres-per-pixel", 2)
+    own = ("--fitness", towns / "own.py", "--fitness", "gsi")
+    return path, call("recipe", "new", *words, *own, "-o", path, "--json")
+
+
+def test_the_recipe_runs_from_where_it_lies(night, tmp_path):
+    path, _ = night
+    recipe = search.read_recipe(path)
+    assert recipe.run.name == "night"
+    assert [parent.map for parent in recipe.parents] == ["../left.npy", "../right.npy"]
+    assert (recipe.map.pixels, recipe.map.metres_per_pixel) == (128, 2.0)
+    assert dict(recipe.operators) == dict(
+        search.recipe.Recipe.model_fields["operators"].get_default(call_default_factory=True)
+    )
+    usual = search.recipe.GenomeSection()
+    assert recipe.genome == usual
+    short = search.read_recipe(path, generations=1, population=6, workers=0)
+    with search.Search(short, out=tmp_path / "run") as breeding:
+        last = list(breeding)[-1]
+    assert not [note for note in breeding.notes if "keeps" in note]
+    assert last.failures == 0
+    assert last.feasible >= 2  # the parents at least
+
+
+def test_the_goals_are_the_users_and_the_guard_is_calibrated(night):
+    path, result = night
+    told = json.loads(result.stdout)
+    assert "measuring" in result.stderr
+    recipe = search.read_recipe(path)
+    cities = [
+        evocity.read_map(path.parents[1] / f"{n}.npy", metres_per_pixel=2)
+        for n in ("left", "right")
+    ]
+    codes = [evocity.encode(city).genome for city in cities]
+    decoded = [decode(code).city for code in codes]
+    goals = {one.measures[0].name: one for one in recipe.fitness if one.is_objective}
+    assert list(goals) == ["tallest", "gsi"]  # of a file those that have a goal, if one has
+    assert goals["tallest"].file == "../own.py"
+    assert goals["gsi"].target == pytest.approx(evocity.fitness.gsi(decoded[0]), rel=1e-3)
+    bounds = {one.name: (one.min, one.max) for one in recipe.fitness if not one.is_objective}
+    assert bounds["integrity"] == (0.5, None)
+    reference = evocity.fitness.Reference.sources(cities)
+    fabric = [
+        evocity.fitness.fabric_distance(one, genome=code, reference=reference)
+        for one, code in zip(decoded, codes, strict=True)
+    ]
+    assert told["values"]["fabric_distance"]["left"]["code"] == fabric[0]
+    assert bounds["fabric_distance"][1] == pytest.approx(max(0.15, 2 * max(fabric)), rel=0.01)
+    assert bounds["fabric_distance"][1] >= 2 * max(fabric)
+    small = [evocity.fitness.small_buildings(one) for one in cities]
+    kept = max(1.3 * max(small), min(map(evocity.fitness.small_buildings, decoded)))
+    assert bounds["small_buildings"][1] == pytest.approx(kept, rel=0.01)
+    assert told["bounds"] == {
+        name: {"min" if high is None else "max": low if high is None else high}
+        for name, (low, high) in bounds.items()
+    }
+    assert told["births"] == 48 * 101
+    assert told["duration"] == pytest.approx(told["births"] * told["seconds"] / recipe.worker_count)
+
+
+def test_the_comments_tell_what_the_parents_have_and_how_long_it_takes(night):
+    path, result = night
+    text = " ".join(path.read_text(encoding="utf-8").replace("\n# ", " ").split())
+    told = json.loads(result.stdout)
+    for name, of in told["values"].items():
+        for parent, had in of.items():
+            assert f"of {parent} has {had['map']:.3g}, its code {had['code']:.3g}" in text, name
+    assert f"4848 births; one took {1000 * told['seconds']:.0f} ms here" in text
+    assert "tallest: Height of the highest roof. More of it is better." in text
+    assert max(map(len, path.read_text(encoding="utf-8").splitlines())) <= 100
+
+
+def test_it_tells_what_it_calibrated_and_what_comes_next(towns, tmp_path):
+    words = (towns / "left.npy", "--pixels", 64, "--fitness", "crumbs", "-o")
+    result = call("recipe", "new", *words, tmp_path / "one.toml")
+    assert "integrity" in result.stdout
+    assert f"wrote {tmp_path / 'one.toml'}" in result.stdout
+    assert f"evocity run {tmp_path / 'one.toml'}" in result.stdout
+    # a recipe that exists is written over when asked to alone
+    refused(tmp_path, "recipe", "new", *words, tmp_path / "one.toml", says="exists already")
+    call("recipe", "new", *words, tmp_path / "one.toml", "--force")
+
+
+def test_a_guard_that_is_a_goal_too_stands_once(towns, tmp_path):
+    words = (towns / "left.npy", towns / "right.npy", "--pixels", 128)
+    call("recipe", "new", *words, "--fitness", "fabric_distance", "-o", tmp_path / "a.toml")
+    (one,) = [
+        one
+        for one in tomllib.loads((tmp_path / "a.toml").read_text())["fitness"]
+        if one["name"] == "fabric_distance"
+    ]
+    assert one["goal"] == "min"
+    assert one["max"] >= 0.15
+
+
+def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
+    heights = np.zeros((64, 64))
+    heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0
+    np.save(tmp_path / "two.npy", heights)
+    result = call("recipe", "new", tmp_path / "two.npy", "--pixels", 64, "-o", tmp_path / "a.toml")
+    assert "Note: fabric_distance: no bound, for it is undefined of two" in result.stderr
+    recipe = search.read_recipe(tmp_path / "a.toml")
+    names = [one.name for one in recipe.fitness]
+    assert "fabric_distance" not in names
+    assert "salingaros_buildings" not in names  # nor a goal that is undefined
+    assert {"autosimilarity", "crumbs", "integrity", "small_buildings"} <= set(names)
+    assert recipe.fitness[-1].max == 0.1  # of none at all, some are granted
+
+
+def test_centers_are_of_the_map_files(tmp_path, towns):
+    from evocity.cli.recipe import _parents
+
+    np.save(tmp_path / "a.npy", np.zeros((8, 8)))
+    files = [str(tmp_path / "a.npy"), "lyon-1er"]
+    here, there = (4.8, 45.7), (4.9, 45.8)
+    (first, second) = _parents(files, [here], {}, tmp_path)
+    assert (first, second) == ({"map": "a.npy", "center": [4.8, 45.7]}, {"map": "lyon-1er"})
+    (first, second) = _parents(files, [here, there], {"height_scale": 2.0}, tmp_path)
+    assert first == {"map": "a.npy", "center": [4.8, 45.7], "height_scale": 2.0}
+    assert second == {"map": "lyon-1er", "center": [4.9, 45.8]}
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("left.npy", "--pixels", 100), "--pixels 100"),
+        (("left.npy", "--pixels", 4), "--pixels 4"),
+        (("left.npy", "--metres-per-pixel", 0), "--metres-per-pixel 0"),
+        (("missing.npy",), "no file"),
+        (("lyon-2e",), "no bundled city"),
+        (("left.npy", "--fitness", "no_such"), "no measure is called 'no_such'"),
+        (("left.npy", "--fitness", "missing.py"), "no Python file"),
+        (("left.npy", "--fitness", "broken.py"), "out of sorts"),
+        (("left.npy", "--fitness", "never.py"), "never is undefined of left"),
+        (("left.npy", "--layer", "houses"), "--layer houses"),
+        (("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3), "3 × --center for 2 maps"),
+        (("left.npy", "-o", "a.txt"), "cannot be written here"),
+        (("left.npy", "-o", "nowhere/a.toml"), "no folder"),
+        (("left.npy", "-o", "kept.toml"), "exists already"),
+    ],
+)
+def test_bad_input_is_refused(towns, tmp_path, monkeypatch, words, says):
+    for name in ("left.npy", "right.npy"):
+        (tmp_path / name).write_bytes((towns / name).read_bytes())
+    (tmp_path / "kept.toml").write_text("mine")
+    head = "import evocity\n\n@evocity.fitness(goal='max')\n"
+    (tmp_path / "broken.py").write_text(
+        head + "def broken(city):\n    raise ValueError('out of sorts')\n"
+    )
+    (tmp_path / "never.py").write_text(
+        head + "def never(city):\n    return evocity.fitness.Undefined('no')\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    output = () if "-o" in words else ("-o", "night.toml")
+    pixels = () if "--pixels" in words else ("--pixels", 64)
+    refused(tmp_path, "recipe", "new", *words, *pixels, *output, says=says)
+    assert (tmp_path / "kept.toml") in contents(tmp_path)

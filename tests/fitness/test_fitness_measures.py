@@ -22,6 +22,7 @@ from evocity.fitness import (
     mean_height,
     salingaros,
     salingaros_buildings,
+    small_buildings,
 )
 
 # -- density -----------------------------------------------------------------------------
@@ -150,6 +151,18 @@ def test_salingaros_of_buildings_tells_houses_of_a_block_apart():
     assert 0 < salingaros_buildings(block) <= 1
     few = CityMap(heights[:, :100], 1.0)
     assert "buildings of 5 to 273 m" in salingaros_buildings(few).reason
+
+
+def test_small_buildings_are_told_apart_by_steps_and_counted_on_the_whole_map():
+    heights = np.zeros((100, 100))
+    heights[10:14, 10:16] = 6  # 96 m² at 2 m
+    heights[10:14, 16:19] = 12  # 48 m², wall to wall with it
+    heights[40:44, 40:43] = 9  # 48 m²
+    heights[60:65, 60:62] = 9  # 40 m²
+    hectares = heights.size * 4 / 1e4
+    assert small_buildings(CityMap(heights, 2.0)) == pytest.approx(3 / hectares)
+    assert small_buildings(CityMap(heights, 4.0)) == 0
+    assert small_buildings(CityMap(np.zeros((8, 8)), 2.0)) == 0
 
 
 def test_crumbs_are_counted_by_their_area_not_their_pixels():
