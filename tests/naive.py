@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from evocity import isometries
 from evocity.coding.matching.matches import TIE
+from evocity.genome import unpacked
 
 
 def moved(before, after, tolerance, sky):
@@ -1061,3 +1062,34 @@ def best_fit(
             if enough and (best is None or score > best.score + 1e-7):
                 best = Fitting((iso, y, x), score, kept)
     return best
+
+
+def cells_laid(heights, whose, row, column, iso, cell):
+    """A map of cells of others, each turned; bare ground where ``whose`` is beyond the last."""
+    found = np.zeros(heights.shape[1:], np.float32)
+    for i, j in np.ndindex(whose.shape):
+        if whose[i, j] < len(heights):
+            y, x = row[i, j] * cell, column[i, j] * cell
+            square = heights[whose[i, j], y : y + cell, x : x + cell]
+            here = np.s_[i * cell : (i + 1) * cell, j * cell : (j + 1) * cell]
+            found[here] = isometries.apply(int(iso[i, j]), square)
+    return found
+
+
+def stones_of_cells(genome, cell):
+    """City, row and column of the source's cell that each cell of a map shows: every lifs lays the
+    pixels of its stone, turned."""
+    height, width = genome.pavement.height, genome.pavement.width
+    pixels = np.zeros((3, height, width), int)
+    for k, (top, left, side) in enumerate(
+        zip(*genome.pavement.corners, genome.pavement.side, strict=True)
+    ):
+        y, x = (int(one[k]) for one in unpacked(genome.source))
+        stone = np.mgrid[y : y + side, x : x + side]
+        here = np.s_[top : top + side, left : left + side]
+        pixels[0][here] = genome.parent[k]
+        for axis in (0, 1):
+            pixels[axis + 1][here] = isometries.apply(int(genome.turn[k]), stone[axis])
+    city = pixels[0, ::cell, ::cell]
+    cells = pixels.reshape(3, height // cell, cell, width // cell, cell).min(axis=(2, 4))
+    return np.stack([city, cells[1] // cell, cells[2] // cell])

@@ -19,13 +19,19 @@ from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
-from evocity.genome import VOID
+from evocity.genome import VOID, unpacked
 from evocity.operators.crossing import raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.quarter_fusion import QuarterFusion
 from evocity.operators.quarter_refill import QuarterRefill
 from evocity.operators.street_blocks import Room, best_place, street_blocks
-from evocity.operators.street_blocks._kernels import SPARE, best_fit
+from evocity.operators.street_blocks._kernels import (
+    SPARE,
+    best_fit,
+    lay_cells,
+    row_sums,
+    stones_of_cells,
+)
 from evocity.operators.street_blocks.stones import Stones
 from evocity.pavement import Pavement
 
@@ -135,6 +141,46 @@ def test_the_kernel_against_its_naive_twin(seed, itself):
     assert (iso, top, left) == twin.place
     fit = best_place(room, donor, stale, enough, 0.03, _Draws(draws), itself)
     assert ((fit.iso, fit.top, fit.left), fit.kept.tolist()) == (twin.place, twin.kept.tolist())
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (6, 8), (1, 1)])
+def test_what_is_built_left_of_each_border(shape):
+    rng = np.random.default_rng(shape)
+    built, stale = rng.random(shape) < 0.6, rng.choice([0, 0.5], shape).astype(np.float32)
+    stale[~built] = 0
+    sums = np.zeros((2, shape[0], shape[1] // 2 + 1), np.float32)
+    row_sums(built, stale, sums)
+    for border in range(shape[1] + 1):
+        left = (built - stale)[:, :border].sum(axis=1)
+        assert np.array_equal(sums[border % 2, :, border // 2], left)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_cells_are_laid_as_their_naive_twin_lays_them(seed):
+    rng = np.random.default_rng(seed)
+    rows, columns, cell = *rng.integers(1, 6, 2), int(rng.integers(1, 5))
+    heights = rng.random((3, rows * cell, columns * cell)).astype(np.float32)
+    whose, row, column, iso = (
+        rng.integers(most, size=(rows, columns)) for most in (4, rows, columns, 8)
+    )
+    found = np.full(heights.shape[1:], -1, np.float32)
+    lay_cells(heights, whose, row, column, iso.astype(np.uint8), isometries.AFFINE, cell, found)
+    assert np.array_equal(found, naive.cells_laid(heights, whose, row, column, iso, cell))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_stones_of_cells_are_those_of_their_pixels(layout):
+    """A child of turned stones: each cell shows the square of the source that its pixels show."""
+    parents, cell = towns(layout), 2 if layout == "leaves" else 4
+    child = QuarterFusion(fill=0.5, density=0.1, repair=None)(parents, np.random.default_rng(3))
+    assert np.unique(child.turn).size > 2
+    found = np.empty((3, 96 // cell, 96 // cell), np.int32)
+    row, column = unpacked(child.source)
+    stones_of_cells(
+        child.pavement.index, *child.pavement.corners, child.pavement.side, child.turn,
+        child.parent.astype(np.int32), row, column, isometries.AFFINE, cell, found,
+    )  # fmt: skip
+    assert np.array_equal(found, naive.stones_of_cells(child, cell))
 
 
 class _Draws:
@@ -361,10 +407,11 @@ def test_stones_are_known_wherever_they_lie(layout):
         assert height == (known[stone] if stone else 0)
     assert side == (2 if layout == "leaves" else 4)
     found.count(found.of[0], 1)
-    standing = found.standing(2)
-    assert np.array_equal(standing, np.isin(found.of[2], found.of[0]))
+    every = np.ones(found.of[2].shape, bool)
+    assert np.array_equal(found.stale(2, every, 1.0), np.isin(found.of[2], found.of[0]))
+    assert not found.stale(2, ~every, 1.0).any()
     found.count(found.of[0], -1)
-    assert not found.standing(2).any()
+    assert not found.stale(2, every, 1.0).any()
 
 
 def test_what_stands_already_is_seldom_laid_again():

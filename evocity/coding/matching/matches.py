@@ -154,7 +154,7 @@ class Search:
 
 def listed(kernel, columns: int, *arguments) -> np.ndarray:
     """What a kernel of the kind of list_tiles lists: int64 ``(columns, n)``."""
-    room = 4096
+    room = 1 << 15
     while True:
         found = np.empty((columns, room), np.int64)
         count = kernel(*arguments, *found)

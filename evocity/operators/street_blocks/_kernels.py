@@ -66,6 +66,84 @@ def best_fit(
 
 
 @kernel
+def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affine, cell, found):
+    """Which square of which source city each cell of a map shows.
+
+    index : int32 ``(H, W)``, the range block at each pixel.
+    top, left, side : of the range blocks, px.
+    turn, city, source_y, source_x : of the lifs: the isometry its stone is turned by, the number of
+        its city, -1 for the void, and the stone's north-west corner there, px.
+    affine : `evocity.isometries.AFFINE`.
+    cell : side of the cells, px, at most that of the finest range block.
+    found : int32 ``(3, R, C)``, becomes city, row and column of each, in cells.
+    """
+    for i in range(found.shape[1]):
+        for j in range(found.shape[2]):
+            k = index[i * cell, j * cell]
+            a, last = affine[turn[k]], side[k] - 1
+            down, along = i * cell - top[k], j * cell - left[k]
+            # where the source shows the cell's first pixel, and how far off its last one
+            y = source_y[k] + a[0] * last + a[2] * down + a[4] * along
+            x = source_x[k] + a[1] * last + a[3] * down + a[5] * along
+            y += min((a[2] + a[4]) * (cell - 1), 0)
+            x += min((a[3] + a[5]) * (cell - 1), 0)
+            found[0, i, j], found[1, i, j], found[2, i, j] = city[k], y // cell, x // cell
+
+
+@kernel
+def stale_cells(built, stones, counts, worth, stale):
+    """What the ``built`` cells of a donor, bool ``(R, C)``, count less: float32 ``stale`` becomes
+    ``worth`` where the stone, of int64 ``stones``, 0 for none, stands on the map by the ``counts``
+    of each; 0 elsewhere."""
+    for i in range(built.shape[0]):
+        for j in range(built.shape[1]):
+            stone = stones[i, j]
+            stands = built[i, j] and stone > 0 and counts[stone] > 0
+            stale[i, j] = worth if stands else np.float32(0)
+
+
+@kernel
+def row_sums(built, stale, sums):
+    """Of each row of cells, how much is ``built`` (bool ``(R, C)``), less what is ``stale``, left
+    of each border: float32 ``sums (2, R, n)``, zeros before, of the even borders, then of the odd
+    ones."""
+    for i in range(built.shape[0]):
+        total = np.float32(0)
+        for j in range(built.shape[1]):
+            if built[i, j]:
+                total += np.float32(1) - stale[i, j]
+            sums[(j + 1) & 1, i, (j + 1) >> 1] = total
+
+
+@kernel
+def lay_cells(heights, whose, row, column, iso, affine, cell, laid):
+    """Lay cells of several maps, turned.
+
+    heights : float32 ``(n, H, W)``.
+    whose : int64 ``(R, C)``, of which map each cell is; n for bare ground.
+    row, column : int64 ``(R, C)``, which cell of that.
+    iso : uint8 ``(R, C)``, the isometry it is laid under.
+    affine : `evocity.isometries.AFFINE`.
+    cell : side of the cells, px.
+    laid : float32 ``(H, W)``, becomes the map.
+    """
+    last = cell - 1
+    for i in range(whose.shape[0]):
+        for j in range(whose.shape[1]):
+            top, left, one = i * cell, j * cell, whose[i, j]
+            if one == heights.shape[0]:
+                laid[top : top + cell, left : left + cell] = 0
+                continue
+            a, y, x = affine[iso[i, j]], row[i, j] * cell, column[i, j] * cell
+            for u in range(cell):
+                for v in range(cell):
+                    laid[top + u, left + v] = heights[
+                        one, y + a[0] * last + a[2] * u + a[4] * v,
+                        x + a[1] * last + a[3] * u + a[5] * v,
+                    ]  # fmt: skip
+
+
+@kernel
 def _turned(block, weights, a):
     """A block and its weights as they lie on the donor, under the isometry that ``a`` tells."""
     tall, wide = block.shape

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evocity import isometries
 from evocity.coding.decoded import decoded
 from evocity.genome import Genome, Pieces, laid
+from evocity.isometries import AFFINE
 from evocity.operators.crossing import raw_heights
 from evocity.operators.pavement_fusion import ground
+from evocity.operators.street_blocks._kernels import lay_cells
 from evocity.operators.street_blocks.blocks import street_blocks
 from evocity.operators.street_blocks.fits import Fit, Room, best_place
 from evocity.operators.street_blocks.stones import Stones
@@ -81,7 +82,7 @@ class Filling:
             self._lay(room, donor, None, np.zeros(room.block.shape, bool))
             return True
         theirs = self._blocks[donor]
-        stale = (self._stones.standing(donor) & theirs.built) * np.float32(self._repeats)
+        stale = self._stones.stale(donor, theirs.built, self._repeats)
         fit = best_place(room, theirs, stale, self._density, self._spread, rng, itself=donor == 0)
         if fit is None:
             self._stones.count(gone, 1)
@@ -115,18 +116,8 @@ class Filling:
 
     def intended(self) -> np.ndarray:
         """The map that is meant, float32 ``(H, W)``, metres."""
-        grid, (rows, columns) = self._grid, self.given.shape
-        side = grid.block
-        source = np.ravel_multi_index(tuple(self._from), (rows, columns)).ravel()
-        squares = np.zeros((len(grid), side, side), np.float32)
-        for number, parent in enumerate(self._parents):
-            mine = (self.given == number) & ~self._bare
-            if not mine.any():
-                continue
-            theirs = grid.blocks(raw_heights(parent)).reshape(len(grid), side, side)
-            for iso in np.unique(self._iso[mine]).tolist():
-                here = np.flatnonzero(mine & (self._iso == iso))
-                squares[here] = isometries.apply(iso, theirs[source[here]])
-        return np.ascontiguousarray(
-            squares.reshape(rows, columns, side, side).swapaxes(1, 2).reshape(grid.height, -1)
-        )
+        heights = np.stack([raw_heights(parent) for parent in self._parents])
+        found = np.empty(heights.shape[1:], np.float32)
+        whose = np.where(self._bare, self.void, self.given)
+        lay_cells(heights, whose, *self._from, self._iso, AFFINE, self._grid.block, found)
+        return found

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import binary_propagation
 
 from evocity import isometries
-from evocity.operators.street_blocks._kernels import SPARE, best_fit
+from evocity.operators.street_blocks._kernels import SPARE, best_fit, row_sums
 from evocity.operators.street_blocks.blocks import StreetBlocks
 from evocity.views.ground.distance import nearest_built
 
@@ -117,7 +117,7 @@ def best_place(
     tall, wide = room.block.shape
     own = [room.top, room.left, room.top + tall, room.left + wide] if itself else [0, 0, 0, 0]
     iso, top, left, _ = best_fit(
-        _sums(donor.built - stale),
+        _sums(donor.built, stale),
         donor.components,
         donor.covered,
         stale,
@@ -140,14 +140,14 @@ def best_place(
     return replace(fit, kept=whole[seen] & room.block)
 
 
-def _sums(built: np.ndarray) -> np.ndarray:
-    """Of each row of cells ``(R, C)``, how much is ``built`` left of each border: float32 ``(2, R,
-    n)``, of the even borders, then of the odd ones; with spare items after them."""
+def _sums(built: np.ndarray, stale: np.ndarray) -> np.ndarray:
+    """Of each row of cells ``(R, C)``, how much is ``built``, less what is ``stale``, left of each
+    border: float32 ``(2, R, n)``, of the even borders, then of the odd ones; with spare items
+    after them."""
     rows, columns = built.shape
-    borders = columns + 1
-    sums = np.zeros((rows, borders + borders % 2 + 2 * SPARE), np.float32)
-    np.cumsum(built, axis=1, out=sums[:, 1:borders])
-    return np.ascontiguousarray(sums.reshape(rows, -1, 2).transpose(2, 0, 1))
+    sums = np.zeros((2, rows, columns // 2 + 1 + SPARE), np.float32)
+    row_sums(built, stale, sums)
+    return sums
 
 
 def _weights(block: np.ndarray, around: np.ndarray, own: np.ndarray, facades: float) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from evocity.genome import VOID, Genome, unpacked
 from evocity.isometries import AFFINE
+from evocity.operators.street_blocks._kernels import stale_cells, stones_of_cells
 from evocity.pavement import Pavement
 
 
@@ -23,7 +24,7 @@ class Stones:
         found = [_places(genome, grid, cities) for genome in genomes]
         tall, wide = (1 + max(int(one[k].max()) for one in found) for k in (1, 2))
         self.of = [
-            np.where(city < 0, 0, (city * tall + row) * wide + column + 1)
+            np.where(city < 0, 0, (city.astype(np.int64) * tall + row) * wide + column + 1)
             for city, row, column in found
         ]
         self._counts = np.zeros(len(cities) * tall * wide + 1, np.int64)
@@ -32,25 +33,22 @@ class Stones:
         """So many more of each of the ``stones`` stand on the map."""
         np.add.at(self._counts, stones, step)
 
-    def standing(self, genome: int) -> np.ndarray:
-        """Bool ``(R, C)``: which stones of a genome stand on the map already."""
-        there = self._counts > 0
-        there[0] = False  # the void is no stone
-        return there[self.of[genome]]
+    def stale(self, genome: int, built: np.ndarray, worth: float) -> np.ndarray:
+        """What the cells of a genome that are ``built``, bool ``(R, C)``, count less: float32 ``(R,
+        C)``, ``worth`` where the stone stands on the map already. The void is no stone."""
+        found = np.empty(built.shape, np.float32)
+        stale_cells(built, self.of[genome], self._counts, np.float32(worth), found)
+        return found
 
 
-def _places(genome: Genome, grid: Pavement, cities: dict[str, int]) -> tuple[np.ndarray, ...]:
-    """City, row and column of the stone of each cell, ``(R, C)`` each; the city −1 for the void."""
-    side, pavement = grid.block, genome.pavement
-    y, x = np.mgrid[: grid.height : side, : grid.width : side]
-    lifs = pavement.index[y, x]
-    top, left = (corner[lifs] for corner in pavement.corners)
-    last, a = pavement.side[lifs] - 1, AFFINE.T[:, genome.turn[lifs]]
-    places = []
-    for k, source in enumerate(unpacked(genome.source)):
-        # where the source shows the cell's first pixel, and how far off its last one
-        first = a[k] * last + a[k + 2] * (y - top) + a[k + 4] * (x - left)
-        across = (a[k + 2] + a[k + 4]) * (side - 1)
-        places.append((source[lifs] + first + np.minimum(across, 0)) // side)
-    numbers = np.array([cities.get(name, -1) for name in genome.cities])
-    return numbers[genome.parent[lifs]], *places
+def _places(genome: Genome, grid: Pavement, cities: dict[str, int]) -> np.ndarray:
+    """City, row and column of the stone of each cell, int32 ``(3, R, C)``; the city −1 for the
+    void."""
+    pavement = genome.pavement
+    numbers = np.array([cities.get(name, -1) for name in genome.cities], np.int32)
+    found = np.empty((3, grid.rows, grid.columns), np.int32)
+    stones_of_cells(
+        pavement.index, *pavement.corners, pavement.side, genome.turn,
+        numbers[genome.parent], *unpacked(genome.source), AFFINE, grid.block, found,
+    )  # fmt: skip
+    return found
