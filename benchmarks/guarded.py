@@ -100,12 +100,17 @@ def main(given) -> None:
             columns = [np.array(one) for one in zip(*(row[:-1] for row in table), strict=True)]
             law, whole, thin, apart, still = columns
             print(
-                f"{how:9} correlation {spearmanr(law, whole).statistic:5.2f}, "
+                f"{how:9} correlation {correlation(law, whole)}, "
                 f"integrity {whole.mean():.2f}, slivers {thin.mean():.2f}, "
                 f"fabric distance {apart.mean():.3f}, in place {still.mean():.2f}, "
                 f"different {different(genomes[how])} of {len(table)}, "
                 f"hypervolume {moocore.hypervolume(losses[how], ref=reference):.4g}"
             )
+
+
+def correlation(law, whole) -> str:
+    """Of ranks; none where integrity is one for all."""
+    return "none" if np.ptp(whole) == 0 else f"{spearmanr(law, whole).statistic:.2f}"
 
 
 def bred(folder: Path, pair, given) -> Path:

@@ -1093,3 +1093,27 @@ def stones_of_cells(genome, cell):
     city = pixels[0, ::cell, ::cell]
     cells = pixels.reshape(3, height // cell, cell, width // cell, cell).min(axis=(2, 4))
     return np.stack([city, cells[1] // cell, cells[2] // cell])
+
+
+def distinct(looks, apart):
+    """Indices of looks, each taken that differs from all taken before by more than 3 m (30 dm) in
+    more than the share ``apart`` of its cells."""
+    taken = []
+    for index, look in enumerate(looks):
+        gaps = [np.abs(look.astype(int) - looks[other].astype(int)) for other in taken]
+        if all(np.mean(gap > 30) > apart for gap in gaps):
+            taken.append(index)
+    return taken
+
+
+def most_distinct(looks, apart):
+    """How many of some looks differ pairwise at most, of all choices of them."""
+    pairs = {
+        (i, j): len(distinct([looks[i], looks[j]], apart)) == 2
+        for i, j in itertools.combinations(range(len(looks)), 2)
+    }
+    for count in range(len(looks), 1, -1):
+        for some in itertools.combinations(range(len(looks)), count):
+            if all(pairs[pair] for pair in itertools.combinations(some, 2)):
+                return count
+    return min(len(looks), 1)

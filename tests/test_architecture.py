@@ -50,7 +50,8 @@ ROOMS = set(MAY_IMPORT) - {"__init__", "__main__"}
 
 # Libraries that one file alone may know.
 KEPT_APART = {
-    frozenset({"deap", "moocore"}): "search/",
+    frozenset({"deap"}): "search/borrowed/",
+    frozenset({"moocore"}): "search/borrowed/",
     frozenset({"nlopt"}): "",
     frozenset({"dask", "distributed"}): "search/",
 }
@@ -256,7 +257,9 @@ def test_numba_stays_in_the_kernels(path):
         assert not [name for name in imported(tree) if name.startswith("evocity.accelerate")]
 
 
-@pytest.mark.parametrize(("kept", "room"), KEPT_APART.items(), ids=["deap", "nlopt", "dask"])
+@pytest.mark.parametrize(
+    ("kept", "room"), KEPT_APART.items(), ids=["deap", "moocore", "nlopt", "dask"]
+)
 def test_one_file_knows_the_library(kept, room):
     users = [path for path in MODULES if libraries(tree_of(path)) & kept]
     assert len(users) <= 1

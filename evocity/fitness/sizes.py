@@ -115,17 +115,20 @@ def salingaros_buildings(city: CityMap) -> float:
 
     Formula: that of `salingaros`, of the sizes x = √area of buildings told apart by gaps and by
     steps of height (`CityMap.buildings`). Where a street block is one built component, of which
-    there are too few in dense fabric, its houses still are many. The papers (Marsault 2005, §4.2)
-    ask for the law and do not say of what; they speak of buildings, so this is what they mean.
+    there are too few in dense fabric, its houses still are many. What is less than 5 m wide (the
+    short side of its least box) is no building and does not count: the law wants many small sizes,
+    and strips of a roof would be the cheapest. The papers (Marsault 2005, §4.2) ask for the law
+    and do not say of what; they speak of buildings, so this is what they mean.
     Unit: none. Range: 0 to 1.
-    Empty map: NaN, and on any map of fewer than 30 buildings of 5 to 273 m: too few to tell.
+    Empty map: NaN, and on any map of fewer than 30 such buildings of 5 to 273 m: too few to tell.
     Source: Salingaros & West 1999 (EPB 26:909-923); buildings as in `building_density`.
 
     >>> heights = np.zeros((64, 64))
     >>> salingaros_buildings(CityMap(heights, 2.0)).reason
     '0 buildings of 5 to 273 m; fewer than 30 have no distribution'
     """
-    return _follows(city.buildings.area, "buildings")
+    buildings = city.buildings
+    return _follows(buildings.area[buildings.box[:, 1] >= SMALLEST], "buildings")
 
 
 def _follows(areas: np.ndarray, what: str) -> float:

@@ -261,9 +261,9 @@ class Facts:
 
     @cached_property
     def members(self) -> list[dict]:
-        """The last generation: id, rank, crowding; the first front first, wide apart first."""
-        rows = self.run.members(self.last).select(["id", "rank", "crowding"]).to_pylist()
-        return sorted(rows, key=lambda row: (row["rank"], -row["crowding"], row["id"]))
+        """The last generation: slot, id, rank; best first, as its algorithm has them."""
+        rows = self.run.members(self.last).select(["slot", "id", "rank"]).to_pylist()
+        return sorted(rows, key=lambda row: row["slot"])
 
     @property
     def front(self) -> list[int]:

@@ -9,15 +9,18 @@
 - `door`: what an operator returned is checked before it is a birth of the run
 - `evaluator`: one individual bred and evaluated, whatever an operator or a measure does
 - `evaluation`, `worker`, `warm`: worker processes with a deadline for each individual
-- `nsga2`, `population`: who dominates, who lives, how good the living are together
+- `algorithms`: who lives on and who breeds, an algorithm a file
+- `fronts`, `looks`: who dominates whom, how good many are together, which cities look alike
+- `borrowed`: what of that comes from DEAP and moocore, a file each
+- `individual`, `population`: the living, generation by generation
 - `engine`: `Search`, the loop, which writes every birth down
 - `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
 - `archiving`: of all births ever, those that no other dominates
 """
 
 from evocity.search.archiving import Archive, archive
-from evocity.search.breeding import Individual
 from evocity.search.engine import Generation, Search
+from evocity.search.individual import Individual
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
 

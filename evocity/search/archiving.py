@@ -1,6 +1,6 @@
 """The archive of a run: of all births ever, those that no other dominates.
 
-A population has a fixed size and forgets what crowding leaves no room for. The log does not:
+A population has a fixed size and forgets what it has no room for. The log does not:
 this reads it, columns alone. Nothing of the run is executed, no measure is loaded.
 """
 
@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
-from evocity.search.nsga2 import Hypervolume, not_dominated, ranks_and_crowding
+from evocity.search.fronts import Hypervolume, crowding_of, not_dominated, ranks_of
 from evocity.store import Run
 
 _ROWS = 20_000  # births that are compared with the archive at a time
@@ -84,7 +84,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
         front, chosen = front[among], chosen[among]
     alive = np.vstack(alive)
     lives = set(map(tuple, alive.tolist()))
-    crowding = ranks_and_crowding(front)[1]
+    crowding = crowding_of(front, ranks_of(front))
     table = births.take(pa.array(chosen)).drop_columns(["status"])
     table = table.append_column("crowding", pa.array(crowding, pa.float64()))
     found = [row in lives for row in map(tuple, front.tolist())]

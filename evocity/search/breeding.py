@@ -6,23 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from evocity.genome import Genome
-from evocity.search.nsga2 import tournament
+from evocity.search.algorithms import Algorithm
+from evocity.search.individual import Individual
 from evocity.search.recipe import OperatorEntry, Recipe
-
-
-@dataclass(frozen=True)
-class Individual:
-    """One of the living: ``values`` maps measures to raw values, ``losses`` are what selection
-    makes small, in the order of the objectives; ``violation`` is how far constraints are broken, 0
-    if they are kept; ``rank`` is its front, 0 the best."""
-
-    id: int
-    genome: Genome = field(repr=False)
-    values: dict[str, float]
-    losses: tuple[float, ...] = field(repr=False)
-    violation: float = 0.0
-    rank: int = 0
-    crowding: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -97,31 +83,31 @@ def founders_of(operator, count: int) -> range:
 
 def next_population(
     recipe: Recipe,
+    algorithm: Algorithm,
     generation: int,
     living: Sequence[Individual],
     sources: Sequence[Genome],
 ) -> list[Plan]:
-    """The children of one generation: operator by weight, parents by tournament, then the
+    """The children of one generation: operator by weight, parents by the algorithm, then the
     operator's parameters that the recipe gives ranges of; the ``sources`` are further parents of
     operators that take from anywhere."""
     names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
     weights = np.array([recipe.operators[name].weight for name in names])
     fewest = {name: recipe.operator(name).parents[0] for name in names}
-    ids, ranks, crowding = zip(*((one.id, one.rank, one.crowding) for one in living), strict=True)
     plans = []
     for slot in range(recipe.run.population):
         rng = generator(recipe.run.seed, generation, slot)
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]
         count = entry.parents or fewest[name]
-        chosen = tournament(ids, ranks, crowding, count, rng)
+        chosen = algorithm.parents(living, count, rng)
         operator = recipe.operator_drawn(name, rng)
         founders = founders_of(operator, len(sources))
         plans.append(
             Plan(
                 generation * recipe.run.population + slot,
                 operator,
-                (*(ids[i] for i in chosen), *founders),
+                (*(living[i].id for i in chosen), *founders),
                 (*(living[i].genome for i in chosen), *(sources[i] for i in founders)),
                 rng,
             )

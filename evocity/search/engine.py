@@ -13,11 +13,12 @@ from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.births import Born, born, bred, outcome_of
-from evocity.search.breeding import Individual, Plan, first_population, next_population
+from evocity.search.breeding import Plan, first_population, next_population
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.guarding import told_of_parents
+from evocity.search.individual import Individual
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.population import Population
@@ -129,7 +130,7 @@ class Search:
             raise
         search.out, search._writer = path, taken.writer
         search._prepared = taken.prepared
-        search._population = Population(taken.prepared.header.population, taken.prepared.aims)
+        search._population = search._new_population()
         search._population.begin_with(taken.first_births)
         search._population.restore(taken.living)
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
@@ -256,8 +257,13 @@ class Search:
             self._prepared = self._pool = None
             raise
         self.notes += [*self._prepared.notes, *unkept]
-        self._population = Population(self._prepared.header.population, self._prepared.aims)
+        self._population = self._new_population()
         self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
+
+    def _new_population(self) -> Population:
+        header = self._prepared.header
+        algorithm = self.recipe.search.algorithm_of(header.population)
+        return Population(algorithm, self._prepared.aims, header.chromosome)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
@@ -352,12 +358,20 @@ class Search:
         sources = [source.genome for source in self._prepared.sources]
         if self._next == 0:
             return first_population(self.recipe, sources)
-        return next_population(self.recipe, self._next, self._population.living, sources)
+        population = self._population
+        return next_population(
+            self.recipe, population.algorithm, self._next, population.living, sources
+        )
 
     def _written(self, individuals: Sequence[Born]) -> Generation:
         """Select among these ``individuals`` and the living; write the generation down whole."""
         births = [one.birth(self._next, self._prepared.aims) for one in individuals]
-        self._population.select(births)
+        looks = {
+            one.plan.id: one.evaluated.look
+            for one in individuals
+            if one.evaluated is not None and one.evaluated.look is not None
+        }
+        self._population.select(births, looks)
         self._births += len(births)
         failed = [birth for birth in births if not birth.ok]
         self._failures += len(failed)

@@ -17,6 +17,7 @@ from evocity.fitness.shipping import Shipment, unpacked
 from evocity.genome import Genome
 from evocity.pavement.levels import USUAL
 from evocity.search.door import admitted
+from evocity.search.looks import look_of
 from evocity.store import Header
 
 #: An error's text in the log is no longer.
@@ -53,7 +54,8 @@ class Outcome:
     """How breeding or evaluating one individual ended; ``status`` as in `evocity.store`.
 
     ``error`` becomes one line of at most `MOST_LETTERS`, whatever a measure raised. ``genome``: of
-    one that was bred; None where breeding failed, or nothing was to be bred.
+    one that was bred; None where breeding failed, or nothing was to be bred. ``look``: how the map
+    of one looks that was evaluated well, see `evocity.search.looks`.
     """
 
     status: str
@@ -61,6 +63,7 @@ class Outcome:
     seconds: float = 0.0
     values: Mapping[str, float] = field(default_factory=dict)
     genome: Genome | None = None
+    look: np.ndarray | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self):
         if self.error is not None:
@@ -160,7 +163,8 @@ class Evaluator:
             missing += self._record(expressed.city, extras, values)
         if undefined:
             return ended("invalid", "; ".join(undefined))
-        return ended("ok", unrecorded(missing) if missing else None)
+        found = ended("ok", unrecorded(missing) if missing else None)
+        return replace(found, look=look_of(expressed.city))
 
     def _measured(self, name: str, city: CityMap, extras: Mapping) -> float:
         if name in self.within:

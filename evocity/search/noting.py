@@ -46,6 +46,7 @@ def provenance_of(
                 name: entry.model_dump(exclude_none=True)
                 for name, entry in recipe.operators.items()
             },
+            "search": recipe.search.asked,
         },
         "maps": [
             {

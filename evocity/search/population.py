@@ -1,36 +1,45 @@
 """The living, generation by generation: who is let in, and how good they are together."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from evocity.fitness import Aims
-from evocity.search.breeding import Individual
-from evocity.search.nsga2 import Hypervolume, ranks_and_crowding, select
+from evocity.kinds import Kind
+from evocity.search.algorithms import Algorithm
+from evocity.search.fronts import Hypervolume
+from evocity.search.individual import Individual
+from evocity.search.looks import look_of
 from evocity.store import Birth, Member
 
 
 class Population:
-    """At most ``size`` individuals with finite losses and different genomes, best first.
+    """Individuals with finite losses and different genomes, best first, as an ``algorithm`` selects
+    them.
 
-    ``aims`` tell losses and broken constraints from raw values. Failed births never enter; a
-    genome that lives already is not let in twice.
+    ``aims`` tell losses and broken constraints from raw values, ``kind`` the map of a genome.
+    Failed births never enter; a genome that lives already is not let in twice.
     """
 
-    def __init__(self, size: int, aims: Aims):
-        self._size, self._aims = size, aims
+    def __init__(self, algorithm: Algorithm, aims: Aims, kind: Kind):
+        self.algorithm, self._aims, self._kind = algorithm, aims, kind
+        self._looks: dict[int, np.ndarray] = {}
         self._hypervolume: Hypervolume | None = None
         self.living: list[Individual] = []
 
-    def select(self, births: Sequence[Birth]) -> None:
-        """(µ + λ): the best of the living and the newly born live on."""
+    def select(
+        self, births: Sequence[Birth], looks: Mapping[int, np.ndarray] | None = None
+    ) -> None:
+        """Those of the living and the newly born live on that the algorithm selects. ``looks``: by
+        id, how maps look, as far as it is known."""
         self.begin_with(births)
         candidates = {one.genome.digest: one for one in self.living}
         for born in births:
             if born.ok:
                 candidates.setdefault(born.genome.digest, self._individual(born))
-        self._keep(list(candidates.values()))
+        self._looks |= looks or {}
+        self.living = self.algorithm.survivors(list(candidates.values()), self._look)
+        self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
     def begin_with(self, births: Sequence[Birth]) -> None:
         """Fix the hypervolume's unit by the first generation's births; later calls do nothing."""
@@ -40,7 +49,7 @@ class Population:
 
     def restore(self, living: Sequence[Birth]) -> None:
         """Put back those who lived in a generation of the log."""
-        self._keep([self._individual(born) for born in living])
+        self.living = self.algorithm.judged([self._individual(born) for born in living])
 
     @property
     def hypervolume(self) -> float:
@@ -66,32 +75,14 @@ class Population:
 
     @property
     def members(self) -> list[Member]:
-        return [Member(s, one.id, one.rank, one.crowding) for s, one in enumerate(self.living)]
+        return [Member(s, one.id, one.rank, one.marks) for s, one in enumerate(self.living)]
 
     def _individual(self, born: Birth) -> Individual:
         values = dict(born.values)
         losses, violation = self._aims.losses(values), self._aims.violation(values)
         return Individual(born.id, born.genome, values, losses, violation)
 
-    def _keep(self, candidates: list[Individual]) -> None:
-        if not candidates:
-            self.living = []
-            return
-        chosen = [candidates[i] for i in _selected(candidates, self._size)]
-        ordered = [chosen[i] for i in _selected(chosen, self._size)]
-        by_id = sorted(ordered, key=lambda one: one.id)
-        ranks, crowding = ranks_and_crowding(
-            np.array([one.losses for one in by_id]), np.array([one.violation for one in by_id])
-        )
-        judged = {
-            one.id: (int(r), float(c)) for one, r, c in zip(by_id, ranks, crowding, strict=True)
-        }
-        self.living = [
-            replace(one, rank=judged[one.id][0], crowding=judged[one.id][1]) for one in ordered
-        ]
-
-
-def _selected(individuals: Sequence[Individual], count: int) -> np.ndarray:
-    losses = np.array([one.losses for one in individuals])
-    violations = np.array([one.violation for one in individuals])
-    return select([one.id for one in individuals], losses, count, violations)
+    def _look(self, one: Individual) -> np.ndarray:
+        if one.id not in self._looks:
+            self._looks[one.id] = look_of(self._kind.express(one.genome).city)
+        return self._looks[one.id]

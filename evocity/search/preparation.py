@@ -11,6 +11,7 @@ from evocity.fitness.fabric import left_out
 from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
 from evocity.genome import VOID, joined
+from evocity.search.algorithms import algorithms
 from evocity.search.evaluator import Setup
 from evocity.search.locking import locked_layer
 from evocity.search.parting import parts_of
@@ -262,4 +263,5 @@ def _header(
         recorded=tuple(measure.name for measure in recipe.recorded),
         locked=None if condensation is None else condensation.digest,
         settle=recipe.genome.settle,
+        marks=algorithms()[recipe.search.algorithm].marks,
     )

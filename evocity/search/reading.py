@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
 from evocity.search.agreement import across_sections
+from evocity.search.algorithms import DEFAULT, algorithms
 from evocity.search.recipe import Parent, Recipe
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
@@ -110,7 +111,7 @@ def recipe_of(
         recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
         faults = [_fault(one, raw) for one in error.errors(include_url=False)]
-    faults += across_sections(raw)
+    faults += across_sections(raw) + _of_search(raw)
     if recipe is not None:
         faults += _repeated(recipe)
         if recipe.run.population < len(recipe.parents):
@@ -132,6 +133,21 @@ def recipe_of(
         )
     recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
     return recipe
+
+
+def _of_search(raw: Mapping) -> list[tuple[str, str, str]]:
+    """Faults of the keys of the algorithm that ``[search]`` names, if it is known."""
+    section = raw.get("search", {})
+    name = section.get("algorithm", DEFAULT) if isinstance(section, dict) else None
+    kind = algorithms().get(name) if isinstance(name, str) else None
+    if kind is None:
+        return []
+    try:
+        kind.Keys.model_validate({k: v for k, v in section.items() if k != "algorithm"})
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        return [_fault({**one, "loc": ("search", *one["loc"])}, raw) for one in faults]
+    return []
 
 
 def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
@@ -208,7 +224,7 @@ def _fault(error: Mapping, raw: Mapping) -> tuple[str, str, str]:
     if kind == "missing":
         return key, "missing", "it is required"
     if kind == "extra_forbidden":
-        allowed = _keys_at(location[:-1])
+        allowed = _keys_at(location[:-1], raw)
         return key, with_near_miss("unknown key", location[-1], allowed), ", ".join(allowed)
     if kind in _PHRASES:
         return key, shown(error["input"]), _PHRASES[kind].format(**details)
@@ -220,9 +236,12 @@ def _in_raw(part) -> bool:
     return isinstance(part, int) or not (part in ("int", "constrained-int") or "[" in part)
 
 
-def _keys_at(location: list) -> list[str]:
+def _keys_at(location: list, raw: Mapping) -> list[str]:
     if not location:
         return list(Recipe.model_fields)
+    if location == ["search"]:
+        name = raw.get("search", {}).get("algorithm", DEFAULT)
+        return ["algorithm", *algorithms()[name].Keys.model_fields]
     models = {"parents": Parent, "fitness": FitnessEntry}
     if location[:2] == ["run", "record"]:
         return list(MeasureEntry.model_fields)

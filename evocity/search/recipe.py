@@ -10,7 +10,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
+    BaseModel,
     BeforeValidator,
+    ConfigDict,
     Field,
     PrivateAttr,
     model_validator,
@@ -19,11 +21,12 @@ from pydantic import (
 from evocity import operators
 from evocity.citymap import MAX_SIDE
 from evocity.coding.matching import available_cores
-from evocity.errors import GenomeError, shown
+from evocity.errors import GenomeError, shown, with_near_miss
 from evocity.fitness import Measure
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
+from evocity.search.algorithms import DEFAULT, Algorithm, algorithms
 from evocity.search.mixture import (
     MOST_PARENTS,
     OperatorEntry,
@@ -132,6 +135,13 @@ class GenomeSection(Section):
         return self.block if isinstance(self.block, int) else self.block[1]
 
 
+def _some_algorithm(name: str) -> str:
+    known = algorithms()
+    if name not in known:
+        raise fault(with_near_miss(shown(name), name, known), " or ".join(map(shown, known)))
+    return name
+
+
 class LockedSection(Section):
     """``[locked]``: pixels that no birth changes, and the heights that stand there.
 
@@ -179,10 +189,26 @@ class EvaluationSection(Section):
     max_failures: float = Field(0.5, ge=0, le=1)
 
 
-class SearchSection(Section):
-    """``[search]``."""
+class SearchSection(BaseModel):
+    """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has."""
 
-    algorithm: Literal["nsga2"] = "nsga2"
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
+
+    @property
+    def keys(self) -> Section:
+        """The algorithm's own keys."""
+        return algorithms()[self.algorithm].Keys(**(self.model_extra or {}))
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """All keys with their values, those left out too."""
+        return {"algorithm": self.algorithm, **self.keys.model_dump()}
+
+    def algorithm_of(self, size: int) -> Algorithm:
+        """The algorithm, for so many who live at most."""
+        return algorithms()[self.algorithm](size, self.keys)
 
 
 class Recipe(Section):

@@ -43,6 +43,10 @@ _BEFORE_QUARTERS = {
 }
 
 
+#: How releases before algorithms selected.
+_BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
+
+
 @dataclass(frozen=True)
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far.
@@ -170,6 +174,8 @@ def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Rec
         overrides["run.generations"] = generations
     mixture = run.provenance["recipe"].get("operators", _BEFORE_QUARTERS)
     older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
+    selected = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
+    older |= {f"search.{key}": value for key, value in selected.items()}
     name = f"{run.path}/recipe.toml"
     return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
 
@@ -190,6 +196,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
             [parent.map for parent in recipe.parents],
         ),
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
+        "search.algorithm": (_algorithm(run), recipe.search.algorithm),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
         "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }
@@ -212,6 +219,11 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
             f"{done} or more: a run loses none of its generations",
             "ask for more, or leave the number out to keep what the run was started with",
         )
+
+
+def _algorithm(run: Run) -> str:
+    """What the run selects by."""
+    return run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)["algorithm"]
 
 
 def _notes(run: Run, recipe: Recipe) -> list[str]:

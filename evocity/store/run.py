@@ -23,13 +23,13 @@ from evocity.store.parts import read_bytes, read_json
 from evocity.store.schema import (
     ABOUT_GENERATIONS,
     ABOUT_RUN,
-    MEMBERSHIP_SCHEMA,
     Birth,
     Header,
     births_of,
     births_schema,
     check_rows,
     check_version,
+    membership_schema,
     summaries_of,
 )
 from evocity.store.sources import (
@@ -116,7 +116,8 @@ class Run:
         return self._table(BIRTHS, generation, columns).select(columns)
 
     def members(self, generation: int | None = None) -> pa.Table:
-        """Who lived in one generation, or in all: generation, slot, id, rank, crowding."""
+        """Who lived in one generation, or in all: generation, slot (0 is the best), id, rank, and
+        what the run's algorithm tells of each, as ``header.marks`` names it."""
         return self._table(MEMBERSHIP, generation, None)
 
     def individuals(self, ids: Sequence[int]) -> list[Birth]:
@@ -333,7 +334,7 @@ class Run:
 
     def _rows(self, kind: str, piece: Piece, wanted: range, columns) -> pa.Table:
         """Generations ``wanted`` of a file, once its header and columns are those of the run."""
-        expected = births_schema(self.header) if kind == BIRTHS else MEMBERSHIP_SCHEMA
+        expected = births_schema(self.header) if kind == BIRTHS else membership_schema(self.header)
         with self._readable(piece.path, gone_is_damage=False), pq.ParquetFile(piece.path) as file:
             schema = file.schema_arrow
             if Header.from_json(schema.metadata[ABOUT_RUN], piece.path) != self.header:
@@ -345,7 +346,7 @@ class Run:
             else:
                 groups = [g - piece.first for g in wanted]
                 table = file.read_row_groups(groups, columns=columns)
-            check_rows(table)
+            check_rows(table, () if kind == BIRTHS else self.header.marks)
             return table
 
     def _spans(self) -> list[tuple[int, int, int]]:

@@ -22,9 +22,10 @@ from evocity.pavement import Pavement
 #: Versions of a run folder's layout and columns that are read, raised by one with every change
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
-#: recorded besides. New runs without these are written as 3; a run of an older release goes on as
-#: it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4)
+#: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
+#: distance alone. New runs without these are written as 3; a run of an older release goes on as it
+#: began.
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle.
@@ -45,6 +46,15 @@ def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
+    if {"generation", "slot", "id", "rank"} & set(names):
+        raise ValueError("a column that every membership has")
+    return names
+
+
+#: What algorithms tell of the living in runs whose header says nothing of it.
+CROWDING = ("crowding",)
+
 _Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
@@ -59,7 +69,8 @@ class Header:
     ``parent`` points into, ``population`` how many live at most. ``locked`` is the digest of the
     condensation that all genomes have, None if they have none. ``kind`` names the kind of
     chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
-    the one side of all range blocks in runs of older releases, None in others.
+    the one side of all range blocks in runs of older releases, None in others. ``marks`` names
+    what the run's algorithm tells of each of the living, columns of the membership.
     """
 
     height: _Side
@@ -79,13 +90,14 @@ class Header:
     settle: bool = False
     block: _Side | None = None
     recorded: _Names = ()
+    marks: Annotated[_Names, AfterValidator(_no_column)] = CROWDING
 
     __pydantic_config__ = _STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
-            return 4 if self.recorded else 3
+            return 5 if self.marks != CROWDING else 4 if self.recorded else 3
         return 1 if self.locked is None else 2
 
     @property
@@ -102,8 +114,10 @@ class Header:
         about = asdict(self) | {"schema_version": self.schema_version}
         if self.locked is None:
             del about["locked"]
-        newer = ("kind", "settle") if self.block is not None else ("block",)
-        for name in newer if self.recorded else (*newer, "recorded"):
+        version = self.schema_version
+        newer = ("block",) if version > 2 else ("kind", "settle")
+        newer += (() if version > 3 else ("recorded",)) + (() if version > 4 else ("marks",))
+        for name in newer:
             del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
         return json.dumps(about)
@@ -121,8 +135,11 @@ class Header:
             raise ValueError(f"a map of {header.height} × {header.width} px")
         if (version < 3) != (header.block is not None):
             raise ValueError(f"schema version {version} with block = {header.block}")
-        if (version > 3) != bool(header.recorded) or set(header.measures) & set(header.recorded):
-            raise ValueError(f"schema version {version} with recorded = {header.recorded}")
+        if set(header.measures) & set(header.recorded):
+            raise ValueError(f"measured and recorded: {header.recorded}")
+        if version != header.schema_version:
+            told = f"recorded = {header.recorded}, marks = {header.marks}"
+            raise ValueError(f"schema version {version} with {told}")
         if header.block is not None:
             Pavement(header.height, header.width, header.block)  # raises where they do not fit
         return header
@@ -184,28 +201,30 @@ class Birth:
 
 @dataclass(frozen=True)
 class Member:
-    """Who lived in a generation: slot, individual, front (0 = first), crowding distance."""
+    """Who lived in a generation: slot, individual, front (0 = first), and what the run's algorithm
+    tells of it besides, by the names of `Header.marks`."""
 
     slot: int
     id: int
     rank: int
-    crowding: float
+    marks: Mapping[str, float] = field(default_factory=dict)
 
 
-#: Columns of a membership file.
-MEMBERSHIP_SCHEMA = pa.schema(
-    [
-        ("generation", pa.int32()),
-        ("slot", pa.int32()),
-        ("id", pa.int64()),
-        ("rank", pa.int32()),
-        ("crowding", pa.float64()),
-    ]
+_MEMBERSHIP = (
+    ("generation", pa.int32()),
+    ("slot", pa.int32()),
+    ("id", pa.int64()),
+    ("rank", pa.int32()),
 )
 
 _NEVER_NULL = frozenset(
     ("generation", "id", "parents", "operator", "made", "status", "seconds", "feasible")
-) | frozenset(MEMBERSHIP_SCHEMA.names)
+) | {name for name, _ in _MEMBERSHIP}
+
+
+def membership_schema(header: Header) -> pa.Schema:
+    """Columns of a membership file."""
+    return pa.schema([*_MEMBERSHIP, *((name, pa.float64()) for name in header.marks)])
 
 
 def births_schema(header: Header) -> pa.Schema:
@@ -227,9 +246,10 @@ def births_schema(header: Header) -> pa.Schema:
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
 
 
-def check_rows(table: pa.Table) -> None:
-    """Raise ValueError if a ``table`` read from a file lacks a value that every row has."""
-    for name in set(table.column_names) & _NEVER_NULL:
+def check_rows(table: pa.Table, marks: Sequence[str] = ()) -> None:
+    """Raise ValueError if a ``table`` read from a file lacks a value that every row has; of a
+    membership its ``marks`` too."""
+    for name in set(table.column_names) & {*_NEVER_NULL, *marks}:
         if table[name].null_count:
             raise ValueError(f"a row without {name}")
     if "status" in table.column_names and not set(table["status"].to_pylist()) <= set(STATUSES):
@@ -307,10 +327,11 @@ def membership_table(
     """Arrow table of one generation's members; ``summary`` travels in its metadata."""
     members = list(members)
     summaries = json.dumps({str(generation): dict(summary)}, allow_nan=False)
-    schema = MEMBERSHIP_SCHEMA.with_metadata(
+    schema = membership_schema(header).with_metadata(
         {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
     )
-    columns = [[getattr(m, name) for m in members] for name in schema.names[1:]]
+    columns = [[getattr(m, name) for m in members] for name in ("slot", "id", "rank")]
+    columns += [[m.marks[name] for m in members] for name in header.marks]
     return pa.table(
         [
             pa.array(column, kind.type)

@@ -106,7 +106,7 @@ def make_run(
             for slot in range(population)
         ]
         alive = [birth for birth in births if birth.ok]
-        members = [Member(n, b.id, n % 2, float(n)) for n, b in enumerate(alive)]
+        members = [Member(n, b.id, n % 2, {"crowding": float(n)}) for n, b in enumerate(alive)]
         best = {m: max((b.values[m] for b in alive), default=0.0) for m in measures}
         writer.write_generation(
             generation,

@@ -16,7 +16,7 @@ import evocity
 from evocity.citymap import CityMap
 from evocity.errors import RunError
 from evocity.search import Search, archiving, read_recipe
-from evocity.search.nsga2 import not_dominated
+from evocity.search.fronts import not_dominated
 from evocity.store import Birth, Header, Member, Run, RunWriter, Source, environment, open_run
 
 LOSSES = st.integers(1, 5).flatmap(
@@ -70,7 +70,7 @@ def write_run(folder, rows, goals, alive=lambda ids: ids[-POPULATION:]):
             state = ("error", "it failed") if row is None else ("ok", None)
             births.append(Birth(generation, at, (), "mutation", *state, 0.1, values, genome))
             good += [at] * (row is not None)
-        members = [Member(n, one, 0, 0.0) for n, one in enumerate(alive(good))]
+        members = [Member(n, one, 0, {"crowding": 0.0}) for n, one in enumerate(alive(good))]
         writer.write_generation(generation, births, members, {"births": 1, "failures": 0})
     writer.close()
     return open_run(folder)
@@ -92,7 +92,7 @@ class GoingOn(Run):
         ids = range(number * POPULATION, (number + 1) * POPULATION)
         values = {"m0": 9.0}  # better than all before, and not to be seen
         births = [Birth(number, i, (), "mutation", "ok", None, 0.1, values, GENOME) for i in ids]
-        members = [Member(slot, one.id, 0, 0.0) for slot, one in enumerate(births)]
+        members = [Member(slot, one.id, 0, {"crowding": 0.0}) for slot, one in enumerate(births)]
         writer = RunWriter.reopen(self.path)
         writer.write_generation(number, births, members, {"births": 1, "failures": 0})
         writer.close()

@@ -30,7 +30,7 @@ def test_a_run_on_leaves_is_what_its_log_says(leafy, tmp_path):
     out = tmp_path / "run"
     told = run(leafy(generations=2), out, workers=0)
     log = open_run(out)
-    assert (log.header.block, log.header.settle, log.header.schema_version) == (None, True, 3)
+    assert (log.header.block, log.header.settle, log.header.schema_version) == (None, True, 5)
     births = log.individuals(log.births()["id"].to_pylist())
     assert {one.status for one in births} == {"ok"}
     for source in log.sources():

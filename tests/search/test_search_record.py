@@ -1,5 +1,6 @@
 """`record` of `[run]`: measures logged of every birth that nothing is wanted of."""
 
+import itertools
 import json
 import math
 import re
@@ -188,14 +189,24 @@ def test_who_evaluates_elsewhere_may_leave_them_out(toy, tmp_path):
     assert births[2]["error"] == "not recorded: fsi is nan"
 
 
-def test_only_runs_that_record_have_the_new_version(toy, tmp_path):
-    run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0, generations=0)
-    run(toy(), tmp_path / "plain", workers=0, generations=0)
-    assert open_run(tmp_path / "run").provenance["schema_version"] == 4
-    plain = open_run(tmp_path / "plain").provenance
-    assert plain["schema_version"] == 3
-    assert "recorded" not in plain["header"]
-    assert "recorded" not in plain
+def test_versions_tell_what_a_run_has(toy, tmp_path):
+    """3 of crowding alone, 4 with what is recorded, 5 by another algorithm."""
+    crowding = "\n[search]\nalgorithm = 'nsga2'\n"
+    for name, version, more, record in (
+        ("run", 4, crowding, True),
+        ("plain", 3, crowding, False),
+        ("new", 5, "", True),
+        ("newest", 5, "", False),
+    ):
+        path = recording(toy, '["fsi"]') if record else toy()
+        path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+        run(path, tmp_path / name, workers=0, generations=0)
+        told = open_run(tmp_path / name).provenance
+        assert told["schema_version"] == version
+        assert ("recorded" in told["header"]) == (version > 3)
+        assert ("recorded" in told) == record
+        assert ("marks" in told["header"]) == (version > 4)
+        path.unlink()
     shutil.copytree(tmp_path / "run", tmp_path / "harmed")
     told = json.loads((tmp_path / "harmed" / "provenance.json").read_text())
     told["header"]["recorded"] = ["spread"]
@@ -206,8 +217,9 @@ def test_only_runs_that_record_have_the_new_version(toy, tmp_path):
 
 def test_headers_travel(toy):
     about = (16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
-    for recorded in ((), ("fsi", "osr")):
-        header = Header(*about, recorded=recorded)
+    every = itertools.product(((), ("fsi", "osr")), (("crowding",), ("contribution",), ()))
+    for recorded, marks in every:
+        header = Header(*about, recorded=recorded, marks=marks)
         assert Header.from_json(header.to_json(), "run") == header
 
 

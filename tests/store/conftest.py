@@ -26,7 +26,7 @@ def whole_run(tmp_path):
             Birth(number, 2 * number + s, (), "source", "ok", None, 0.1, {"gsi": 0.5}, genome)
             for s in (0, 1)
         ]
-        members = [Member(s, one.id, 0, math.inf) for s, one in enumerate(births)]
+        members = [Member(s, one.id, 0, {"crowding": math.inf}) for s, one in enumerate(births)]
         best = {"gsi": 0.5}
         told = {"births": 2 * number + 2, "failures": 0, "hypervolume": 1.0, "best": best}
         writer.write_generation(number, births, members, told)

@@ -35,7 +35,7 @@ def run(tmp_path):
             Birth(number, i, (), "mutation", "ok", None, 0.1, {"gsi": 0.5}, drawn(i))
             for i in (2 * number, 2 * number + 1)
         ]
-        members = [Member(s, one.id, 0, math.inf) for s, one in enumerate(births)]
+        members = [Member(s, one.id, 0, {"crowding": math.inf}) for s, one in enumerate(births)]
         writer.write_generation(number, births, members, {"births": 2 * number + 2})
     writer.close()
     return path
@@ -66,7 +66,7 @@ def test_a_birth_without_a_genome_has_no_leaves(tmp_path):
     writer = RunWriter.create(tmp_path / "run", "", {}, HEADER, [Source(CITY, drawn(99))])
     failed = Birth(0, 1, (), "mutation", "error", "it failed", 0.1, {}, None)
     births = [Birth(0, 0, (), "mutation", "ok", None, 0.1, {"gsi": 0.5}, drawn(0)), failed]
-    writer.write_generation(0, births, [Member(0, 0, 0, math.inf)], {})
+    writer.write_generation(0, births, [Member(0, 0, 0, {"crowding": math.inf})], {})
     writer.close()
     log = open_run(tmp_path / "run")
     assert log.births()["side"].is_valid().to_pylist() == [True, False]

@@ -29,7 +29,7 @@ def written(path, layer: Condensation | None, block: int | None = None):
     writer = RunWriter.create(path, "[run]\n", {}, told, [Source(CITY, genome)], layer)
     births = [Birth(0, s, (), "source", "ok", None, 0.1, {"gsi": 0.5}, genome) for s in (0, 1)]
     about = {"births": 2, "failures": 0, "hypervolume": 1.0, "best": {"gsi": 0.5}}
-    writer.write_generation(0, births, [Member(s, s, 0, 1.0) for s in (0, 1)], about)
+    writer.write_generation(0, births, [Member(s, s, 0, {"crowding": 1.0}) for s in (0, 1)], about)
     writer.close()
     return path
 

@@ -72,7 +72,7 @@ def birth(generation: int, slot: int, status="ok", drawn=genome) -> Birth:
 
 def generation_of(number: int, size: int = 2):
     births = [birth(number, slot) for slot in range(size)]
-    members = [Member(slot, b.id, 0, math.inf) for slot, b in enumerate(births)]
+    members = [Member(slot, b.id, 0, {"crowding": math.inf}) for slot, b in enumerate(births)]
     return number, births, members, {"births": (number + 1) * size, "hypervolume": number / 3}
 
 
@@ -140,7 +140,9 @@ def test_columns_are_those_the_documents_promise(writer):
 def test_columns_of_an_older_run_stay_as_they_were(tmp_path):
     writer = RunWriter.create(tmp_path / "run", "", {}, OLDER, [])
     bred = [birth(0, slot, drawn=older_genome) for slot in range(2)]
-    writer.write_generation(0, bred, [Member(b.id, b.id, 0, math.inf) for b in bred], {})
+    writer.write_generation(
+        0, bred, [Member(b.id, b.id, 0, {"crowding": math.inf}) for b in bred], {}
+    )
     writer.close()
     schema = pq.read_schema(tmp_path / "run" / "births" / "generation-00000000.parquet")
     assert schema.names[-9:] == [*NUCLEOTIDES, "parent", "source"]

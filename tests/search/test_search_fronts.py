@@ -1,4 +1,4 @@
-"""Ranking, crowding, selection and tournament against what they mean."""
+"""Ranks, crowding, contributions and hypervolume against what they mean."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evocity.search.nsga2 import Hypervolume, ranks_and_crowding, select, tournament
+from evocity.search.borrowed.moocore import contributions, hypervolume, least_first
+from evocity.search.fronts import Hypervolume, Scale, crowding_of, ranks_of
 
 LOSSES = st.integers(1, 4).flatmap(
     lambda m: st.integers(1, 14).flatmap(
@@ -35,21 +36,7 @@ def naive_ranks(losses):
 @given(LOSSES)
 @settings(deadline=None)
 def test_ranks_are_those_of_peeling(losses):
-    assert ranks_and_crowding(losses)[0].tolist() == naive_ranks(losses).tolist()
-
-
-@given(LOSSES, st.data())
-@settings(deadline=None)
-def test_selection_prefers_lower_fronts_and_keeps_the_extremes(losses, data):
-    ids = data.draw(st.permutations(range(100, 100 + len(losses))))
-    count = data.draw(st.integers(1, len(losses)))
-    chosen = select(ids, losses, count)
-    ranks = naive_ranks(losses)
-    assert len(set(chosen.tolist())) == count
-    assert sorted(ranks)[:count] == [ranks[i] for i in chosen]
-    shuffled = np.random.default_rng(0).permutation(len(losses))
-    again = select(np.array(ids)[shuffled], losses[shuffled], count)
-    assert [ids[i] for i in chosen] == [np.array(ids)[shuffled][i] for i in again]
+    assert ranks_of(losses).tolist() == naive_ranks(losses).tolist()
 
 
 def better(one, other):
@@ -67,7 +54,7 @@ def test_constrained_domination_is_debs(losses, data):
     violations = np.array(
         data.draw(st.lists(st.sampled_from([0, 0, 0.5, 2]), min_size=count, max_size=count))
     )
-    ranks, _ = ranks_and_crowding(losses, violations)
+    ranks = ranks_of(losses, violations)
     every = list(zip(losses, violations, strict=True))
     for i, one in enumerate(every):
         for j, other in enumerate(every):
@@ -76,13 +63,11 @@ def test_constrained_domination_is_debs(losses, data):
     kept = violations == 0
     assert ranks[kept].tolist() == (naive_ranks(losses[kept]).tolist() if kept.any() else [])
     assert len(set(ranks.tolist())) == ranks.max() + 1
-    chosen = select(range(count), losses, max(1, int(kept.sum())), violations)
-    assert violations[chosen].all() if not kept.any() else not violations[chosen].any()
 
 
 def test_crowding_is_debs():
     losses = np.array([[0.0, 4], [1, 3], [3, 1], [4, 0]])
-    crowding = ranks_and_crowding(losses)[1]
+    crowding = crowding_of(losses, ranks_of(losses))
     assert np.isinf(crowding[[0, 3]]).all()
     assert crowding[1:3] == pytest.approx([(3 / 4 + 3 / 4) / 2, (3 / 4 + 3 / 4) / 2])
 
@@ -90,21 +75,46 @@ def test_crowding_is_debs():
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_loss_that_is_not_finite_is_never_ranked(bad):
     with pytest.raises(ValueError, match="finite"):
-        ranks_and_crowding(np.array([[1.0, 2.0], [bad, 0.0]]))
+        ranks_of(np.array([[1.0, 2.0], [bad, 0.0]]))
 
 
-@given(st.integers(1, 9), st.integers(1, 4), st.integers(0, 99))
-def test_parents_differ_while_they_can(n, count, seed):
-    rng = np.random.default_rng(seed)
-    chosen = tournament(range(n), np.zeros(n), np.zeros(n), count, rng)
-    assert len(chosen) == count
-    assert len(set(chosen)) == min(n, count)
+FRONTS = LOSSES.filter(lambda losses: len(losses) > 1).map(
+    lambda losses: losses[ranks_of(losses) == 0]
+)
 
 
-def test_the_better_of_two_is_chosen_more_often():
-    rng = np.random.default_rng(1)
-    wins = [tournament([7, 8], [1, 0], [0.0, 0.0], 1, rng)[0] for _ in range(400)]
-    assert 0.7 < np.mean(wins) < 0.8  # both drawn twice: 3 in 4
+@given(FRONTS)
+@settings(deadline=None)
+def test_contributions_are_what_is_lost_without_one(front):
+    scale = Scale(front)
+    scaled, reference = scale(front), scale.reference
+    whole = hypervolume(scaled, reference)
+    for row, found in enumerate(contributions(scaled, reference)):
+        others = np.delete(scaled, row, axis=0)
+        left = hypervolume(others, reference) if len(others) else 0.0
+        assert found == pytest.approx(whole - left, abs=1e-9)
+
+
+@given(FRONTS, st.data())
+@settings(deadline=None)
+def test_the_least_contributor_goes_first(front, data):
+    """Against contributions measured anew for each that is dropped."""
+    scale, count = Scale(front), data.draw(st.integers(0, len(front)))
+    scaled, reference = scale(front), scale.reference
+    dropped, found = least_first(scaled, reference, count)
+    left = list(range(len(front)))
+    for row in dropped.tolist():
+        known = dict(zip(left, contributions(scaled[left], reference), strict=True))
+        assert known[row] == pytest.approx(min(known.values()), abs=1e-9)
+        assert found[row] == pytest.approx(known[row], abs=1e-9)
+        left.remove(row)
+    if left:
+        assert found[left] == pytest.approx(contributions(scaled[left], reference), abs=1e-9)
+
+
+def test_of_equal_contributors_the_last_goes_first():
+    front = np.array([[0.0, 1], [1, 0], [0.5, 0.5], [0.5, 0.5], [0.5, 0.5]])
+    assert least_first(front, np.array([1.1, 1.1]), 3)[0].tolist()[:2] == [4, 3]
 
 
 @given(LOSSES.filter(lambda losses: losses.shape[1] < 4))

@@ -1,0 +1,141 @@
+"""What an algorithm is asked, and what those have in common that rank the living."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from evocity.search.individual import Individual
+from evocity.search.looks import distinct_first
+from evocity.search.values import Section
+
+#: How the map of an individual looks, see `evocity.search.looks`.
+Look = Callable[[Individual], np.ndarray]
+
+
+class Algorithm(ABC):
+    """How a search selects who lives on and who breeds. Losses: lower is better.
+
+    What it decides depends on what it is given alone, in any order: a run that is taken up again
+    hands it those who lived, by `judged`.
+
+    name : what a recipe calls it.
+    marks : the names of what it tells of each of the living besides its rank; columns of the
+        run's membership.
+    Keys : what a recipe may say of it under ``[search]``, a pydantic model.
+
+    Parameters
+    ----------
+    size : so many live at most.
+    keys : an instance of its ``Keys``.
+    """
+
+    name: ClassVar[str]
+    marks: ClassVar[tuple[str, ...]] = ()
+    Keys: ClassVar[type[Section]] = Section
+
+    def __init__(self, size: int, keys: Section | None = None):
+        self.size, self.keys = size, self.Keys() if keys is None else keys
+
+    @abstractmethod
+    def survivors(self, candidates: Sequence[Individual], look: Look) -> list[Individual]:
+        """Those who live on, best first, as `judged` tells of them. ``look`` is called of those
+        whose map matters."""
+
+    @abstractmethod
+    def judged(self, living: Sequence[Individual]) -> list[Individual]:
+        """All of the ``living``, best first, with their rank and marks."""
+
+    @abstractmethod
+    def parents(
+        self, living: Sequence[Individual], count: int, rng: np.random.Generator
+    ) -> list[int]:
+        """Indices of ``count`` of the ``living`` that breed; all different while possible."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """Individuals in order: their indices ``(n,)``, best first; of each its rank, int ``(n,)``, and
+    what it is worth within it, float ``(n,)``, the higher the better."""
+
+    best_first: np.ndarray
+    ranks: np.ndarray
+    worth: np.ndarray
+
+
+class DistinctKeys(Section):
+    """``distinct``: so large a share of the living differ pairwise, by more than a storey in more
+    than the share ``apart`` of the map's pixels."""
+
+    distinct: float = Field(0.5, ge=0, le=1)
+    apart: float = Field(0.25, ge=0, lt=1)
+
+
+class Ranked(Algorithm):
+    """(µ + λ) by a total order: the best live, and among them as many that differ as ``distinct``
+    asks for, where there are so many that keep the constraints. Parents are the better of two
+    drawn.
+
+    A subclass has an ``_order``, and one mark, which tells what an individual is worth within its
+    rank.
+    """
+
+    Keys = DistinctKeys
+
+    def survivors(self, candidates: Sequence[Individual], look: Look) -> list[Individual]:
+        candidates = sorted(candidates, key=lambda one: one.id)
+        if not candidates:
+            return []
+        best = self._of(candidates).best_first
+        wanted = round(self.keys.distinct * self.size)
+        keep = np.array([not candidates[i].violation for i in best], bool)
+        if wanted and np.count_nonzero(keep) > self.size:
+            eligible = best[keep]
+            looks = [look(candidates[i]) for i in eligible]
+            best = eligible[distinct_first(looks, self.keys.apart, wanted)]
+        return self.judged([candidates[i] for i in best[: self.size]])
+
+    def judged(self, living: Sequence[Individual]) -> list[Individual]:
+        living = sorted(living, key=lambda one: one.id)
+        if not living:
+            return []
+        order, (mark,) = self._of(living), self.marks
+        return [
+            replace(living[i], rank=int(order.ranks[i]), marks={mark: float(order.worth[i])})
+            for i in order.best_first
+        ]
+
+    def parents(
+        self, living: Sequence[Individual], count: int, rng: np.random.Generator
+    ) -> list[int]:
+        (mark,) = self.marks
+        return tournament([(one.rank, -one.marks[mark], one.id) for one in living], count, rng)
+
+    def _of(self, individuals: Sequence[Individual]) -> Order:
+        return self._order(
+            np.array([one.losses for one in individuals], np.float64),
+            np.array([one.violation for one in individuals], np.float64),
+        )
+
+    @abstractmethod
+    def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
+        """Of individuals by id: ``(n, m)`` losses, and ``(n,)`` how far each breaks the
+        constraints. Of those worth the same the first is the better."""
+
+
+def tournament(keys: Sequence[tuple], count: int, rng: np.random.Generator) -> list[int]:
+    """Indices of ``count`` of the ``keys``, each the lesser of two drawn; all different while
+    possible."""
+    chosen: list[int] = []
+    left = list(range(len(keys)))
+    for _ in range(count):
+        if not left:
+            left = list(range(len(keys)))
+        two = rng.integers(len(left), size=2)
+        best = min(left[two[0]], left[two[1]], key=keys.__getitem__)
+        chosen.append(best)
+        left.remove(best)
+    return chosen

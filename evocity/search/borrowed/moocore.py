@@ -1,0 +1,70 @@
+"""moocore: ranks, the filter of what is not dominated, hypervolume and contributions to it."""
+
+import moocore
+import numpy as np
+
+
+def ranks(losses: np.ndarray) -> np.ndarray:
+    """The front of each row of ``(n, m)`` losses, int64 from 0."""
+    if losses.shape[1] == 1:
+        return np.unique(losses[:, 0], return_inverse=True)[1]
+    return moocore.pareto_rank(losses).astype(np.int64)
+
+
+def not_dominated(losses: np.ndarray) -> np.ndarray:
+    """Bool ``(n,)``: which rows of ``(n, m)`` losses no other dominates. Of equal rows only the
+    first counts."""
+    if losses.shape[1] == 1:
+        return np.arange(len(losses)) == losses[:, 0].argmin()
+    return moocore.is_nondominated(losses).astype(bool)
+
+
+def hypervolume(losses: np.ndarray, reference: np.ndarray) -> float:
+    """What the rows of ``(n, m)`` losses dominate, up to the ``reference`` (m,)."""
+    if losses.shape[1] == 1:
+        return float(max(reference[0] - losses.min(), 0.0))
+    return float(moocore.hypervolume(np.ascontiguousarray(losses), ref=reference))
+
+
+def contributions(losses: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """How much each row of one front, ``(n, m)`` losses, adds to the hypervolume of the others."""
+    if losses.shape[1] == 1:  # a front of one loss: all are equal, and none is missed
+        return np.zeros(len(losses)) if len(losses) > 1 else reference - losses[:, 0]
+    found = moocore.hv_contributions(np.ascontiguousarray(losses), ref=reference)
+    return np.asarray(found, np.float64)
+
+
+def least_first(
+    losses: np.ndarray, reference: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Drop ``count`` rows of one front, ``(n, m)`` losses, one after another, each time the one
+    that contributes least to the hypervolume of those left; of equal ones the last row.
+
+    Returns the rows in the order they are dropped, and what each row contributes: those dropped
+    when they went, the others at last.
+
+    Whoever is left contributes no less once another is gone. So what was known of a row is never
+    too much, and few must be measured anew for each that is dropped.
+    """
+    known = contributions(losses, reference)
+    left, fresh = np.ones(len(losses), bool), np.ones(len(losses), bool)
+    dropped = np.empty(count, np.int64)
+
+    def measure(row: int) -> None:
+        others = np.maximum(losses[left], losses[row])[np.flatnonzero(left) != row]
+        whole = float(np.prod(reference - losses[row]))
+        shared = hypervolume(others, reference) if len(others) else 0.0
+        known[row], fresh[row] = max(whole - shared, 0.0), True
+
+    for turn in range(count):
+        while True:
+            least = np.where(left, known, np.inf)
+            row = len(least) - 1 - int(least[::-1].argmin())
+            if fresh[row]:
+                break
+            measure(row)
+        dropped[turn] = row
+        left[row], fresh[:] = False, False
+    for row in np.flatnonzero(left & ~fresh):
+        measure(row)
+    return dropped, known

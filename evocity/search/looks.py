@@ -1,0 +1,43 @@
+"""Which cities look alike: compared cell by cell, as one sees two maps laid side by side."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evocity.citymap import CityMap
+from evocity.search._kernels import resembles
+
+#: Cells are compared along each axis at most.
+SIDE = 64
+#: Heights differ if they differ by more than this, metres: a storey.
+STOREY = 3.0
+# Looks are kept in decimetres.
+_UNIT = 0.1
+
+
+def look_of(city: CityMap) -> np.ndarray:
+    """How a city looks: its heights at every so many pixels, at most `SIDE` along each axis, in
+    decimetres, uint16 ``(n,)``; above 6553 m all is alike."""
+    height, width = city.shape
+    seen = city.heights[:: -(-height // SIDE), :: -(-width // SIDE)]
+    return np.clip(np.rint(seen / _UNIT), 0, 65535).astype(np.uint16).ravel()
+
+
+def alike(look: np.ndarray, others: np.ndarray, apart: float) -> bool:
+    """Whether a ``look`` (n,) differs from one of the ``others`` (k, n) by more than a storey in no
+    more than the share ``apart`` of the cells."""
+    return resembles(look, others, round(STOREY / _UNIT), int(apart * look.size))
+
+
+def distinct_first(looks: Sequence[np.ndarray], apart: float, count: int) -> np.ndarray:
+    """Indices of all ``looks``, given best first: ``count`` of them come first that are pairwise
+    more than ``apart`` from each other, each the best that is, fewer if there are not so many; the
+    others follow, best first."""
+    looks = np.asarray(looks)
+    chosen: list[int] = []
+    for index, look in enumerate(looks):
+        if len(chosen) == count:
+            break
+        if not alike(look, looks[chosen], apart):
+            chosen.append(index)
+    return np.concatenate([chosen, np.setdiff1d(np.arange(len(looks)), chosen)]).astype(np.intp)
