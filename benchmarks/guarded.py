@@ -6,8 +6,7 @@ individuals, 3024 evaluations, with integrity and fabric distance bounded as in 
 recipes. Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the
 one bred for) with integrity; mean integrity; slivers, the share of buildings whose least box is
 under 5 m wide, beside those of the parents' codes; mean fabric distance to the two cities, by what
-of each is built; how many differ from all others chosen before by more than 3 m in a fifth of the
-pixels; what share of the built ground has its stone in its own place; and the hypervolume of the
+of each is built; how many differ pairwise by more than 3 m in a fifth of the pixels; what share of the built ground has its stone in its own place; and the hypervolume of the
 four measures. --beside names a folder of runs of an older release, lyon-x-montpellier and so on,
 whose last populations are measured too; hypervolumes then have one reference point, a tenth beyond
 the worst of both.
@@ -160,11 +159,16 @@ def slivers(city) -> float:
 
 
 def different(genomes) -> int:
-    maps, chosen = [evocity.decode(one).city.heights for one in genomes], []
-    for heights in maps:
-        if all((np.abs(heights - other) > 3).mean() > 0.2 for other in chosen):
-            chosen.append(heights)
-    return len(chosen)
+    """How many differ pairwise: those that are like fewest others are chosen first."""
+    maps = np.array([evocity.decode(one).city.heights for one in genomes])
+    like = np.array([(np.abs(maps - one) > 3).mean(axis=(1, 2)) <= 0.2 for one in maps])
+    left, chosen = np.ones(len(maps), bool), 0
+    while left.any():
+        among = np.flatnonzero(left)
+        one = among[like[among][:, left].sum(axis=1).argmin()]
+        left &= ~like[one]
+        chosen += 1
+    return chosen
 
 
 if __name__ == "__main__":

@@ -13,10 +13,10 @@ def faults(path) -> list[str]:
     return [line.strip() for line in caught.value.found.splitlines()[1:]]
 
 
-def replaced(path, old, new):
+def replaced(path, old, new, count=-1):
     text = path.read_text()
     assert old in text
-    path.write_text(text.replace(old, new))
+    path.write_text(text.replace(old, new, count))
     return path
 
 
@@ -159,6 +159,35 @@ def test_the_largest_side_divides_the_map(toy, block):
     (line,) = faults(path)
     assert line.startswith("map.pixels: 100; allowed: a multiple of 16, the largest side of")
     assert "for example 96" in line
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ("algorithm = 'nsga3x'", "search.algorithm: 'nsga3x'"),
+        ("algorithm = 'hypervolum'", "did you mean hypervolume"),
+        ("algorithm = 2", "search.algorithm: 2; allowed: text in quotes"),
+        ("distinct = 1.5", "search.distinct: 1.5; allowed: 1.0 or less"),
+        ("distinct = 'half'", "search.distinct: 'half'; allowed: a number"),
+        ("apart = 1", "search.apart: 1; allowed: below 1"),
+        ("apart = nan", "search.apart: nan"),
+        ("distinkt = 0.5", "unknown key, did you mean distinct?"),
+        ("algorithm = 'nsga2'\ngrid = [2, 2]", "allowed: algorithm, distinct, apart"),
+    ],
+)
+def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
+    path = replaced(toy(), "[[fitness]]", f"[search]\n{lines}\n[[fitness]]", count=1)
+    (line,) = faults(path)
+    assert says in line
+
+
+def test_the_algorithm_has_its_keys(toy):
+    search = read_recipe(toy()).search
+    assert search.asked == {"algorithm": "hypervolume", "distinct": 0.5, "apart": 0.25}
+    lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
+    search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search
+    assert (search.keys.distinct, search.keys.apart) == (0, 0.25)
+    assert search.algorithm_of(12).size == 12
 
 
 def test_leaves_are_the_default_fitted_and_settled(toy):
