@@ -2,14 +2,14 @@
 [--generations N] [--pairs N] [--beside FOLDER]
 
 Runs of the demo's measures on three pairs of districts, 256², default genome and mixture, 48
-individuals, 3024 evaluations, with integrity and fabric distance bounded as in the bundled
-recipes. Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the
-one bred for) with integrity; mean integrity; slivers, the share of buildings whose least box is
-under 5 m wide, beside those of the parents' codes; mean fabric distance to the two cities, by what
-of each is built; how many differ pairwise by more than 3 m in a fifth of the pixels; what share of the built ground has its stone in its own place; and the hypervolume of the
-four measures. --beside names a folder of runs of an older release, lyon-x-montpellier and so on,
-whose last populations are measured too; hypervolumes then have one reference point, a tenth beyond
-the worst of both.
+individuals, 3024 evaluations, with integrity and fabric distance bounded as in the bundled recipes.
+Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the one bred
+for) with integrity; mean integrity; slivers, the share of buildings whose least box is under 5 m
+wide, beside those of the parents' codes; mean fabric distance to the two cities, by what of each is
+built; how many differ pairwise by more than 3 m in a fifth of the pixels; what share of the built
+ground has its stone in its own place; and the hypervolume of the four measures. --beside names a
+folder of runs of an older release, lyon-x-montpellier and so on, whose last populations are
+measured too; hypervolumes then have one reference point, a tenth beyond the worst of both.
 """
 
 import argparse

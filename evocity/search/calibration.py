@@ -14,10 +14,11 @@ from evocity import fitness, store
 from evocity.coding import decode
 from evocity.errors import FitnessError
 from evocity.fitness import Measure
-from evocity.search.breeding import Individual, next_population
+from evocity.search.breeding import next_population
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluator import Evaluator, Outcome
 from evocity.search.guarding import rounded
+from evocity.search.individual import Individual
 from evocity.search.preparation import Prepared, aims_of, prepare, references_of
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe
@@ -191,8 +192,10 @@ def _trials(prepared: Prepared) -> list[Outcome]:
     """Children of the parents by the recipe's operators, bred and evaluated here."""
     evaluator = Evaluator(prepared.setup)
     sources = [source.genome for source in prepared.sources]
-    living = [Individual(k, one, {}, (0.0,)) for k, one in enumerate(sources)]
-    plans = next_population(prepared.recipe, 1, living, sources)[: _LOADING + _TIMED]
+    algorithm = prepared.recipe.search.algorithm_of(len(sources))
+    living = algorithm.judged([Individual(k, one, {}, (0.0,)) for k, one in enumerate(sources)])
+    plans = next_population(prepared.recipe, algorithm, 1, living, sources)
+    plans = plans[: _LOADING + _TIMED]
     found = [evaluator.born(plan.operator, plan.genomes, plan.rng) for plan in plans]
     return found[min(_LOADING, len(found) - 1) :]
 
