@@ -2,7 +2,7 @@
 [--generations N] [--pairs N] [--beside FOLDER]
 
 Runs of the demo's measures on three pairs of districts, 256², default genome and mixture, 48
-individuals, 3024 evaluations, with integrity and fabric distance bounded as in the bundled recipes.
+individuals, 3024 evaluations, with integrity, fabric distance and slivers bounded as in the bundled recipes.
 Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the one bred
 for) with integrity; mean integrity; slivers, the share of buildings whose least box is under 5 m
 wide, beside those of the parents' codes; mean fabric distance to the two cities, by what of each is
@@ -28,7 +28,7 @@ from scipy.stats import spearmanr
 
 import evocity
 from evocity import fitness
-from evocity.fitness import fabric_distance
+from evocity.fitness import fabric_distance, slivers
 from evocity.fitness.heredity import integrity_of
 from evocity.fitness.reference import Reference
 
@@ -71,6 +71,9 @@ min = 0.5
 name = "fabric_distance"
 reference = "parents"
 max = 0.15
+[[fitness]]
+name = "slivers"
+max = {slivers:.3f}
 """
 
 
@@ -80,7 +83,8 @@ def main(given) -> None:
     for name, pair in list(PAIRS.items())[: given.pairs]:
         maps = [evocity.read_map(one) for one in pair]
         codes = [evocity.encode(one).genome for one in maps]
-        runs = {"this one": bred(out / name, pair, given)}
+        worst = max(slivers(evocity.decode(one).city) for one in codes)
+        runs = {"this one": bred(out / name, pair, worst, given)}
         if given.beside:
             runs = {"beside": given.beside / name} | runs
         last = {how: evocity.open_run(path) for how, path in runs.items()}
@@ -93,7 +97,6 @@ def main(given) -> None:
         losses = {how: np.array([row[-1] for row in table]) for how, table in tables.items()}
         every = np.concatenate(list(losses.values()))
         reference = every.max(axis=0) + 0.1 * np.ptp(every, axis=0)
-        worst = max(slivers(evocity.decode(one).city) for one in codes)
         print(f"\n{name}: slivers of the codes at most {worst:.2f}")
         for how, table in tables.items():
             columns = [np.array(one) for one in zip(*(row[:-1] for row in table), strict=True)]
@@ -112,8 +115,8 @@ def correlation(law, whole) -> str:
     return "none" if np.ptp(whole) == 0 else f"{spearmanr(law, whole).statistic:.2f}"
 
 
-def bred(folder: Path, pair, given) -> Path:
-    """The run in a ``folder``, bred if it is not there."""
+def bred(folder: Path, pair, worst: float, given) -> Path:
+    """The run in a ``folder``, bred if it is not there; ``worst``: the parents' share of slivers."""
     if not folder.exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = folder.with_suffix(".toml")
@@ -124,7 +127,7 @@ def bred(folder: Path, pair, given) -> Path:
                 second=pair[1],
                 law=given.law,
                 operators=given.operators,
-                guard="" if given.no_guard else GUARD,
+                guard="" if given.no_guard else GUARD.format(slivers=worst + 0.03),
             )
         )
         start = time.perf_counter()
@@ -147,15 +150,11 @@ def measured(genome, maps, law: str) -> tuple:
     return (
         float(getattr(fitness, law)(city)),
         integrity_of(genome, maps),
-        slivers(city),
+        float(slivers(city)),
         float(apart),
         shown(genome, city)[1],
         np.nan_to_num(losses, nan=1.0),
     )
-
-
-def slivers(city) -> float:
-    return float((city.buildings.box[:, 1] < 5).mean())
 
 
 def different(genomes) -> int:

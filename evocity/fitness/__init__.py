@@ -11,7 +11,8 @@
 - `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
   `roof_flatness`
 - `sizes`: how the sizes of buildings are distributed: `salingaros`,
-  `salingaros_buildings`, `fit_sizes`, `crumbs`, `small_buildings`
+  `salingaros_buildings`, `fit_sizes`, `crumbs`, `small_buildings`,
+  `slivers`
 - `shape`: what shape buildings have, how many there are: `elongation`, `rectangularity`,
   `convexity`, `compactness`, `eri`, `shape_index`, `building_density`, `component_density`,
   `party_wall_ratio`
@@ -88,6 +89,7 @@ from evocity.fitness.sizes import (
     fit_sizes,
     salingaros,
     salingaros_buildings,
+    slivers,
     small_buildings,
 )
 from evocity.fitness.texture import box_dimension, correlation_dimension, lacunarity
@@ -161,6 +163,7 @@ __all__ = [
     "salingaros_buildings",
     "shape_index",
     "sky_view_factor",
+    "slivers",
     "small_buildings",
     "storeys",
     "street_width",

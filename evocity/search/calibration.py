@@ -1,8 +1,8 @@
 """A recipe to begin from, for anyone's cities: goals, and a guard calibrated on the parents' codes.
 
-Three bounds that a heap of cut buildings does not keep, and the parents do: `integrity`,
-`fabric_distance` to the parents, and `small_buildings`. What the parents' maps and codes have of
-them decides where they lie; a few births tell how long the run will take.
+Bounds that a heap of cut buildings does not keep, and the parents do: `integrity`,
+`fabric_distance` to the parents, `small_buildings` and `slivers`. What the parents' maps and codes
+have of them decides where they lie; a few births tell how long the run will take.
 """
 
 import math
@@ -27,12 +27,16 @@ from evocity.store import Source
 
 #: What is searched by unless the user has goals: those of these that the parents have.
 USUAL_GOALS = ("autosimilarity", "alignment", "salingaros_buildings", "crumbs")
+#: What the guard bounds.
+GUARD = ("integrity", "fabric_distance", "small_buildings", "slivers")
 #: Least share of what is built that stands in whole buildings of the parents.
 LEAST_INTEGRITY = 0.5
 #: The fabric distance that is always granted; beyond it, so many times what coding costs.
 NEAR, TIMES_CODED = 0.15, 2.0
 #: How many times the small buildings of the parent that has more of them; never fewer, 1/ha.
 TIMES_SMALL, FEW_SMALL = 1.3, 0.1
+#: By how much the share of slivers may be above that of the code that has more of them.
+MORE_SLIVERS = 0.03
 #: Births that are timed, after as many that load what they need.
 _TIMED, _LOADING = 10, 3
 
@@ -86,7 +90,7 @@ def begun(
     prepared = prepare(draft, tell)
     cities = [source.city for source in prepared.sources]
     measures = [goal.measure for goal in goals]
-    guard = [fitness.integrity, fitness.fabric_distance, fitness.small_buildings]
+    guard = [getattr(fitness, name) for name in GUARD]
     values = {one.name: _values(one, prepared, cities) for one in [*measures, *guard]}
     goals = _defined(goals, values, own)
     bounds = [bound for one in guard if (bound := _bound(one, values[one.name])) is not None]
@@ -159,6 +163,8 @@ def _bound(measure: Measure, values: Mapping[str, tuple[float, float]]) -> Bound
         if min(codes) > asked:
             return Bound(measure, max=rounded(min(codes), up=True), relaxed=True)
         return Bound(measure, max=rounded(asked, up=False))
+    if measure.name == fitness.slivers.name:
+        return Bound(measure, max=rounded(max(codes) + MORE_SLIVERS, up=True))
     return Bound(measure, max=max(NEAR, rounded(TIMES_CODED * max(codes), up=True)))
 
 

@@ -69,6 +69,10 @@ _REASONS = {
         "small_buildings: buildings of less than 50 m², a hectare: sheds, and pieces of what was "
         "cut. The bound is 1.3 times what the map of the parent with more of them has."
     ),
+    "slivers": (
+        "slivers: share of buildings that are less than 5 m wide, mostly strips of roofs. The "
+        "bound is .03 above the code of the parent that has more of them."
+    ),
 }
 _RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
 

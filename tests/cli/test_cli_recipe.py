@@ -126,6 +126,9 @@ def test_the_goals_are_the_users_and_the_guard_is_calibrated(night):
     small = [evocity.fitness.small_buildings(one) for one in cities]
     kept = max(1.3 * max(small), min(map(evocity.fitness.small_buildings, decoded)))
     assert bounds["small_buildings"][1] == pytest.approx(kept, rel=0.01)
+    most = max(map(evocity.fitness.slivers, decoded))
+    assert bounds["slivers"][1] == pytest.approx(most + 0.03, rel=0.01)
+    assert bounds["slivers"][1] >= most + 0.03
     assert told["bounds"] == {
         name: {"min" if high is None else "max": low if high is None else high}
         for name, (low, high) in bounds.items()
@@ -180,7 +183,9 @@ def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     assert "fabric_distance" not in names
     assert "salingaros_buildings" not in names  # nor a goal that is undefined
     assert {"autosimilarity", "crumbs", "integrity", "small_buildings"} <= set(names)
-    assert recipe.fitness[-1].max == 0.1  # of none at all, some are granted
+    bounds = {one.name: one.max for one in recipe.fitness}
+    assert bounds["small_buildings"] == 0.1  # of none at all, some are granted
+    assert bounds["slivers"] == 0.03
 
 
 def test_centers_are_of_the_map_files(tmp_path, towns):

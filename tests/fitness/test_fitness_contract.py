@@ -119,6 +119,7 @@ def test_the_package_has_the_measures_of_the_papers_and_the_wider_set():
         "salingaros_buildings",
         "shape_index",
         "sky_view_factor",
+        "slivers",
         "small_buildings",
         "storeys",
         "street_width",

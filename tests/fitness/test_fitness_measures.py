@@ -22,6 +22,7 @@ from evocity.fitness import (
     mean_height,
     salingaros,
     salingaros_buildings,
+    slivers,
     small_buildings,
 )
 
@@ -163,6 +164,29 @@ def test_small_buildings_are_told_apart_by_steps_and_counted_on_the_whole_map():
     assert small_buildings(CityMap(heights, 2.0)) == pytest.approx(3 / hectares)
     assert small_buildings(CityMap(heights, 4.0)) == 0
     assert small_buildings(CityMap(np.zeros((8, 8)), 2.0)) == 0
+
+
+def test_slivers_are_less_than_5_m_wide_however_they_lie():
+    heights = np.zeros((100, 100))
+    heights[10:40, 10:12] = 6  # 4 m wide
+    heights[10:40, 20:23] = 6  # 6 m wide
+    heights[60:63, 10:30] = 9
+    heights[63:65, 10:30] = 14  # a strip of its roof, told apart by a step
+    assert slivers(CityMap(heights, 2.0)) == 2 / 4
+    assert slivers(CityMap(heights.T, 2.0)) == 2 / 4
+    assert slivers(CityMap(heights, 1.0)) == 1
+    assert slivers(CityMap(heights, 4.0)) == 0
+    assert slivers(CityMap(np.zeros((8, 8)), 2.0)).reason == "nothing is built"
+
+
+def test_the_law_of_buildings_counts_none_less_than_5_m_wide():
+    many = city_of([64 + i for i in range(40)], 1.0)
+    strips = np.zeros((many.shape[0] + 40, many.shape[1]))
+    strips[: many.shape[0]] = many.heights
+    for row in range(many.shape[0] + 2, strips.shape[0] - 4, 6):
+        strips[row : row + 4, 2:30] = 9  # 4 m by 28 m
+    assert salingaros_buildings(CityMap(strips, 1.0)) == salingaros_buildings(many)
+    assert salingaros(CityMap(strips, 1.0)) != salingaros(many)
 
 
 def test_crumbs_are_counted_by_their_area_not_their_pixels():
