@@ -2,13 +2,13 @@
 [--generations N] [--pairs N] [--beside FOLDER]
 
 Runs of the demo's measures on three pairs of districts, 256², default genome and mixture, 48
-individuals, 3024 evaluations, with integrity, fabric distance and slivers bounded as in the bundled recipes.
-Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the one bred
-for) with integrity; mean integrity; slivers, the share of buildings whose least box is under 5 m
-wide, beside those of the parents' codes; mean fabric distance to the two cities, by what of each is
-built; how many differ pairwise by more than 3 m in a fifth of the pixels; what share of the built
-ground has its stone in its own place; and the hypervolume of the four measures. --beside names a
-folder of runs of an older release, lyon-x-montpellier and so on, whose last populations are
+individuals, 3024 evaluations, with integrity, fabric distance and slivers bounded as in the bundled
+recipes. Then, of the decoded maps of the last population: rank correlation of Salingaros' law (the
+one bred for) with integrity; mean integrity; slivers, the share of buildings whose least box is
+under 5 m wide, beside those of the parents' codes; mean fabric distance to the two cities, by what
+of each is built; how many differ pairwise by more than 3 m in a fifth of the pixels; what share of
+the built ground has its stone in its own place; and the hypervolume of the four measures. --beside
+names a folder of runs of an older release, lyon-x-montpellier and so on, whose last populations are
 measured too; hypervolumes then have one reference point, a tenth beyond the worst of both.
 """
 
@@ -116,7 +116,8 @@ def correlation(law, whole) -> str:
 
 
 def bred(folder: Path, pair, worst: float, given) -> Path:
-    """The run in a ``folder``, bred if it is not there; ``worst``: the parents' share of slivers."""
+    """The run in a ``folder``, bred if it is not there; ``worst``: the share of slivers of
+    the parents' codes."""
     if not folder.exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = folder.with_suffix(".toml")
