@@ -13,7 +13,7 @@ from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.births import Born, born, bred, outcome_of
-from evocity.search.breeding import Plan, first_population, next_population
+from evocity.search.breeding import Plan, first_population, generator, next_population
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
@@ -371,7 +371,9 @@ class Search:
             for one in individuals
             if one.evaluated is not None and one.evaluated.look is not None
         }
-        self._population.select(births, looks)
+        # no birth has this slot
+        rng = generator(self.recipe.run.seed, self._next, self.recipe.run.population)
+        self._population.select(births, rng, looks)
         self._births += len(births)
         failed = [birth for birth in births if not birth.ok]
         self._failures += len(failed)

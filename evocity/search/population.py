@@ -28,17 +28,20 @@ class Population:
         self.living: list[Individual] = []
 
     def select(
-        self, births: Sequence[Birth], looks: Mapping[int, np.ndarray] | None = None
+        self,
+        births: Sequence[Birth],
+        rng: np.random.Generator,
+        looks: Mapping[int, np.ndarray] | None = None,
     ) -> None:
-        """Those of the living and the newly born live on that the algorithm selects. ``looks``: by
-        id, how maps look, as far as it is known."""
+        """Those of the living and the newly born live on that the algorithm selects; what it draws
+        is drawn from ``rng``. ``looks``: by id, how maps look, as far as it is known."""
         self.begin_with(births)
         candidates = {one.genome.digest: one for one in self.living}
         for born in births:
             if born.ok:
                 candidates.setdefault(born.genome.digest, self._individual(born))
         self._looks |= looks or {}
-        self.living = self.algorithm.survivors(list(candidates.values()), self._look)
+        self.living = self.algorithm.survivors(list(candidates.values()), self._look, rng)
         self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
     def begin_with(self, births: Sequence[Birth]) -> None:

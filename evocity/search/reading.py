@@ -117,6 +117,8 @@ def recipe_of(
         if recipe.run.population < len(recipe.parents):
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
             faults.append(("run.population", str(recipe.run.population), allowed))
+        if not faults:
+            faults += recipe.search.faults(len(recipe.goals), recipe.run.population)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that

@@ -206,6 +206,10 @@ class SearchSection(BaseModel):
         """All keys with their values, those left out too."""
         return {"algorithm": self.algorithm, **self.keys.model_dump()}
 
+    def faults(self, goals: int, population: int) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of the algorithm for so many goals, and so many who live."""
+        return algorithms()[self.algorithm].faults(self.keys, goals, population)
+
     def algorithm_of(self, size: int) -> Algorithm:
         """The algorithm, for so many who live at most."""
         return algorithms()[self.algorithm](size, self.keys)
@@ -274,6 +278,12 @@ class Recipe(Section):
     def measures(self) -> list[Measure]:
         """Measures that something is wanted of, in the order of the recipe."""
         return [measure for entry in self.fitness for measure in entry.measures]
+
+    @property
+    def goals(self) -> tuple[str, ...]:
+        """What is searched by: names of measures, and of sums of several."""
+        sought = [(one, each) for one in self.fitness if one.is_objective for each in one.measures]
+        return tuple(dict.fromkeys(one.total or measure.name for one, measure in sought))
 
     @property
     def recorded(self) -> list[Measure]:

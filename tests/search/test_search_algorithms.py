@@ -1,5 +1,6 @@
 """Who lives and who breeds, by each algorithm."""
 
+import random
 from dataclasses import replace
 
 import naive
@@ -34,6 +35,10 @@ def some(goals, count, seed, broken=0.3):
     ]
 
 
+def drawing():
+    return np.random.default_rng(0)
+
+
 def unseen(one):
     raise AssertionError("nobody needs a map")
 
@@ -47,8 +52,8 @@ def ids_of(individuals):
 @settings(deadline=None)
 def test_lower_fronts_live_whatever_the_order(kind, drawn, size):
     candidates = some(*drawn)
-    search = kind(size, DistinctKeys(distinct=0))
-    living = search.survivors(candidates, unseen)
+    search = kind(size, kind.Keys(distinct=0))
+    living = search.survivors(candidates, unseen, drawing())
     losses, far = (
         np.array([getattr(one, key) for one in candidates]) for key in ("losses", "violation")
     )
@@ -56,7 +61,7 @@ def test_lower_fronts_live_whatever_the_order(kind, drawn, size):
     assert [ranks[one.id] for one in living] == sorted(ranks.values())[:size]
     assert len(set(ids_of(living))) == len(living)
     shuffled = np.random.default_rng(0).permutation(len(candidates))
-    assert search.survivors([candidates[i] for i in shuffled], unseen) == living
+    assert search.survivors([candidates[i] for i in shuffled], unseen, drawing()) == living
     # a run that is taken up again knows those who lived, and judges them alike
     bare = [replace(one, rank=0, marks={}) for one in living]
     assert search.judged(bare[::-1]) == living
@@ -66,7 +71,7 @@ def test_lower_fronts_live_whatever_the_order(kind, drawn, size):
 
 @pytest.mark.parametrize("kind", RANKED, ids=lambda kind: kind.name)
 def test_none_live_of_none(kind):
-    assert kind(4).survivors([], unseen) == []
+    assert kind(4).survivors([], unseen, drawing()) == []
 
 
 @given(seed=st.integers(0, 2**32), goals=st.integers(2, 3), size=st.integers(1, 9))
@@ -79,7 +84,7 @@ def test_dropping_the_least_contributor_keeps_the_most_hypervolume_of_one_less(s
     if len(front) < 2:
         return
     search = HypervolumeContribution(len(front) - 1, DistinctKeys(distinct=0))
-    living = search.survivors(front, unseen)
+    living = search.survivors(front, unseen, drawing())
     scale = Scale(np.array([one.losses for one in front]))
 
     def volume(individuals):
@@ -92,8 +97,10 @@ def test_dropping_the_least_contributor_keeps_the_most_hypervolume_of_one_less(s
 def test_crowding_stands_for_contributions_where_these_cost_too_much():
     count = MOST[7] + 1
     many = some(7, count, 0, broken=0)
-    by_crowding = algorithms()["nsga2"](9, DistinctKeys(distinct=0)).survivors(many, unseen)
-    chosen = HypervolumeContribution(9, DistinctKeys(distinct=0)).survivors(many, unseen)
+    by_crowding = algorithms()["nsga2"](9, DistinctKeys(distinct=0)).survivors(
+        many, unseen, drawing()
+    )
+    chosen = HypervolumeContribution(9, DistinctKeys(distinct=0)).survivors(many, unseen, drawing())
     assert set(ids_of(chosen)) == set(ids_of(by_crowding))
 
 
@@ -107,8 +114,8 @@ def test_so_many_differ_as_are_asked_for_if_there_are(kind, drawn, share):
     candidates = some(*drawn)
     rng, size = np.random.default_rng(drawn[2]), 6
     looks = {one.id: rng.choice([0, 100], 12, p=[0.8, 0.2]).astype(np.uint16) for one in candidates}
-    search = kind(size, DistinctKeys(distinct=share, apart=0.2))
-    living = search.survivors(candidates, lambda one: looks[one.id])
+    search = kind(size, kind.Keys(distinct=share, apart=0.2))
+    living = search.survivors(candidates, lambda one: looks[one.id], drawing())
     kept = [one for one in candidates if not one.violation]
     assert len(living) == min(size, len(candidates))
     assert sum(not one.violation for one in living) == min(size, len(kept))
@@ -119,7 +126,7 @@ def test_so_many_differ_as_are_asked_for_if_there_are(kind, drawn, share):
         return naive.distinct([looks[one.id] for one in individuals], 0.2)
 
     # each chosen in the order of the candidates, so a greedy choice among the living may be other
-    order = kind(len(kept), DistinctKeys(distinct=0)).survivors(kept, unseen)
+    order = kind(len(kept), kind.Keys(distinct=0)).survivors(kept, unseen, drawing())
     possible = min(round(share * size), len(differ(order)))
     assert naive.most_distinct([looks[one.id] for one in living], 0.2) >= possible
 
@@ -161,6 +168,91 @@ def test_a_look_is_what_every_so_many_pixels_show(shape):
     assert np.abs(look[1:] / 10 - seen.ravel()[1:]).max() <= 0.05 + 1e-4
 
 
+# -- one goal, and many ---------------------------------------------------------------------------
+
+
+def test_of_one_goal_the_best_live_and_nothing_is_lost():
+    single = algorithms()["single"](3, DistinctKeys(distinct=0))
+    candidates = [
+        Individual(id=k, genome=None, values={}, losses=(loss,), violation=far)
+        for k, (loss, far) in enumerate([(5.0, 0), (1.0, 2), (3.0, 0), (3.0, 0), (0.0, 1)])
+    ]
+    living = single.survivors(candidates, unseen, drawing())
+    assert ids_of(living) == [2, 3, 0]
+    assert [one.rank for one in living] == [0, 0, 1]
+    assert living[0].marks == {}
+    assert ids_of(algorithms()["single"](5).survivors(candidates, unseen, drawing())) == [
+        2,
+        3,
+        0,
+        4,
+        1,
+    ]
+
+
+def test_niches_around_reference_points_are_filled_one_after_another():
+    """Of three clusters of a front, each near an axis, one of each lives before a second does."""
+    kind = algorithms()["nsga3"]
+    rng = np.random.default_rng(2)
+    corners = np.repeat(np.eye(3), [30, 5, 2], axis=0)
+    losses = corners + 0.05 * rng.random((37, 3))
+    losses /= losses.sum(axis=1, keepdims=True)
+    front = [
+        Individual(id=k, genome=None, values={}, losses=tuple(row.tolist()))
+        for k, row in enumerate(losses)
+    ]
+    for size in (3, 6):
+        living = kind(size, kind.Keys(distinct=0, divisions=1)).survivors(front, unseen, drawing())
+        nearest = np.array([one.losses for one in living]).argmax(axis=1)
+        assert np.bincount(nearest, minlength=3).tolist() == [size // 3] * 3
+        assert [one.marks["niche_distance"] for one in living] == sorted(
+            one.marks["niche_distance"] for one in living
+        )
+
+
+def test_what_deap_draws_is_drawn_from_the_generator_handed_down():
+    kind = algorithms()["nsga3"]
+    losses = np.random.default_rng(0).random((60, 3))
+    losses /= losses.sum(axis=1, keepdims=True)
+    front = [
+        Individual(id=k, genome=None, values={}, losses=tuple(row.tolist()))
+        for k, row in enumerate(losses)
+    ]
+    random.seed(1)
+    np.random.seed(1)  # noqa: NPY002
+    before = random.getstate(), np.random.get_state()[1].tolist()  # noqa: NPY002
+    search = kind(30, kind.Keys(distinct=0, divisions=2))
+    chosen = [search.survivors(front, unseen, np.random.default_rng(k)) for k in (3, 3, 4, 5, 6)]
+    assert chosen[0] == chosen[1]
+    assert len({tuple(ids_of(one)) for one in chosen}) > 1
+    assert before == (random.getstate(), np.random.get_state()[1].tolist())  # noqa: NPY002
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "goals", "population", "says"),
+    [
+        ("single", {}, 3, 40, "'single' with 3 goals"),
+        ("nsga3", {"divisions": 12}, 3, 40, "91 reference points for 3 goals, and 40 individuals"),
+        ("nsga3", {"divisions": 1000}, 8, 40, "search.divisions"),
+        ("nsga3", {}, 8, 6, "8 or more, one for each goal"),
+        ("nsga3", {"divisions": 1}, 8, 6, "8 or more, one for each goal"),
+    ],
+)
+def test_what_an_algorithm_cannot_do_is_a_fault(name, keys, goals, population, says):
+    kind = algorithms()[name]
+    (fault,) = kind.faults(kind.Keys(**keys), goals, population)
+    assert says in " ".join(fault)
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "goals", "population"),
+    [("single", {}, 1, 4), ("nsga3", {"divisions": 7}, 3, 40), ("nsga3", {}, 8, 8)],
+)
+def test_what_it_can_do_is_none(name, keys, goals, population):
+    kind = algorithms()[name]
+    assert kind.faults(kind.Keys(**keys), goals, population) == []
+
+
 # -- who breeds -----------------------------------------------------------------------------------
 
 
@@ -177,7 +269,9 @@ def test_the_better_of_two_is_chosen_more_often():
     assert 0.7 < np.mean(wins) < 0.8  # both drawn twice: 3 in 4
 
 
-@pytest.mark.parametrize("kind", RANKED, ids=lambda kind: kind.name)
+@pytest.mark.parametrize(
+    "kind", [algorithms()["nsga2"], HypervolumeContribution], ids=lambda kind: kind.name
+)
 def test_a_lower_front_breeds_first_and_then_what_is_worth_more(kind):
     (mark,) = kind.marks
     one, other, last = (

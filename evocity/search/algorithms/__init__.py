@@ -11,10 +11,12 @@ from evocity.plugins import load_plugins
 from evocity.search.algorithms.algorithm import Algorithm, Ranked
 from evocity.search.algorithms.hypervolume import HypervolumeContribution
 from evocity.search.algorithms.nsga2 import Nsga2
+from evocity.search.algorithms.nsga3 import Nsga3
+from evocity.search.algorithms.single import Single
 
 #: What a recipe selects by where it says nothing.
 DEFAULT = "hypervolume"
-_OWN = {one.name: one for one in (HypervolumeContribution, Nsga2)}
+_OWN = {one.name: one for one in (HypervolumeContribution, Nsga2, Nsga3, Single)}
 
 
 def algorithms() -> dict[str, type[Algorithm]]:

@@ -20,7 +20,7 @@ class Algorithm(ABC):
     """How a search selects who lives on and who breeds. Losses: lower is better.
 
     What it decides depends on what it is given alone, in any order: a run that is taken up again
-    hands it those who lived, by `judged`.
+    hands it those who lived, to `judged`.
 
     name : what a recipe calls it.
     marks : the names of what it tells of each of the living besides its rank; columns of the
@@ -40,10 +40,18 @@ class Algorithm(ABC):
     def __init__(self, size: int, keys: Section | None = None):
         self.size, self.keys = size, self.Keys() if keys is None else keys
 
+    @classmethod
+    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of a recipe with so many ``goals`` and so large a
+        ``population`` that asks for it with these ``keys``."""
+        return []
+
     @abstractmethod
-    def survivors(self, candidates: Sequence[Individual], look: Look) -> list[Individual]:
+    def survivors(
+        self, candidates: Sequence[Individual], look: Look, rng: np.random.Generator
+    ) -> list[Individual]:
         """Those who live on, best first, as `judged` tells of them. ``look`` is called of those
-        whose map matters."""
+        whose map matters; what is drawn is drawn from ``rng``."""
 
     @abstractmethod
     def judged(self, living: Sequence[Individual]) -> list[Individual]:
@@ -79,17 +87,19 @@ class Ranked(Algorithm):
     asks for, where there are so many that keep the constraints. Parents are the better of two
     drawn.
 
-    A subclass has an ``_order``, and one mark, which tells what an individual is worth within its
-    rank.
+    A subclass has an ``_order``, and at most one mark, which tells what an individual is worth
+    within its rank.
     """
 
     Keys = DistinctKeys
 
-    def survivors(self, candidates: Sequence[Individual], look: Look) -> list[Individual]:
+    def survivors(
+        self, candidates: Sequence[Individual], look: Look, rng: np.random.Generator
+    ) -> list[Individual]:
         candidates = sorted(candidates, key=lambda one: one.id)
         if not candidates:
             return []
-        best = self._of(candidates).best_first
+        best = self._best_first(*_told(candidates), rng)
         wanted = round(self.keys.distinct * self.size)
         keep = np.array([not candidates[i].violation for i in best], bool)
         if wanted and np.count_nonzero(keep) > self.size:
@@ -102,28 +112,38 @@ class Ranked(Algorithm):
         living = sorted(living, key=lambda one: one.id)
         if not living:
             return []
-        order, (mark,) = self._of(living), self.marks
+        order = self._order(*_told(living))
         return [
-            replace(living[i], rank=int(order.ranks[i]), marks={mark: float(order.worth[i])})
+            replace(
+                living[i],
+                rank=int(order.ranks[i]),
+                marks=dict.fromkeys(self.marks, float(order.worth[i])),
+            )
             for i in order.best_first
         ]
 
     def parents(
         self, living: Sequence[Individual], count: int, rng: np.random.Generator
     ) -> list[int]:
-        (mark,) = self.marks
-        return tournament([(one.rank, -one.marks[mark], one.id) for one in living], count, rng)
+        keys = [(one.rank, *(-one.marks[mark] for mark in self.marks), one.id) for one in living]
+        return tournament(keys, count, rng)
 
-    def _of(self, individuals: Sequence[Individual]) -> Order:
-        return self._order(
-            np.array([one.losses for one in individuals], np.float64),
-            np.array([one.violation for one in individuals], np.float64),
-        )
+    def _best_first(
+        self, losses: np.ndarray, violations: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """The order in which candidates are chosen to live, if not that of the living."""
+        return self._order(losses, violations).best_first
 
     @abstractmethod
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
         """Of individuals by id: ``(n, m)`` losses, and ``(n,)`` how far each breaks the
         constraints. Of those worth the same the first is the better."""
+
+
+def _told(individuals: Sequence[Individual]) -> tuple[np.ndarray, np.ndarray]:
+    """Losses ``(n, m)``, and how far each breaks the constraints."""
+    losses = np.array([one.losses for one in individuals], np.float64)
+    return losses, np.array([one.violation for one in individuals], np.float64)
 
 
 def tournament(keys: Sequence[tuple], count: int, rng: np.random.Generator) -> list[int]:

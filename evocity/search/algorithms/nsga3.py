@@ -1,0 +1,97 @@
+"""NSGA-III (Deb & Jain 2014): fronts, then niches around reference points. For many goals."""
+
+from collections.abc import Sequence
+from math import comb
+
+import numpy as np
+from pydantic import Field
+
+from evocity.search.algorithms.algorithm import DistinctKeys, Order, Ranked, tournament
+from evocity.search.borrowed.deap import fill_niches, niches_of, reference_points
+from evocity.search.fronts import Scale, ranks_of
+from evocity.search.individual import Individual
+from evocity.search.values import Section
+
+
+class Nsga3Keys(DistinctKeys):
+    """``divisions``: into how many parts the reference points cut each axis; None for as many as
+    give no more points than individuals live."""
+
+    divisions: int | None = Field(None, ge=1, le=1000)
+
+
+class Nsga3(Ranked):
+    """Fronts by constrained domination. Of the front that does not fit whole, those live that lie
+    in the emptiest niches: near to reference points that few others are near to.
+
+    Losses are normalised by the extremes of those that may live. Parents are drawn alike; whoever
+    breaks the constraints less comes before whoever breaks them more.
+    """
+
+    name = "nsga3"
+    marks = ("niche_distance",)
+    Keys = Nsga3Keys
+
+    @classmethod
+    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
+        count = _points(goals, keys.divisions or 1)
+        if count <= population:
+            return []
+        found = f"{count} reference points for {goals} goals, and {population} individuals"
+        if keys.divisions is None or goals > population:
+            return [("run.population", str(population), f"{goals} or more, one for each goal")]
+        return [("search.divisions", found, f"{_divisions(goals, population)} or less")]
+
+    def parents(
+        self, living: Sequence[Individual], count: int, rng: np.random.Generator
+    ) -> list[int]:
+        places = rng.permutation(len(living)).tolist()
+        keys = [(one.violation, place) for one, place in zip(living, places, strict=True)]
+        return tournament(keys, count, rng)
+
+    def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
+        ranks, distances = ranks_of(losses, violations), np.zeros(len(losses))
+        kept = violations <= 0
+        if kept.any():
+            distances[kept] = self._niches(losses[kept])[1]
+        return Order(np.lexsort((distances, ranks)), ranks, distances)
+
+    def _best_first(
+        self, losses: np.ndarray, violations: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        order = self._order(losses, violations)
+        ranks = order.ranks[order.best_first]
+        last = ranks[min(self.size, len(ranks)) - 1]
+        among = np.sort(order.best_first[ranks <= last])
+        if violations[among].any() or len(among) <= self.size:
+            return order.best_first
+        niches, distances = self._niches(losses[among])
+        split = order.ranks[among] == last
+        taken = np.bincount(niches[~split], minlength=len(self._reference(losses.shape[1])))
+        room = self.size - np.count_nonzero(~split)
+        filled = fill_niches(room, niches[split], distances[split], taken, rng)
+        chosen = among[split][filled]
+        first = order.best_first[ranks < last]
+        left = np.setdiff1d(order.best_first, np.concatenate([first, chosen]))
+        rest = order.best_first[np.isin(order.best_first, left)]
+        return np.concatenate([first, chosen, rest])
+
+    def _niches(self, losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        scale = Scale(losses)
+        return niches_of(scale(losses), self._reference(losses.shape[1]))
+
+    def _reference(self, goals: int) -> np.ndarray:
+        return reference_points(goals, self.keys.divisions or _divisions(goals, self.size))
+
+
+def _points(goals: int, divisions: int) -> int:
+    """How many reference points there are."""
+    return comb(goals - 1 + divisions, divisions)
+
+
+def _divisions(goals: int, most: int) -> int:
+    """Into how many parts axes are cut so that there are at ``most`` so many points; 1 at least."""
+    divisions = 1
+    while goals > 1 and _points(goals, divisions + 1) <= most:
+        divisions += 1
+    return divisions
