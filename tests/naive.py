@@ -1106,6 +1106,20 @@ def distinct(looks, apart):
     return taken
 
 
+def distinct_in_turn(looks, apart, count):
+    """As `distinct`, at most ``count``; then, of those left, by smaller shares of ``apart``."""
+    taken = []
+    for share in (1.0, 0.8, 0.6, 0.4, 0.2):
+        for index in range(len(looks)):
+            gaps = [np.abs(looks[index].astype(int) - looks[one].astype(int)) for one in taken]
+            differs = all(
+                np.count_nonzero(gap > 30) > int(share * apart * gap.size) for gap in gaps
+            )
+            if differs and len(taken) < count and index not in taken:
+                taken.append(index)
+    return taken
+
+
 def most_distinct(looks, apart):
     """How many of some looks differ pairwise at most, of all choices of them."""
     pairs = {

@@ -261,7 +261,9 @@ def _laid_turned(columns, found, pavement: Pavement, pavements, iso, carried: bo
     y = found[0] + np.minimum(near_y * a[2] + near_x * a[3], far_y * a[2] + far_x * a[3])
     x = found[1] + np.minimum(near_y * a[4] + near_x * a[5], far_y * a[4] + far_x * a[5])
     swapped = a[2] == 0
-    dy, dx = np.where(swapped, wide, tall), np.where(swapped, tall, wide)
+    # of a map that is not square, what fits along one side may not along the other
+    dy = np.minimum(np.where(swapped, wide, tall), pavement.height)
+    dx = np.minimum(np.where(swapped, tall, wide), pavement.width)
     turned["iso"] = np.where(has, COMPOSITION[composed, INVERSE[iso]], 0)
     for name, corner, extent, end in (("y", y, dy, pavement.height), ("x", x, dx, pavement.width)):
         turned[name] = np.where(has, np.clip(corner, 0, end - extent), 0).astype(np.int16)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -107,6 +108,8 @@ class Drafting:
     reach, domains : where repair searches, as in `evocity.encode`.
     """
 
+    #: Whether repair lowers range blocks in which ground would be built on.
+    clears: ClassVar[bool] = False
     repair: float | None = 0.5
     reach: int | None = 24
     domains: Sequence[int] = (2,)
@@ -132,6 +135,7 @@ class Drafting:
                 threshold=self.repair,
                 reach=self.reach,
                 domains=self.domains,
+                clear=self.clears,
             )
             child = merged(child, most)
         return child.replace(made=made)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -63,6 +64,8 @@ class HeightScaling(Drafting):
     storey: float = STOREY
     highest: float = 50.0
 
+    #: Walls are raised above all nearby, which domain blocks cannot show.
+    clears: ClassVar[bool] = True
     name = "height_scaling"
     parents = (1, 1)
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from evocity.citymap import BUILT_ABOVE
 from evocity.coding.decode import CollageMap
 from evocity.coding.encode import with_matches
 from evocity.coding.fixed_point import fixed_point
@@ -22,6 +23,11 @@ _CONTRACTIVE = 0.9
 #: Range blocks of more than this, px, are split before they are matched again: of a large one that
 #: strays, most may be as it should.
 _GRAIN = 4
+#: Ground that strays is brought to this, metres, in so many turns; range blocks that would have to
+#: be lowered by more are left.
+_GROUND, _CLEARED, _MOST_LOWERED = 1.4, 2, 8.0
+#: So high stays at least what is built in a range block that is lowered, metres.
+_LOWEST = 2.5
 #: Decoding ends when no pixel moves by more than a tenth of the threshold, within these, metres; by
 #: the least where it may diverge.
 _TOLERANCES = (0.01, 0.05)
@@ -35,6 +41,7 @@ def collage_repair(
     reach: int | None = 24,
     domains: Sequence[int] = (2,),
     rounds: int = 3,
+    clear: bool = False,
 ) -> tuple[Genome, int]:
     """Re-match the blocks of ``genome`` whose decoded content, before roofs are settled, strays
     from ``intended``.
@@ -50,6 +57,7 @@ def collage_repair(
     reach, domains : where the new domain blocks are searched, as in `evocity.encode`.
     rounds : a repaired block can disturb those that read it, so decode and repair again, at
         most so often.
+    clear : at last lower the range blocks in which ground would be built on.
 
     Returns
     -------
@@ -83,7 +91,37 @@ def collage_repair(
                 genome = split(genome, int(genome.pavement.side[bad].max()) // 2, here)
                 bad = _touched(genome.pavement, here)
         heights = np.where(where, intended, heights)
+    if clear:
+        genome = _cleared(genome, intended, heights, threshold)
     return genome, _touched(genome.pavement, replaced).size
+
+
+def _cleared(genome: Genome, intended: np.ndarray, heights: np.ndarray, threshold: float) -> Genome:
+    """``genome`` with range blocks lowered so that ground stays ground; ``heights`` are about what
+    it decodes to.
+
+    A wall higher than any nearby is laid by one that σ cannot stretch enough. The ground before it
+    then rises above `BUILT_ABOVE`, and settling roofs would make a buttress of it. The roof behind
+    it can spare what β gives: settling brings it back.
+    """
+    ground = intended <= BUILT_ABOVE
+    for _ in range(_CLEARED):
+        heights, steep = _decoded(genome, heights, threshold)
+        stray = ground & (heights > BUILT_ABOVE)
+        if steep.any() or not stray.any():
+            break
+        index, lower = genome.pavement.index, np.zeros(len(genome), np.float32)
+        np.maximum.at(lower, index[stray], heights[stray] - np.float32(_GROUND))
+        lower[lower > _MOST_LOWERED] = 0
+        # what is built there stays built
+        built = ~ground & (lower[index] > 0)
+        least = np.full(len(genome), _MOST_LOWERED, np.float32)
+        np.minimum.at(least, index[built], heights[built] - np.float32(_LOWEST))
+        lower = np.clip(lower, 0, np.maximum(least, 0))
+        if not lower.any():
+            break
+        genome = genome.replace(beta=genome.beta - lower)
+    return genome
 
 
 class _Matching:

@@ -11,6 +11,8 @@ from evocity.search._kernels import resembles
 SIDE = 64
 #: Heights differ if they differ by more than this, metres: a storey.
 STOREY = 3.0
+# What shares of a distance are asked for in turn.
+_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
 # Looks are kept in decimetres.
 _UNIT = 0.1
 
@@ -31,13 +33,15 @@ def alike(look: np.ndarray, others: np.ndarray, apart: float) -> bool:
 
 def distinct_first(looks: Sequence[np.ndarray], apart: float, count: int) -> np.ndarray:
     """Indices of all ``looks``, given best first: ``count`` of them come first that are pairwise
-    more than ``apart`` from each other, each the best that is, fewer if there are not so many; the
-    others follow, best first."""
+    more than ``apart`` from each other, each the best that is. If there are not so many, those
+    follow that are more than .8, .6, .4 and .2 of it from all before them. The others come last,
+    best first."""
     looks = np.asarray(looks)
     chosen: list[int] = []
-    for index, look in enumerate(looks):
-        if len(chosen) == count:
-            break
-        if not alike(look, looks[chosen], apart):
-            chosen.append(index)
+    for share in _SHARES:
+        for index, look in enumerate(looks):
+            if len(chosen) == count:
+                break
+            if index not in chosen and not alike(look, looks[chosen], share * apart):
+                chosen.append(index)
     return np.concatenate([chosen, np.setdiff1d(np.arange(len(looks)), chosen)]).astype(np.intp)

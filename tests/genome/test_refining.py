@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+from codes import draw_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from leaves import draw_leaves, draw_pavement
@@ -154,6 +155,27 @@ def test_a_map_laid_turned_with_its_domains_decodes_turned(iso):
     assert (turned.turn == isometries.COMPOSITION[iso, turned.turn * 0 + genome.turn[0]]).any()
     row, column = unpacked(turned.source)
     assert row.min() >= 0 <= column.min()
+
+
+@pytest.mark.parametrize("shape", [(8, 32), (32, 8), (16, 40)])
+@pytest.mark.parametrize("iso", [1, 4, 6])
+def test_domain_blocks_turned_in_a_map_that_is_not_square_stay_inside(shape, iso):
+    """What was as long as the map would turned be longer than it is wide."""
+    rows, columns = shape[0] // 4, shape[1] // 4
+    genome = draw_code(iso, rows=rows, columns=columns, block=4)
+    assert (genome.dx > shape[0]).any() or (genome.dy > shape[1]).any()
+    tall = min(rows, columns)
+    whose = np.zeros((rows, columns), int)
+    row, column = np.indices((rows, columns))
+    here = np.s_[:tall, :tall]
+    turned = np.zeros((rows, columns), np.uint8)
+    turned[here] = iso
+    row[here], column[here] = (isometries.apply(iso, one[here]) for one in (row, column))
+    child = laid([genome], Pieces(4, whose, row, column, turned), carried=True).genome
+    has = child.dx > 0
+    assert (child.y[has] + child.dy[has] <= shape[0]).all()
+    assert (child.x[has] + child.dx[has] <= shape[1]).all()
+    assert decode(child).attractor.shape == shape
 
 
 def test_pieces_that_cut_what_cannot_be_halved_are_refused():

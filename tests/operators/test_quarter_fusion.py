@@ -24,7 +24,7 @@ from evocity.operators.crossing import raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.quarter_fusion import QuarterFusion
 from evocity.operators.quarter_refill import QuarterRefill
-from evocity.operators.street_blocks import Room, best_place, street_blocks
+from evocity.operators.street_blocks import Filling, Room, best_place, street_blocks
 from evocity.operators.street_blocks._kernels import (
     SPARE,
     best_fit,
@@ -366,6 +366,68 @@ def test_blocks_that_hold_a_lock_keep_their_buildings():
         assert stays[touched].all()
         filled |= not stays.all()
     assert filled
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_nothing_that_is_locked_is_laid_elsewhere(layout):
+    """A tower locked in all parents stands where it is locked alone."""
+    mask, heights = np.zeros((96, 96), bool), np.zeros((96, 96), np.float32)
+    mask[36:60, 36:60] = True
+    heights[40:56, 40:56] = 77
+    held = Condensation(heights, mask)
+    how = LAYOUTS[layout] | {"fit": False, "settle": False, "condensation": held}
+    parents = [
+        evocity.encode(draw_town(seed, side=96, buildings=22), **how).genome for seed in (31, 32)
+    ]
+    assert not any((decode(one).city.heights > 60)[~mask].any() for one in parents)
+    fuse = QuarterFusion(fill=0.6, density=0.0, area_min=0)
+    refill = QuarterRefill(street_blocks=6, density=0.0, area_min=0)
+    changed = 0
+    for seed in range(4):
+        for operator in (fuse, refill):
+            child = operator(parents[:: 1 if seed % 2 else -1], np.random.default_rng(seed))
+            shown = decode(child).city.heights
+            assert not (shown[~mask] > 60).any()
+            assert (shown[mask] == heights[mask]).all()
+            changed += child.made["street_blocks"]
+    assert changed > 8
+
+
+def test_what_stands_in_a_block_is_not_laid_there_again():
+    """Siblings share most of their blocks, and exchange others all the same."""
+    parents = towns(count=3)
+    rng = np.random.default_rng(0)
+    fuse = QuarterFusion(fill=0.4, density=0.1, area_min=0, repair=None)
+    children = [fuse([parents[k % 3], parents[(k + 1) % 3]], rng) for k in range(6)]
+    grid = Pavement(96, 96, 4)
+    same = filled = 0
+    for host, donor in [(0, 3), (3, 0), (1, 4), (4, 1), (2, 5), (5, 2), (0, 0), (1, 1)]:
+        pair = [children[host], children[donor]]
+        filling = Filling(pair, grid, spread=0.03, density=0.1, facades=0.25, repeats=0.5)
+        before, built = Stones(pair[:1], grid).of[0], filling.host.built
+        drawn = [n for n in filling.numbers(0.0) if filling.fill(n, 1, rng)]
+        after = Stones([filling.genome()], grid).of[0]
+        for number in drawn:
+            here = (filling.host.labels == number) & built
+            same += (after == before)[here].all()
+        filled += len(drawn)
+    assert filled > 40
+    assert same < 0.05 * filled
+
+
+def test_so_many_blocks_of_each_donor_as_its_share_says():
+    parents = towns(count=3)
+    fuse = QuarterFusion(
+        fill=[0.0, 0.75, 0.25], street_blocks=8, density=0.0, area_min=0, repair=None
+    )
+    taken = np.zeros(3, int)
+    for seed in range(3):
+        draft = fuse.draft(parents, np.random.default_rng(seed))
+        assert draft.made["street_blocks"] == 8
+        reached = np.array(draft.made["fill_reached"])
+        assert reached[1] > reached[2] > 0
+        taken += (reached > 0).astype(int)
+    assert (taken == 3).all()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A genome whose street blocks are filled with buildings, one after another."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from evocity.isometries import AFFINE
 from evocity.operators.crossing import raw_heights
 from evocity.operators.pavement_fusion import ground
 from evocity.operators.street_blocks._kernels import lay_cells
-from evocity.operators.street_blocks.blocks import street_blocks
+from evocity.operators.street_blocks.blocks import StreetBlocks, street_blocks
 from evocity.operators.street_blocks.fits import Fit, Room, best_place
 from evocity.operators.street_blocks.stones import Stones
 from evocity.pavement import Pavement
+
+#: A donor has the same fabric in a street block if it shares more than this of its built cells.
+_SAME = 0.5
 
 
 class Filling:
@@ -42,8 +46,10 @@ class Filling:
         self._spread, self._density = spread, density
         self._facades, self._repeats = facades, repeats
         self._widened = round(widened / (grid.block * parents[0].metres_per_pixel))
-        self._blocks = [street_blocks(decoded(parent).city, grid) for parent in parents]
-        self.host = self._blocks[0]
+        blocks = [street_blocks(decoded(parent).city, grid) for parent in parents]
+        self.host = blocks[0]
+        layer = parents[0].condensation
+        self._blocks = blocks if layer is None else [_free(one, grid, layer.mask) for one in blocks]
         self._stones = Stones(parents, grid)
         self._stones.count(self._stones.of[0].ravel(), 1)
         self.given = np.zeros((grid.rows, grid.columns), np.int64)
@@ -75,19 +81,23 @@ class Filling:
         False if it keeps its own, since no others fit."""
         room = Room.of(self.host, number, self._facades, self._widened)
         whole = room.block | room.ring
-        # what stands here makes room, and so it is no repetition
-        gone = self._stones.of[0][room.within][whole]
-        self._stones.count(gone, -1)
+        own = self._stones.of[0][room.within]
         if donor == self.void:
             self._lay(room, donor, None, np.zeros(room.block.shape, bool))
+            self._stones.count(own[whole], -1)
             return True
         theirs = self._blocks[donor]
+        # what stands here counts as well: laid again it would change nothing
         stale = self._stones.stale(donor, theirs.built, self._repeats)
-        fit = best_place(room, theirs, stale, self._density, self._spread, rng, itself=donor == 0)
+        built = room.block & self.host.built[room.within]
+        same = (own == self._stones.of[donor][room.within])[built]
+        # where a donor has the same fabric here, its own place would win and nothing would change
+        itself = donor == 0 or np.count_nonzero(same) > _SAME * same.size
+        fit = best_place(room, theirs, stale, self._density, self._spread, rng, itself)
         if fit is None:
-            self._stones.count(gone, 1)
             return False
         self._lay(room, donor, fit, fit.seen(theirs.built) & ~fit.kept)
+        self._stones.count(own[whole], -1)
         self._stones.count(fit.seen(self._stones.of[donor])[fit.kept], 1)
         return True
 
@@ -121,3 +131,11 @@ class Filling:
         whose = np.where(self._bare, self.void, self.given)
         lay_cells(heights, whose, *self._from, self._iso, AFFINE, self._grid.block, found)
         return found
+
+
+def _free(blocks: StreetBlocks, grid: Pavement, mask: np.ndarray) -> StreetBlocks:
+    """Street blocks of a donor, of which no building is laid that a ``mask`` (H, W) locks a pixel
+    of: it would stand twice."""
+    held = np.zeros(blocks.covered.size, bool)
+    held[blocks.components.ravel()[grid.blocks(mask).any(axis=(1, 2))]] = True
+    return replace(blocks, components=np.where(held[blocks.components], 0, blocks.components))
