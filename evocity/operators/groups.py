@@ -108,6 +108,9 @@ class Rearrangement:
         self.genome = parent
         self.stone = np.arange(len(self.grid))
         self.turn = np.zeros(len(self.grid), np.uint8)
+        self._held = np.zeros(len(self.grid), bool)
+        if parent.condensation is not None:
+            self._held = self.grid.blocks(parent.condensation.mask).any(axis=(1, 2))
         self._forget()
 
     def _forget(self) -> None:
@@ -235,14 +238,14 @@ class Rearrangement:
         of ``choice`` admissible places elsewhere; returns how many had one.
 
         The group is exchanged with what stands there, or ``copied`` onto it. Where ``turned``, an
-        isometry is drawn for each place.
+        isometry is drawn for each place. What is locked (condensation) is laid nowhere else.
         """
         lay = self.copy if copied else self.exchange
         moved = 0
         for _ in range(count):
             for _ in range(_TRIES):
                 group, start = draw()
-                if not group.size:
+                if not group.size or self._held[self._places(group, start)].any():
                     continue
                 isos = None
                 if turned:
@@ -261,6 +264,9 @@ class Rearrangement:
                 )
                 if found is not None:
                     iso = 0 if isos is None else int(isos[found])
+                    there = turned_places(group, group.max(axis=1) + 1, iso)
+                    if not copied and self._held[self._places(there, ends[found])].any():
+                        continue
                     lay(group, start, ends[found], carried=carried, iso=iso)
                     moved += 1
                     break

@@ -39,15 +39,17 @@ class QuarterFusion(Drafting):
         parent's buildings how many of them get. None for as many as ``fill`` asks for.
     void : whether bare ground takes part as a last parent: squares in place of buildings.
     area_min : street blocks under this keep their buildings, m².
-    spread : under each isometry one place is drawn of those whose score is within this of the
-        best; 0 takes the best. Scores are shares of the block's area, at most 1.
+    spread : under each isometry four places are drawn of those whose score is within this of the
+        best, and the best of all is taken once components that stick out are left out; 0 takes the
+        best. Scores are shares of the block's area, at most 1.
     density : blocks that would have less than this share of what was built there before keep
         their buildings, 0 or more.
     facades : what it counts, in shares of the block's area, that all of the block's façades are
         built where they stood and nothing on the street before them, 0…10.
     repeats : by what share a built cell counts less whose stone stands elsewhere on the map
         already, 0…1; without it what fits anywhere would win in time.
-    widened : metres by which a filled block gives way to the streets around it.
+    widened : metres by which a filled block gives way to the streets around it, rounded up to
+        whole cells (the side of the finest range blocks).
     repair, reach, domains : as in `Drafting`.
 
     Source: ours, after the wish of Marsault 2002 §6.1 that operators keep the identity of

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from rearranged import assert_laws, district, odd_maps, town
 from towns import draw_town
 
+import evocity
 from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
+from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome, unpacked
@@ -312,3 +314,22 @@ def test_faults_are_told():
         Relocation(mode="jump", shape="round")
     with pytest.raises(OperatorError, match="move or copy"):
         Relocation(mode="jump")
+
+
+@pytest.mark.parametrize("mode", ["move", "copy"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_is_locked_is_laid_nowhere_else(mode, turned):
+    mask, heights = np.zeros((96, 96), bool), np.zeros((96, 96), np.float32)
+    mask[40:52, 40:52] = True
+    heights[42:50, 42:50] = 77
+    town = draw_town(31, side=96, buildings=22)
+    parent = evocity.encode(
+        town, block=4, fit=False, condensation=Condensation(heights, mask)
+    ).genome
+    move = Relocation(mode=mode, isometries=turned, count=6, side_min=24, side_max=48)
+    moved = 0
+    for seed in range(6):
+        child = move([parent], np.random.default_rng(seed))
+        assert not (decode(child).city.heights > 60)[~mask].any()
+        moved += child.made["relocated"]
+    assert moved > 6

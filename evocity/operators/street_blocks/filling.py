@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Filling:
         self._parents, self._grid = parents, grid
         self._spread, self._density = spread, density
         self._facades, self._repeats = facades, repeats
-        self._widened = round(widened / (grid.block * parents[0].metres_per_pixel))
+        self._widened = ceil(widened / (grid.block * parents[0].metres_per_pixel))
         blocks = [street_blocks(decoded(parent).city, grid) for parent in parents]
         self.host = blocks[0]
         layer = parents[0].condensation
