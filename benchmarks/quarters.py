@@ -51,7 +51,7 @@ def main(seeds: int) -> None:
             f"{row[3]:10.2f} ({lower:.2f}){'':10}{row[4]:10.2f}"
         )
     mean = np.mean(rows, axis=0)
-    print(f"{'mean':48}{mean[0]:6.2f}{mean[1]:10.3f}")
+    print(f"{'mean':48}{mean[0]:6.3f}{mean[1]:10.3f}")
     print(f"\n{'ms a child, median (least)':48}{'three blocks':>16}{'fill .2':>16}")
     for pair in PAIRS:
         parents = [codes[one] for one in pair]

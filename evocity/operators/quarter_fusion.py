@@ -63,7 +63,7 @@ class QuarterFusion(Drafting):
     spread: float = 0.03
     density: float = 0.5
     facades: float = 0.25
-    repeats: float = 0.5
+    repeats: float = 0.65
     widened: float = 0.0
 
     name = "quarter_fusion"
