@@ -9,6 +9,7 @@ from evocity.cli.common import (
     check_output,
     json_option,
     note,
+    note_compiling,
     output_option,
     print_json,
     writing,
@@ -66,6 +67,7 @@ def breed(
     check_no_map_name(output)
     breeding = chosen(operator, settings_of(settings))
     _check_count(breeding, len(parents))
+    note_compiling()
     genomes = parents_of(parents, identifiers, reading, coding)
     child = breeding(genomes, np.random.default_rng(seed))
     with writing(output):
