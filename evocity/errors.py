@@ -3,9 +3,10 @@
 Every message has three parts: what was found, what was expected, what to do.
 """
 
+import contextlib
 import difflib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 
 class EvocityError(Exception):
@@ -99,6 +100,16 @@ class RecipeError(EvocityError):
 
 class RunError(EvocityError):
     """A run folder is missing, damaged, in use, or in the way."""
+
+
+@contextlib.contextmanager
+def blaming(what: str) -> Iterator[None]:
+    """Within, an `EvocityError` tells first ``what`` is at fault: a key, a file."""
+    try:
+        yield
+    except EvocityError as error:
+        found, expected, remedy = error.args  # with its marks
+        raise type(error)(f"{what}: {found}", expected, remedy) from error
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:

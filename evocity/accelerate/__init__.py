@@ -8,8 +8,9 @@ A kernel made by a function may take from it nothing but plain numbers: numba kn
 by a pickle of what it takes, and another kernel is pickled under a new name in each process.
 """
 
+import contextlib
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import llvmlite.binding
@@ -73,7 +74,29 @@ def on_compiled(told: Callable[[], None]) -> None:
             pass
 
         def on_end(self, event) -> None:
-            if event.data["dispatcher"].py_func.__module__.startswith("evocity."):
+            if _is_ours(event):
                 told()
 
     event.register("numba:compile", _Ear())
+
+
+@contextlib.contextmanager
+def on_compiling(told: Callable[[], None]) -> Iterator[None]:
+    """Within, call ``told`` whenever this process begins to compile a kernel of evocity; what it
+    finds in the cache is not compiled."""
+
+    class _Ear(event.Listener):
+        def on_start(self, event) -> None:
+            if _is_ours(event):
+                told()
+
+        def on_end(self, event) -> None:
+            pass
+
+    with event.install_listener("numba:compile", _Ear()):
+        yield
+
+
+def _is_ours(event) -> bool:
+    """Whether a kernel of evocity is compiled, and not one of numba's own."""
+    return event.data["dispatcher"].py_func.__module__.startswith("evocity.")

@@ -12,6 +12,7 @@ from evocity.cli.common import (
     describe,
     json_option,
     map_options,
+    note_compiling,
     note_reading,
     output_option,
     print_json,
@@ -139,6 +140,7 @@ def autosimilarity(
     check_output(output, map, FIELD_WRITERS)
     if curve:
         check_output(curve, map, {".csv"})
+    note_compiling()
     city = evocity.read_map(map, **reading)
     note_reading(city, reading)
     with progress_bar(f"comparing {city.name} with itself") as progress:

@@ -1,6 +1,6 @@
 """`evocity breed`: parents become a child, by one operator."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -9,6 +9,7 @@ from evocity.cli.common import (
     check_output,
     json_option,
     note,
+    note_compiling,
     output_option,
     print_json,
     writing,
@@ -18,6 +19,9 @@ from evocity.cli.given import ids_option
 from evocity.cli.parents import parent_options, parents_of
 from evocity.cli.settings import settings_of, settings_option
 from evocity.errors import OperatorError
+
+#: By how much of the map less than asked for is told.
+SHORT = 0.1
 
 
 @click.command(
@@ -63,12 +67,15 @@ def breed(
     check_no_map_name(output)
     breeding = chosen(operator, settings_of(settings))
     _check_count(breeding, len(parents))
+    note_compiling()
     genomes = parents_of(parents, identifiers, reading, coding)
     child = breeding(genomes, np.random.default_rng(seed))
     with writing(output):
         child.write(output)
     shares = dict(zip(child.cities, child.shares.tolist(), strict=True))
     made = {key: value for key, value in child.made.items() if key != "operator"}
+    _note_fill(made)
+    _note_street_blocks(breeding, parents, made)
     if as_json:
         about = {"operator": operator, "seed": seed, "lifs": len(child)}
         print_json({**about, "cities": shares, "made": made})
@@ -82,7 +89,6 @@ def breed(
     click.echo("stone of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
     for key, value in made.items():
         click.echo(f"{key}: {_told(value)}")
-    _note_fill(made)
     click.echo(f"wrote {output}")
 
 
@@ -96,6 +102,25 @@ def _note_fill(made: Mapping[str, object]) -> None:
             f"a share is {off:.2f} off what fill asks for, margin {made['margin']:g}: too few "
             "groups fit; a larger tolerance= lets in more, see evocity operators list"
         )
+
+
+def _note_street_blocks(breeding, parents: Sequence[str], made: Mapping[str, object]) -> None:
+    """Say if an operator that fills street blocks filled none, or much less than asked."""
+    if "street_blocks" not in made:
+        return
+    more = "a lower density= fills more, see evocity operators list"
+    filled, asked = made["street_blocks"], breeding.street_blocks
+    names = [*parents, "bare ground"]  # of the void, if it takes part
+    shares = list(zip(names, made.get("fill", ()), made.get("fill_reached", ()), strict=False))[1:]
+    if asked is not None:
+        if filled < asked:
+            note(f"asked to fill {asked} street block{'s' * (asked > 1)}, filled {filled}: {more}")
+    elif not filled and any(share for _, share, _ in shares):
+        note(f"no street block was filled: {more}")
+    else:
+        for name, share, reached in shares:
+            if share - reached > SHORT:
+                note(f"asked {share:.2f} of {name}, reached {reached:.2f}: {more}")
 
 
 def chosen(name: str, settings: Mapping[str, object]):

@@ -291,6 +291,20 @@ def note(text: str) -> None:
     print(f"Note: {text}", file=sys.stderr)  # click.echo would write into a live line
 
 
+def note_compiling() -> None:
+    """From now on, say once on standard error if this command waits for kernels to be compiled."""
+    from evocity.accelerate import on_compiling
+
+    said = []
+
+    def once() -> None:
+        if not said:
+            said.append(True)
+            note("kernels are compiled, once on this machine; that may take a minute")
+
+    click.get_current_context().with_resource(on_compiling(once))
+
+
 def note_reading(city, reading: Mapping[str, object]) -> None:
     """Say what of its file a map just read is, which heights were invented, and if its window is
     mostly empty."""

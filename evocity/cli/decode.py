@@ -5,7 +5,14 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, converged, count_option, describe, output_option
+from evocity.cli.common import (
+    check_output,
+    converged,
+    count_option,
+    describe,
+    note_compiling,
+    output_option,
+)
 from evocity.cli.given import decoded_name, genome_of, id_option
 from evocity.errors import EvocityError, setting
 
@@ -75,6 +82,7 @@ def decode(genome: str, output: Path, identifier, zoom: float, low_pass, high_pa
             raise EvocityError(
                 f"--{name} {f_c:g}", "calls, 0 or more", "give for example 10; see show --usage"
             )
+    note_compiling()
     code = genome_of(genome, identifier)
     _check_size(code.pavement, zoom)
     told = []

@@ -11,6 +11,7 @@ from evocity.cli.common import (
     describe,
     json_option,
     map_options,
+    note_compiling,
     note_reading,
     output_option,
     print_json,
@@ -201,6 +202,7 @@ def encode(
         if isinstance(source, str):
             check_output(output, source)
     check_no_map_name(output)
+    note_compiling()
     city = evocity.read_map(map, **reading)
     note_reading(city, reading)
     check_block(city, block)

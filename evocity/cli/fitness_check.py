@@ -8,6 +8,7 @@ import click
 from evocity.cli.common import (
     json_option,
     near,
+    note_compiling,
     print_json,
     print_table,
     progress_bar,
@@ -52,6 +53,7 @@ def check(measures: tuple[str, ...], timeout: float, as_json: bool) -> None:
     (before, after; null if not asked). A file that cannot be loaded stands there by its name,
     with usable and findings.
     """
+    note_compiling()
     # click.Context.exit() raises: outside of all that tidies up
     if not _checked(measures, timeout, as_json):
         click.get_current_context().exit(1)

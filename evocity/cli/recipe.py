@@ -20,6 +20,7 @@ from evocity.cli.common import (
     print_json,
     print_table,
     quiet_stdout,
+    warn,
     writing,
 )
 from evocity.cli.given import measures_of
@@ -107,17 +108,13 @@ def new(
     with quiet_stdout():
         goals = _goals(wanted, output.parent)
         with blaming_options(pixels=pixels, metres_per_pixel=metres_per_pixel):
-            found = begun(words, goals, output, lambda text: click.echo(f"{text} …", err=True))
+            found = begun(words, goals, output, _tell, _note_parent)
+    said = {_taken(source.city) for source in found.sources}
     for text in found.notes:
-        note(text)
-    for source, parent in zip(found.sources, found.recipe.parents, strict=True):
-        chosen = "default_height" in parent.model_fields_set
-        note_heights(
-            source.city,
-            parent.default_height,
-            "" if chosen else "; --default-height says otherwise",
-        )
-        note_window(source.city, "--center, --pixels and --metres-per-pixel choose")
+        if text not in said:
+            note(text)
+    if found.failing:
+        warn(found.failing)
     _write(output, found.text, force)
     bounds = {one.measure.name: one.keys for one in found.bounds}
     if as_json:
@@ -145,7 +142,25 @@ def new(
     )
     click.echo(f"wrote {output}")
     click.echo()
-    click.echo(f"Look at its comments, then:\n  evocity run {near(str(output))}")
+    before = "Correct what makes births fail" if found.failing else "Look at its comments"
+    click.echo(f"{before}, then:\n  evocity run {near(str(output))}")
+
+
+def _tell(text: str) -> None:
+    click.echo(f"{text} …", err=True)
+
+
+def _note_parent(city, parent) -> None:
+    """Say what was taken of a parent's file, as soon as it is read."""
+    note(_taken(city))
+    chosen = "default_height" in parent.model_fields_set
+    otherwise = "" if chosen else "; --default-height says otherwise"
+    note_heights(city, parent.default_height, otherwise)
+    note_window(city, "--center, --pixels and --metres-per-pixel choose")
+
+
+def _taken(city) -> str:
+    return f"{city.name}: {city.taken}"
 
 
 def _print_values(values: Mapping, bounds: Mapping) -> None:

@@ -55,8 +55,13 @@ def run(recipe, generations, population, workers, seed, out) -> None:
     with blaming_options(**options):
         chosen = evocity.read_recipe(recipe, **options)
     folder = _free(chosen.default_out) if out is None else _new(out)
-    _tell_folder(folder, chosen.default_out if out is None else folder)
-    carry_out(lambda tell: evocity.Search(chosen, out=folder, progress=tell), folder)
+    wanted = chosen.default_out if out is None else folder
+    taken = f" ({wanted} exists already)" if folder != wanted else ""
+    carry_out(
+        lambda tell: evocity.Search(chosen, out=folder, progress=tell),
+        folder,
+        made=f"run: {folder}{taken}",
+    )
 
 
 def _new(folder: Path) -> Path:
@@ -72,16 +77,6 @@ def _free(folder: Path) -> Path:
     _made(folder.parent)
     others = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
     return next(free for free in chain([folder], others) if not os.path.lexists(free))
-
-
-def _tell_folder(folder: Path, wanted: Path) -> None:
-    """Say before any map is read where the run will be kept, and why not where it was ``wanted``.
-
-    The folder is made when the maps are read and encoded, whole or not at all; a run that finds
-    that another has taken the name meanwhile is refused.
-    """
-    taken = f" ({wanted} exists already)" if folder != wanted else ""
-    click.echo(f"run: {folder}{taken}", err=True)
 
 
 def _made(parent: Path) -> None:

@@ -14,6 +14,7 @@ from evocity.cli.common import (
     describe,
     json_option,
     map_options,
+    note_compiling,
     print_json,
     print_table,
     quiet_stdout,
@@ -80,6 +81,7 @@ def score(maps, identifiers, wanted, references, within, reading, as_json, as_cs
     """
     if as_json and as_csv:
         raise click.UsageError("--json and --csv: one document at a time, leave one out")
+    note_compiling()
     sources = _individuals(maps, identifiers)
     with quiet_stdout():
         measures = _measures(wanted)

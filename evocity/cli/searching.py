@@ -20,14 +20,15 @@ _BETWEEN_LINES = 10.0
 Start = Callable[[Callable[[str], None]], "evocity.Search"]
 
 
-def carry_out(start: Start, folder: Path) -> None:
+def carry_out(start: Start, folder: Path, made: str = "") -> None:
     """Go through all generations of a search, kept in ``folder``, then write the report.
+    ``made`` is said once the folder is there.
 
     Raises `RunFailed` if the run fails on its way or the report cannot be written; Ctrl-C ends
     the program with exit code 130.
     """
     try:
-        _go_through(start, folder)
+        _go_through(start, folder, made)
         _report(folder)
     except KeyboardInterrupt:
         if folder.is_dir():
@@ -37,13 +38,18 @@ def carry_out(start: Start, folder: Path) -> None:
         click.get_current_context().exit(130)
 
 
-def _go_through(start: Start, folder: Path) -> None:
+def _go_through(start: Start, folder: Path, made: str) -> None:
     show = LiveLine() if sys.stderr.isatty() else LogLines()
     started = False
     try:
         with show, start(show.prepared) as search:
             started = True
             search.prepare()
+            if made:
+                _say(made)
+            if search.finished:
+                done = search.recipe.run.generations
+                _say(f"finished already at {done}/{done}; --generations N goes on")
             signs, noted = goal_signs(search.recipe), _note(search, 0)
             for generation in search:
                 noted = _note(search, noted)
@@ -57,6 +63,10 @@ def _go_through(start: Start, folder: Path) -> None:
     finally:
         if started:
             _tell_failures(folder)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)  # click.echo would write into a live line
 
 
 def _report(folder: Path) -> None:

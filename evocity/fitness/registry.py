@@ -131,14 +131,15 @@ def fitness(
 
 
 def get(name: str) -> Measure:
-    """The measure called ``name``. Raises `FitnessError`, which lists those that exist."""
+    """The measure called ``name``. Raises `FitnessError`, which tells the one that is most like
+    it."""
     known = {measure.name: measure for measure in measures()}
     if name in known:
         return known[name]
     raise FitnessError(
         "; ".join([f"no measure is called {name!r}", *plugin_warnings()]),
-        f"one of {', '.join(known)}",
-        near_miss(name, known) or "name one of these, or the file NAME.py that declares it",
+        "a measure that `evocity fitness list` names, or a file NAME.py that declares one",
+        f"{near_miss(name, known)} `evocity fitness list` names all {len(known)}".strip(),
     )
 
 

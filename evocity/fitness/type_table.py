@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evocity.errors import FitnessError, near_miss, shown
+from evocity.errors import FitnessError, near_miss, shown, with_near_miss
 from evocity.fitness.coverage import Box, corner_near, left_over, meet
 
 #: What a table may set limits to: by name the unit, the highest value there is, and what a house
@@ -23,6 +23,10 @@ FEATURES: Mapping[str, tuple[str, float, float]] = {
     "courts": ("", math.inf, 0.0),
     "elongation": ("", 1.0, 0.7),
 }
+#: Parts that recipes have, and tables of types have not.
+_OF_RECIPES = frozenset(
+    ("run", "map", "parents", "genome", "operators", "fitness", "locked", "evaluation", "search")
+)
 #: Most entries of a table.
 MOST = 100
 
@@ -30,6 +34,7 @@ MOST = 100
 _ENDS = np.array([np.nextafter(highest, np.inf) for _, highest, _ in FEATURES.values()])
 _SPACE = np.zeros(len(FEATURES)), _ENDS
 _USUAL = [usual for _, _, usual in FEATURES.values()]
+_PARTS = "[[type]] and [shares]"
 _HOW = 'for example height = { from = 10, below = 16 } under [[type]] name = "slab"'
 
 
@@ -77,12 +82,17 @@ class TypeTable:
         """
         told = _parsed(text)
         listed = told.get("type", [])
-        if strange := set(told) - {"type", "shares"}:
-            raise _fault(f"{strange.pop()} in a table of types", "[[type]] and [shares]")
+        _check_parts(told)
         if not isinstance(listed, list) or not (listed or "shares" in told):
-            raise _fault("no type", f"1 to {MOST} entries [[type]], or [shares] alone")
+            raise FitnessError(
+                "no type",
+                f"1 to {MOST} entries [[type]], or [shares] alone",
+                f'write [[type]], below it name = "slab" and its limits, {_HOW}',
+            )
         if len(listed) > MOST:
-            raise _fault(f"{len(listed)} entries [[type]]", f"at most {MOST}")
+            raise FitnessError(
+                f"{len(listed)} entries [[type]]", f"at most {MOST}", "leave some out"
+            )
         table = cls(tuple(_entry(one) for one in listed)) if listed else packaged()
         _check_overlaps(table.entries)
         _check_gaps(table.entries)
@@ -125,6 +135,25 @@ def _parsed(text: str | bytes) -> dict:
         ) from None
 
 
+def _check_parts(told: Mapping) -> None:
+    """Raise unless a table has no other parts than it may have."""
+    strange = [name for name in told if name not in ("type", "shares")]
+    if not strange:
+        return
+    recipe = _OF_RECIPES.intersection(told)
+    if "fitness" in told or len(recipe) > 1:
+        raise FitnessError(
+            f"a recipe, with {', '.join(one for one in told if one in recipe)}",
+            f"a table of building types, with {_PARTS}",
+            "breed by a recipe with: evocity run; name a table or a measure here",
+        )
+    raise FitnessError(
+        f"{', '.join(strange)} in a table of types",
+        _PARTS,
+        near_miss(strange[0], ("type", "shares")) or "take it out",
+    )
+
+
 def _entry(told) -> tuple[str, Box]:
     """Name and box of one ``[[type]]``."""
     name = told.get("name") if isinstance(told, dict) else None
@@ -149,7 +178,7 @@ def _entry(told) -> tuple[str, Box]:
 
 
 def _limits(name: str, feature: str, told, end: float) -> tuple[float, float]:
-    what = f"{feature} = {shown(told)} of the type {name}"
+    what = f"{feature} = {_typed(told)} of the type {name}"
     if not isinstance(told, dict) or not told or set(told) - {"from", "below"}:
         raise _fault(what, "{ from = NUMBER, below = NUMBER }, either left out where there is none")
     low, high = told.get("from", 0), told.get("below", end)
@@ -163,16 +192,29 @@ def _limits(name: str, feature: str, told, end: float) -> tuple[float, float]:
 def _shares(told, names: tuple[str, ...]) -> np.ndarray | None:
     if told is None:
         return None
-    listed = told.values() if isinstance(told, dict) else [None]
-    if not all(map(_is_number, listed)) or not math.isclose(sum(listed), 1, abs_tol=1e-6):
-        raise _fault(f"[shares] of {shown(told)}", "a share of the built ground a type, together 1")
-    for name in told:
+    expected = "a share of the built ground a type, 0 or more, together 1"
+    example = f"for example {names[0]} = {1 if len(names) == 1 else 0.6} under [shares]"
+    if not isinstance(told, dict):
+        raise FitnessError(f"shares = {shown(told)}", f"[shares], {expected}", example)
+    faults = []
+    for name, share in told.items():
         if name not in names:
-            raise FitnessError(
-                f"{name} in [shares]",
-                f"one of {', '.join(names)}",
-                near_miss(name, names) or "name a type of the table",
-            )
+            faults.append(with_near_miss(f"{name}, which is no type", name, names))
+        if not _is_number(share):
+            faults.append(f"{name} = {_typed(share)}")
+    if faults:
+        raise FitnessError(
+            f"[shares] has {'; '.join(faults)}",
+            f"{expected}, of {', '.join(names)}",
+            f"correct that, {example}",
+        )
+    whole = sum(told.values())
+    if not math.isclose(whole, 1, abs_tol=1e-6):
+        raise FitnessError(
+            f"[shares] that sum to {whole:g}",
+            expected,
+            "divide each by that sum" if 0 < whole < math.inf else f"write them, {example}",
+        )
     shares = np.array([told.get(name, 0.0) for name in names], float)
     return shares / shares.sum()
 
@@ -230,6 +272,16 @@ def _extent(box: Box) -> str:
 
 def _unit(unit: str) -> str:
     return f" {unit}" if unit else ""
+
+
+def _typed(value) -> str:
+    """``value`` as TOML has it, cut short."""
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{key} = {_typed(one)}" for key, one in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return shown(value)
 
 
 def _is_number(value) -> bool:

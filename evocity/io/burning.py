@@ -289,11 +289,15 @@ def _nothing_there(
 ) -> MapError:
     west, south, east, north = places.bounds
     lon, lat = places.dense
+    remedy = f"pass another {keyword('center')}, for example {keyword('center', (lon, lat))}"
+    if west <= center[1] <= east and south <= center[0] <= north:
+        swapped = keyword("center", (center[1], center[0]))
+        remedy = f"did you swap them? longitude comes first: {swapped}"
     return MapError(
         f"{name}: no building in the {side:g} m about {center[0]:g}, {center[1]:g}",
         f"a window among its {len(places.boxes)} buildings, which lie from longitude {west:.5f} "
         f"to {east:.5f} and latitude {south:.5f} to {north:.5f}",
-        f"pass another {keyword('center')}, for example {keyword('center', (lon, lat))}",
+        remedy,
     )
 
 

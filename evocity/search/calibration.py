@@ -5,14 +5,17 @@ Bounds that a heap of cut buildings does not keep, and the parents do: `integrit
 have of them decides where they lie; a few births tell how long the run will take.
 """
 
+import contextlib
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from evocity import fitness, store
+from evocity.citymap import CityMap
 from evocity.coding import decode
-from evocity.errors import FitnessError
+from evocity.errors import FitnessError, MapError, keyword
 from evocity.fitness import Measure
 from evocity.search.breeding import next_population
 from evocity.search.compiling import compile_once, needed
@@ -21,7 +24,7 @@ from evocity.search.guarding import rounded
 from evocity.search.individual import Individual
 from evocity.search.preparation import Prepared, aims_of, prepare, references_of
 from evocity.search.reading import recipe_of
-from evocity.search.recipe import Recipe
+from evocity.search.recipe import Parent, Recipe
 from evocity.search.recipe_text import Bound, Goal, Words, recipe_text
 from evocity.store import Source
 
@@ -47,7 +50,7 @@ class Begun:
 
     values : measure -> parent -> what its (map, code) has, NaN where it is undefined.
     bounds : those of the guard. seconds : a birth took, of one worker. notes : what a user should
-    know, in words.
+    know, in words. failing : why a run by it would stop at once, in words; "" if it would not.
     """
 
     text: str
@@ -57,6 +60,7 @@ class Begun:
     seconds: float
     sources: Sequence[Source]
     notes: Sequence[str] = field(default=())
+    failing: str = ""
 
     @property
     def births(self) -> int:
@@ -73,26 +77,35 @@ def begun(
     goals: Sequence[Goal],
     path: Path,
     tell: Callable[[str], None],
+    met: Callable[[CityMap, Parent], None] | None = None,
 ) -> Begun:
     """The recipe to be written to ``path`` for the parents and the window that ``words`` tell, with
     a calibrated guard.
 
     goals : what is searched by; `USUAL_GOALS` if there are none. ``tell`` is told in a few words
-    what comes next. Files of goals are executed.
+    what comes next, ``met`` each parent's map and its [[parents]] as soon as it is read. Files of
+    goals are executed.
 
     Raises `RecipeError` for a window or a centre that cannot be, `MapError`, `GenomeError` or
-    `FitnessError` where a map does not serve or a goal is undefined of every parent.
+    `FitnessError` where a map does not serve, nothing is built on it, or a goal is undefined of
+    every parent.
     """
     own = bool(goals)
     goals = list(goals) or [Goal(fitness.get(name)) for name in USUAL_GOALS]
     draft = _read(recipe_text(words, [replace(one, target=0.0) for one in goals], []), path)
     compile_once(draft.genome.block, needed(draft), tell)
-    prepared = prepare(draft, tell)
+
+    def built(city: CityMap, parent: Parent) -> None:
+        if met is not None:
+            met(city, parent)
+        _refuse_empty(city, parent)
+
+    prepared = prepare(draft, tell, built)
     cities = [source.city for source in prepared.sources]
     measures = [goal.measure for goal in goals]
     guard = [getattr(fitness, name) for name in GUARD]
     values = {one.name: _values(one, prepared, cities) for one in [*measures, *guard]}
-    goals = _defined(goals, values, own)
+    goals, left = _defined(goals, values, own, path)
     bounds = [bound for one in guard if (bound := _bound(one, values[one.name])) is not None]
     text = recipe_text(words, goals, bounds, values)
     recipe = _read(text, path)
@@ -100,12 +113,15 @@ def begun(
     compile_once(recipe.genome.block, needed(recipe), tell)
     trials = _trials(_prepared_anew(prepared, recipe))
     seconds = sum(one.seconds for one in trials) / len(trials)
-    failed = [one for one in trials if one.status != "ok"]
-    notes = list(prepared.notes)
-    notes += [f"{one.name}: {_why_not(one, values)}" for one in guard if _dropped(one, bounds)]
-    if failed:
-        notes.append(f"{len(failed)} of {len(trials)} trial births failed: {failed[0].error}")
-    found = Begun(text, recipe, values, bounds, seconds, prepared.sources, notes)
+    notes = [*prepared.notes, *left]
+    notes += [
+        f"{one.name}: no bound, for it is undefined of {_undefined(values[one.name])}"
+        for one in guard
+        if _dropped(one, bounds)
+    ]
+    some, failing = _failures(trials, recipe.evaluation.max_failures)
+    notes += some
+    found = Begun(text, recipe, values, bounds, seconds, prepared.sources, notes, failing)
     told = recipe_text(words, goals, bounds, values, (found.births, seconds, found.duration))
     return replace(found, text=told, recipe=_read(told, path))
 
@@ -125,29 +141,74 @@ def _values(
     for source in prepared.sources:
         extras = {"genome": source.genome, "parents": [source.genome], "sources": cities}
         code = decode(source.genome).city
-        found[source.name] = tuple(float(measure(one, **extras)) for one in (source.city, code))
+        found[source.name] = tuple(measure(one, **extras) for one in (source.city, code))
     return found
 
 
-def _defined(goals: Sequence[Goal], values: Mapping, own: bool) -> list[Goal]:
-    """The ``goals`` that the parents' codes have, with targets where they have no goal. Raises
-    `FitnessError` if one of the user's ``own`` is undefined of all."""
-    found = []
+def _refuse_empty(city: CityMap, parent: Parent) -> None:
+    """Raise `MapError` if nothing is built on a parent's map."""
+    if not city.built.any():
+        raise MapError(
+            f"{city.name}: nothing is built on its map ({parent.map})",
+            "buildings to breed from on the map of every parent",
+            f"choose a window with buildings, with {keyword('center')} and {keyword('pixels')}, "
+            "or leave this map out",
+        )
+
+
+def _defined(
+    goals: Sequence[Goal], values: Mapping, own: bool, path: Path
+) -> tuple[list[Goal], list[str]]:
+    """The ``goals`` that the parents' codes have, with targets where they have no goal; and which
+    are left out, and why. Raises `FitnessError` if one of the user's ``own`` is undefined of all,
+    or all others are of one."""
+    found, left = [], []
     for goal in goals:
-        codes = {name: code for name, (_, code) in values[goal.measure.name].items()}
-        defined = [code for code in codes.values() if not math.isnan(code)]
+        of_parents = values[goal.measure.name]
+        defined = [code for _, code in of_parents.values() if not math.isnan(code)]
         if own and not defined:
             raise FitnessError(
-                f"{goal.measure.name} is undefined of {', '.join(codes)}",
+                f"{goal.measure.name} is undefined of {_undefined(of_parents)}",
                 "a measure that is a number of at least one parent",
-                "try it with: evocity score MAP --fitness, or take other cities",
+                f"try it with: evocity score MAP --fitness {_typed(goal, path)}, or take other "
+                "cities",
             )
-        if not own and len(defined) < len(codes):
+        if not own and len(defined) < len(of_parents):
+            left.append(
+                f"{goal.measure.name}: no goal, for it is undefined of {_undefined(of_parents)}"
+            )
             continue
         if goal.measure.goal is None:
             goal = replace(goal, target=float(f"{defined[0]:.4g}"))
         found.append(goal)
-    return found
+    if not found:
+        raise FitnessError(
+            f"nothing to search by: {'; '.join(left)}",
+            "a measure that is a number of every parent",
+            "choose another with --fitness, or take other cities",
+        )
+    return found, left
+
+
+def _undefined(of_parents: Mapping[str, tuple[float, float]]) -> str:
+    """The parents that a measure is undefined of, with its reasons, in words."""
+    reasons: dict[str, list[str]] = {}
+    for name, (_, code) in of_parents.items():
+        if math.isnan(code):
+            reasons.setdefault(getattr(code, "reason", ""), []).append(name)
+    return ", ".join(
+        " and ".join(names) + f" ({reason})" * bool(reason) for reason, names in reasons.items()
+    )
+
+
+def _typed(goal: Goal, path: Path) -> str:
+    """How ``--fitness`` names a ``goal`` of the recipe at ``path``, typed here."""
+    if goal.file is None:
+        return goal.measure.name
+    file = os.path.join(path.parent, goal.file)
+    with contextlib.suppress(ValueError):  # on another drive
+        return os.path.relpath(file)
+    return file
 
 
 def _bound(measure: Measure, values: Mapping[str, tuple[float, float]]) -> Bound | None:
@@ -172,9 +233,16 @@ def _dropped(measure: Measure, bounds: Sequence[Bound]) -> bool:
     return all(one.measure.name != measure.name for one in bounds)
 
 
-def _why_not(measure: Measure, values: Mapping) -> str:
-    undefined = [name for name, (_, code) in values[measure.name].items() if math.isnan(code)]
-    return f"no bound, for it is undefined of {', '.join(undefined)}"
+def _failures(trials: Sequence[Outcome], limit: float) -> tuple[list[str], str]:
+    """What is to be said of the ``trials`` that failed: notes, and why a run would stop if more
+    than a share of ``limit`` did."""
+    failed = [one for one in trials if one.status != "ok"]
+    if not failed:
+        return [], ""
+    said = f"{len(failed)} of {len(trials)} trial births failed; the first: {failed[0].error}"
+    if len(failed) <= limit * len(trials):
+        return [said], ""
+    return [], f"{said}\n  A run stops when more than {limit:.0%} of a generation's births fail"
 
 
 def _prepared_anew(prepared: Prepared, recipe: Recipe) -> Prepared:

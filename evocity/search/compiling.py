@@ -92,7 +92,7 @@ class _Crew:
                 drivers[-1].start()
             said, when = -1, 0.0
             while any(helper.poll() is None for helper in helpers):
-                if self._done != said or time.monotonic() - when > _WORD:
+                if self._kernels and (self._done != said or time.monotonic() - when > _WORD):
                     said, when = self._done, time.monotonic()
                     tell(
                         f"compiling, once on this machine: {said} of {self._all} parts, "

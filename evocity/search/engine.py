@@ -137,8 +137,9 @@ class Search:
         search._first = taken.next
         search.notes = [taken.edited] if taken.edited else []
         try:
-            search._compile()
-            search._start_pool()
+            if not search.finished:
+                search._compile()
+                search._start_pool()
             search._event("resume", generation=taken.next, changes=taken.changes)
         except BaseException:
             search.close()

@@ -3,7 +3,7 @@
 from evocity import io
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import RecipeError, near_miss
+from evocity.errors import RecipeError, blaming, near_miss, shown
 from evocity.search.recipe import Recipe
 from evocity.search.values import resolved
 
@@ -12,8 +12,8 @@ def locked_layer(recipe: Recipe, cities: list[CityMap]) -> tuple[Condensation | 
     """The layer that ``[locked]`` asks for, on the grid of the source ``cities``, and what the
     licences of its files ask for; (None, "") if nothing is locked.
 
-    Raises `RecipeError` if the city is no source or nothing is left to breed; `MapError` where a
-    file does not serve.
+    Raises `RecipeError` if the city is no source or nothing is left to breed; `MapError`, which
+    names the key, where a file does not serve.
     """
     asked = recipe.locked
     if asked.place is None:
@@ -22,7 +22,11 @@ def locked_layer(recipe: Recipe, cities: list[CityMap]) -> tuple[Condensation | 
     heights = asked.heights
     if isinstance(heights, str):
         heights = resolved(recipe.folder, heights)
-    layer, attribution = io.read_condensation(resolved(recipe.folder, asked.place), city, heights)
+    place, key = resolved(recipe.folder, asked.place), "footprints" if asked.footprints else "mask"
+    with blaming(f"locked.{key} = {shown(asked.place)}"):
+        io.read_mask(place, [city])
+    with blaming(f"locked.heights = {shown(asked.heights)}"):  # the place is right
+        layer, attribution = io.read_condensation(place, city, heights)
     if layer.mask.all():
         raise RecipeError(
             f"locked: {asked.place} covers every pixel of {city.name}",

@@ -15,7 +15,7 @@ from evocity.search.algorithms import algorithms
 from evocity.search.evaluator import Setup
 from evocity.search.locking import locked_layer
 from evocity.search.parting import parts_of
-from evocity.search.recipe import Recipe
+from evocity.search.recipe import Parent, Recipe
 from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source
 
@@ -67,10 +67,15 @@ class Prepared:
         )
 
 
-def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Prepared:
+def prepare(
+    recipe: Recipe,
+    progress: Callable[[str], None] | None = None,
+    met: Callable[[CityMap, Parent], None] | None = None,
+) -> Prepared:
     """Read and encode the parents, measure the cities to be like.
 
-    ``progress`` is told in a few words what comes next. Raises `MapError`, `GenomeError` or
+    ``progress`` is told in a few words what comes next, ``met`` each parent's map as soon as it is
+    read. Raises `MapError`, `GenomeError` or
     `FitnessError` where a map does not serve.
     """
     tell = progress or (lambda text: None)
@@ -82,6 +87,8 @@ def prepare(recipe: Recipe, progress: Callable[[str], None] | None = None) -> Pr
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
         notes.append(f"{name}: {city.taken}")
+        if met is not None:
+            met(cities[-1], parent)
     same_grid(cities)
     named = named_cities(recipe, cities, tell, notes.append)
     references = references_of(recipe, cities, named, tell)

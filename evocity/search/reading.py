@@ -110,7 +110,8 @@ def recipe_of(
         context = {"folder": folder, "parents": _parents(raw), "kept": kept}
         recipe = Recipe.model_validate(raw, context=context)
     except ValidationError as error:
-        faults = [_fault(one, raw) for one in error.errors(include_url=False)]
+        told = error.errors(include_url=False)
+        faults = [_with_measure(_fault(one, raw), one["loc"], raw) for one in told]
     faults += across_sections(raw) + _of_search(raw)
     if recipe is not None:
         faults += _repeated(recipe)
@@ -166,20 +167,31 @@ def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     names = [measure.name for measure in recipe.measures]
-    recorded = [measure.name for measure in recipe.recorded]
+    places: dict[str, list[int]] = {}  # of what is recorded
+    for number, entry in enumerate(recipe.run.record):
+        for measure in entry.measures:
+            places.setdefault(measure.name, []).append(number)
     faults = [("fitness", f"{name} twice", _once(name)) for name in _twice(names)]
-    faults += [("run.record", f"{name} twice", _once(name)) for name in _twice(recorded)]
-    both = sorted(set(names).intersection(recorded))
     faults += [
-        ("run.record", f"{name}, which is in [[fitness]] too", "it is logged there, leave it out")
-        for name in both
+        (f"run.record[{at[1]}]", f"{name} twice", _once(name))
+        for name, at in places.items()
+        if len(at) > 1
+    ]
+    faults += [
+        (
+            f"run.record[{at[0]}]",
+            f"{name}, which is in [[fitness]] too",
+            "it is logged there, leave it out",
+        )
+        for name, at in places.items()
+        if name in names
     ]
     if not any(entry.is_objective for entry in recipe.fitness):
         faults.append(("fitness", "constraints alone", "a measure to search by as well"))
     sums = {entry.total for entry in recipe.fitness} - {None}
     return faults + [
         ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
-        for name in sorted(sums.intersection([*names, *recorded]))
+        for name in sorted(sums.intersection([*names, *places]))
     ]
 
 
@@ -231,6 +243,21 @@ def _fault(error: Mapping, raw: Mapping) -> tuple[str, str, str]:
     if kind in _PHRASES:
         return key, shown(error["input"]), _PHRASES[kind].format(**details)
     return key, shown(error["input"]), _TYPES.get(kind, error["msg"])
+
+
+def _with_measure(
+    fault: tuple[str, str, str], location: tuple, raw: Mapping
+) -> tuple[str, str, str]:
+    """A ``fault``; the key of one in an entry of [[fitness]] with the measure or the file that it
+    names, unless that was found."""
+    key, found, allowed = fault
+    if location[:1] != ("fitness",) or len(location) < 2:
+        return fault
+    entry = raw["fitness"][location[1]]
+    named = (entry.get("name") or entry.get("file")) if isinstance(entry, dict) else None
+    if isinstance(named, str) and named not in found:
+        key = f"{key} ({named})"
+    return key, found, allowed
 
 
 def _in_raw(part) -> bool:

@@ -248,6 +248,14 @@ class Recipe(Section):
     _folder: Path = PrivateAttr(Path())
     _file: str | None = PrivateAttr(None)
 
+    @model_validator(mode="after")
+    def _record_the_rest(self) -> "Recipe":
+        """Of a whole file nothing is recorded that `fitness` logs already."""
+        logged = {measure.name for measure in self.measures}
+        for entry in self.run.record:
+            entry.leave_out(logged)
+        return self
+
     @property
     def text(self) -> str:
         return self._text

@@ -1,6 +1,6 @@
 """What a recipe says of measures: those it searches by, and those it records besides."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
@@ -71,6 +71,12 @@ class MeasureEntry(Section):
     @property
     def measures(self) -> list[Measure]:
         return self._measures
+
+    def leave_out(self, names: Collection[str]) -> None:
+        """Of a whole file, drop the measures of these ``names``, unless none were left."""
+        others = [one for one in self._measures if one.name not in names]
+        if self.file is not None and self.name is None and others:
+            self._measures[:] = others
 
     @property
     def compared(self) -> str | tuple[str, ...] | None:

@@ -1,5 +1,6 @@
 """How the tests of the commands call them, and what every refusal has in common."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from unittest.mock import patch
 
@@ -18,8 +19,12 @@ PLAIN = ("--block", "4", "--no-fit", "--no-settle")
 
 def call(*words, code: int = 0) -> Result:
     """The outcome of ``evocity WORDS``, which must end with exit ``code``."""
-    # a real process forgets the measures it loaded from files when it ends
-    with patch.dict(registry._from_files):
+    # a real process forgets the measures it loaded from files when it ends; what is compiled here,
+    # the tests before decide
+    with (
+        patch.dict(registry._from_files),
+        patch("evocity.accelerate.on_compiling", lambda told: nullcontext()),
+    ):
         result = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
     assert isinstance(result.exception, SystemExit | None), result.exception
     assert result.exit_code == code, result.output

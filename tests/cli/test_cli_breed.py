@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evocity
-from evocity.cli.breed import chosen
+from evocity.cli.breed import _note_street_blocks, chosen
 from evocity.cli.settings import settings_of, value_of
 from evocity.errors import EvocityError
 from evocity.operators import OPERATORS, make, operators
@@ -53,6 +53,37 @@ def test_what_was_made_is_told_in_words(tmp_path, towns):
     assert "fill_reached: " in result.stdout
     assert "repaired: " in result.stdout
     assert result.stdout.endswith(f"wrote {tmp_path / 'child.parquet'}\n")
+
+
+def test_street_blocks_that_stay_as_they_are_are_noted(tmp_path, towns):
+    words = (*towns, "-o", tmp_path / "child.parquet", "--set", "density=100", "--set")
+    told = call("breed", "quarter_fusion", *words, "area_min=10").stderr
+    assert "Note: no street block was filled: a lower density= fills more" in told
+    told = call("breed", "quarter_refill", *words, "street_blocks=7", "--json").stderr
+    assert "Note: asked to fill 7 street blocks, filled 0: a lower density=" in told
+
+
+@pytest.mark.parametrize(
+    ("asked", "made", "says"),
+    [
+        (None, (0.6, 0.26, 9), "asked 0.60 of right, reached 0.26: a lower density= "),
+        (None, (0.6, 0.55, 9), ""),
+        (None, (0.0, 0.0, 0), ""),
+        (5, (0.6, 0.26, 5), ""),
+        (5, (0.6, 0.26, 1), "asked to fill 5 street blocks, filled 1: a lower density= "),
+    ],
+)
+def test_much_less_than_was_asked_for_is_noted(capsys, asked, made, says):
+    wanted, reached, filled = made
+    made = {
+        "fill": [1 - wanted, wanted],
+        "fill_reached": [1 - reached, reached],
+        "street_blocks": filled,
+    }
+    breeding = make("quarter_fusion", street_blocks=asked)
+    _note_street_blocks(breeding, ["left", "right"], made)
+    told = capsys.readouterr().err
+    assert told.startswith(f"Note: {says}") if says else not told
 
 
 def test_shares_that_are_missed_are_noted(tmp_path, towns):

@@ -362,3 +362,30 @@ def test_an_unconverged_decoding_is_told(capsys):
     assert "lyon did not converge in 1 steps" in capsys.readouterr().err
     converged(evocity.decode(genome), "lyon")
     assert capsys.readouterr() == ("", "")
+
+
+def test_compiling_is_told_once_and_only_where_it_is_done():
+    from click.testing import CliRunner
+
+    from evocity.accelerate import kernel
+    from evocity.cli.common import note_compiling
+
+    def double(value):
+        return 2 * value
+
+    double.__module__ = "evocity.double"
+    compiled = kernel(double, cache=False)
+
+    @click.command()
+    @click.argument("values", type=float, nargs=-1)
+    def run(values):
+        note_compiling()
+        for value in values:
+            compiled(value)
+            compiled(int(value))
+
+    told = "Note: kernels are compiled, once on this machine; that may take a minute\n"
+    assert CliRunner().invoke(run, []).stderr == ""
+    assert CliRunner().invoke(run, ["1", "2"]).stderr == told
+    assert CliRunner().invoke(run, ["3"]).stderr == ""
+    compiled(1j)  # nobody listens any more

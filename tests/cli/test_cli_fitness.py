@@ -308,6 +308,25 @@ def test_list_waits_for_no_slow_or_failing_measure(own):
     assert json.loads(told)["mine"]["milliseconds"] is None
 
 
+@pytest.mark.parametrize(
+    ("each", "whole", "body", "cost"),
+    [
+        (0.2, 100, "import time\ntime.sleep(20)", "?"),
+        (2, 0, "return 1.0", "?"),
+        (2, 100, "return 1 / 0", "-"),
+    ],
+)
+def test_list_tells_what_was_not_measured_in_time(own, monkeypatch, each, whole, body, cost):
+    module = import_module("evocity.cli.fitness")
+    monkeypatch.setattr(module, "_EACH", each)
+    monkeypatch.setattr(module, "_ALL", whole)
+    (mine,) = evocity.fitness.load_file(own(body))
+    integrity = evocity.fitness.integrity
+    costs = module._costs([mine, integrity])
+    assert module._row(mine, costs)[4] == cost
+    assert module._row(integrity, costs)[4] == "-"  # it asks for more than a map
+
+
 class Entry:
     """An entry point of another package."""
 

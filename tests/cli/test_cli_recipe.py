@@ -177,7 +177,10 @@ def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0
     np.save(tmp_path / "two.npy", heights)
     result = call("recipe", "new", tmp_path / "two.npy", "--pixels", 64, "-o", tmp_path / "a.toml")
-    assert "Note: fabric_distance: no bound, for it is undefined of two" in result.stderr
+    few = "no bound, for it is undefined of two ("
+    assert f"Note: fabric_distance: {few}" in result.stderr
+    none = "Note: salingaros_buildings: no goal, for it is undefined of two ("
+    assert none in result.stderr
     recipe = search.read_recipe(tmp_path / "a.toml")
     names = [one.name for one in recipe.fitness]
     assert "fabric_distance" not in names
@@ -212,7 +215,10 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
         (("left.npy", "--fitness", "no_such"), "no measure is called 'no_such'"),
         (("left.npy", "--fitness", "missing.py"), "no Python file"),
         (("left.npy", "--fitness", "broken.py"), "out of sorts"),
-        (("left.npy", "--fitness", "never.py"), "never is undefined of left"),
+        (("left.npy", "--fitness", "never.py"), "never is undefined of left (it never is)"),
+        (("left.npy", "--fitness", "never.py"), "evocity score MAP --fitness never.py, or"),
+        (("left.npy", "flat.npy"), "flat: nothing is built on its map (flat.npy)"),
+        (("left.npy", "flat.npy"), "a window with buildings, with --center and --pixels, or"),
         (("left.npy", "--layer", "houses"), "--layer houses"),
         (("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3), "3 × --center for 2 maps"),
         (("left.npy", "-o", "a.txt"), "cannot be written here"),
@@ -223,16 +229,52 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
 def test_bad_input_is_refused(towns, tmp_path, monkeypatch, words, says):
     for name in ("left.npy", "right.npy"):
         (tmp_path / name).write_bytes((towns / name).read_bytes())
+    np.save(tmp_path / "flat.npy", np.zeros((128, 128)))
     (tmp_path / "kept.toml").write_text("mine")
     head = "import evocity\n\n@evocity.fitness(goal='max')\n"
     (tmp_path / "broken.py").write_text(
         head + "def broken(city):\n    raise ValueError('out of sorts')\n"
     )
     (tmp_path / "never.py").write_text(
-        head + "def never(city):\n    return evocity.fitness.Undefined('no')\n"
+        head + "def never(city):\n    return evocity.fitness.Undefined('it never is')\n"
     )
     monkeypatch.chdir(tmp_path)
     output = () if "-o" in words else ("-o", "night.toml")
     pixels = () if "--pixels" in words else ("--pixels", 64)
     refused(tmp_path, "recipe", "new", *words, *pixels, *output, says=says)
     assert (tmp_path / "kept.toml") in contents(tmp_path)
+
+
+#: Of the parents a number, of no child.
+BARREN = """
+import evocity
+
+@evocity.fitness(goal="max")
+def barren(city, genome, parents):
+    return 1.0 if parents[0] is genome else evocity.fitness.Undefined("a child")
+"""
+
+
+def test_births_that_fail_are_told_loudly(towns, tmp_path):
+    (tmp_path / "barren.py").write_text(BARREN)
+    words = (towns / "left.npy", towns / "right.npy", "--pixels", 64)
+    own = ("--fitness", tmp_path / "barren.py", "-o", tmp_path / "a.toml")
+    result = call("recipe", "new", *words, *own)
+    assert "Warning: 10 of 10 trial births failed; the first: barren is nan: a child" in (
+        result.stderr
+    )
+    assert "A run stops when more than 50% of a generation's births fail" in result.stderr
+    assert "Look at its comments" not in result.stdout
+    assert "Correct what makes births fail, then:" in result.stdout
+
+
+def test_what_was_taken_of_a_map_is_told_before_an_error_of_a_goal(tmp_path):
+    (tmp_path / "never.py").write_text(
+        "import evocity\n\n@evocity.fitness(goal='max')\n"
+        "def never(city):\n    return evocity.fitness.Undefined('it never is')\n"
+    )
+    own = ("--fitness", tmp_path / "never.py", "-o", tmp_path / "a.toml")
+    told = call("recipe", "new", "lyon-1er", "--pixels", 64, *own, code=2).stderr
+    assert told.count("Note: lyon-1er: a window of ") == 1
+    assert told.index("Note: lyon-1er: a window of ") < told.index("encoding lyon-1er")
+    assert told.index("encoding lyon-1er") < told.index("never is undefined of lyon-1er")

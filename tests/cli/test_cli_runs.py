@@ -56,22 +56,21 @@ def line_of(text: str, name: str) -> str:
 # -- where a run is kept ---------------------------------------------------------------------
 
 
-def test_a_run_says_first_where_it_is_kept(tmp_path, recipe, monkeypatch):
+def test_a_run_says_where_it_is_kept_once_it_is(tmp_path, recipe, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ("run", recipe, "--generations", 0)
-    first, second, *_ = call(*words).stderr.replace("\\", "/").splitlines()
-    assert first == "run: runs/towns"
-    assert second.startswith("reading ")
-    first = call(*words).stderr.replace("\\", "/").splitlines()[0]
-    assert first == "run: runs/towns-2 (runs/towns exists already)"
-    first = call(*words, "--out", tmp_path / "here").stderr.splitlines()[0]
-    assert first == f"run: {tmp_path / 'here'}"
+    told = call(*words).stderr.replace("\\", "/")
+    assert told.index("encoding right") < told.index("\nrun: runs/towns\n")
+    assert told.index("\nrun: runs/towns\n") < told.index("generation 0/0")
+    told = call(*words).stderr.replace("\\", "/")
+    assert "\nrun: runs/towns-2 (runs/towns exists already)\n" in told
+    assert f"\nrun: {tmp_path / 'here'}\n" in call(*words, "--out", tmp_path / "here").stderr
 
 
-def test_what_is_told_is_not_made_if_a_map_is_at_fault(tmp_path, recipe):
+def test_no_run_is_told_if_a_map_is_at_fault(tmp_path, recipe):
     (tmp_path / "right.npy").write_bytes(b"no array")
     message = refused(tmp_path, "run", recipe, "--out", tmp_path / "run", says="right.npy")
-    assert message.startswith(f"run: {tmp_path / 'run'}\n")
+    assert "run: " not in message
 
 
 def test_a_refused_recipe_or_folder_tells_no_run(tmp_path, recipe):

@@ -1,6 +1,7 @@
 """Runs on the command line: made, resumed, looked at, stopped, failing."""
 
 import json
+from unittest.mock import patch
 
 import pytest
 from cli_tools import call, contents, refused, write_recipe, write_town
@@ -95,7 +96,7 @@ def test_a_file_where_a_folder_should_be_is_refused(tmp_path, recipe):
         ({"operators": "mutation = -2"}, "operators.mutation"),
         ({"operators": "mutation = { weight = 1, sigma = -0.1 }"}, "operators.mutation"),
         ({"operators": "grafting = 1"}, "operators.grafting: unknown operator"),
-        ({"fitness": 'name = "beauty"'}, "autosimilarity"),
+        ({"fitness": 'name = "beauty"'}, "`evocity fitness list` names"),
         ({"fitness": 'name = "gsi"'}, "gsi"),
         ({"fitness": 'file = "missing.py"'}, "missing.py"),
         ({"parents": 'map = "atlantis"'}, "atlantis"),
@@ -169,9 +170,10 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path, recipe, finished):
 def test_a_finished_run_gets_its_report_again(tmp_path, recipe):
     call("run", recipe, "--generations", 0, "--out", tmp_path / "run")
     (tmp_path / "run" / "report.html").unlink()
-    result = call("resume", tmp_path / "run")
+    with patch("evocity.search.engine.Here", side_effect=AssertionError("nothing to work on")):
+        result = call("resume", tmp_path / "run")
     assert (tmp_path / "run" / "report.html").is_file()
-    assert "generation" not in result.stderr
+    assert result.stderr == "finished already at 0/0; --generations N goes on\n"
 
 
 def test_status_tells_where_a_run_is(finished):
@@ -292,7 +294,7 @@ class Search:
 
     def __init__(self, then):
         self.then = then
-        self.recipe, self.notes = evocity.read_recipe("demo"), []
+        self.recipe, self.notes, self.finished = evocity.read_recipe("demo"), [], False
 
     def __call__(self, recipe, out, progress):
         progress("reading a map")
@@ -350,7 +352,7 @@ def test_a_run_error_on_the_way_is_the_runs_failure(tmp_path, recipe, searching)
     result = call("run", recipe, "--out", tmp_path / "run", code=1)
     assert "the disk is full" in result.stderr
     assert "what to do: make some" in result.stderr
-    assert f"run: {tmp_path / 'run'}\nreading a map …\ngeneration 0" in result.stderr
+    assert f"reading a map …\nrun: {tmp_path / 'run'}\ngeneration 0" in result.stderr
     assert "Traceback" not in result.stderr
 
 

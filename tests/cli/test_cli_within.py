@@ -75,5 +75,7 @@ def test_a_recipe_with_a_mask_of_another_size_is_refused(masks):
     words = ("run", recipe, "--out", masks / "run")
     before = sorted(masks.iterdir())
     told = call(*words, code=2).stderr
-    assert "corner has 32 × 32 px, left has 64 × 64 px" in told
+    assert (
+        "fitness[0].within (gsi) = 'corner.npy': corner has 32 × 32 px, left has 64 × 64 px" in told
+    )
     assert sorted(masks.iterdir()) == before

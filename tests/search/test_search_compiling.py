@@ -57,12 +57,34 @@ def test_what_was_compiled_is_noted_and_not_done_again(notes):
     parts = [warm.SEARCH, warm.DECODE, "operator:mutation", "measure:gsi"]
     compiling.compile_once(4, parts, told.append)
     assert len(list(notes.iterdir())) == 4
-    assert told[0].startswith("compiling, once on this machine: 0 of 4 parts")
     with patch.object(compiling, "_started", side_effect=AssertionError):
         compiling.compile_once(4, parts, pytest.fail)
     with patch.object(accelerate, "stamp", lambda: ("another processor",)):
         compiling.compile_once(4, ["measure:gsi"], told.append)
     assert len(list(notes.iterdir())) == 5
+
+
+@pytest.mark.parametrize("line", ["kernel", ""])
+def test_only_what_is_compiled_is_told(notes, monkeypatch, line):
+    script = (
+        "import sys, time\n"
+        "for part in sys.stdin:\n"
+        f"    print({line!r} and 'kernel\\n' + 'done' or 'done', flush=True)\n"
+        "time.sleep(2)"
+    )
+
+    def started(sides):
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        return subprocess.Popen([sys.executable, "-c", script], **pipes)
+
+    monkeypatch.setattr(compiling, "_started", started)
+    told = []
+    compiling.compile_once(4, ["measure:gsi", "measure:fsi"], told.append)
+    assert len(list(notes.iterdir())) == 2
+    if line:
+        assert told[-1] == "compiling, once on this machine: 2 of 2 parts, 2 kernels"
+    else:
+        assert told == []
 
 
 def test_parts_on_codes_wait_for_the_search_that_makes_them(notes):

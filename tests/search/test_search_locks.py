@@ -166,9 +166,14 @@ def test_faults_of_the_table_are_told_with_their_keys(quarter, locked, key, word
         (MASK, 'city = "rigth"', RecipeError, "did you mean right?"),
         (np.ones((64, 64)), "", RecipeError, r"mask\.npy covers every pixel of left"),
         (np.zeros((64, 64)), "", MapError, "no pixel of left is above 0"),
-        (MASK[:32], "", MapError, "mask has 32 × 64 px, left has 64 × 64 px"),
+        (
+            MASK[:32],
+            "",
+            MapError,
+            "locked.mask = 'mask.npy': mask has 32 × 64 px, left has 64 × 64 px",
+        ),
         (np.array("text"), "", MapError, "of shape"),
-        (MASK, 'heights = "mask.png"', MapError, "grey levels"),
+        (MASK, 'heights = "mask.png"', MapError, r"locked.heights = 'mask\.png': .* grey levels"),
     ],
 )
 def test_what_does_not_serve_is_refused_before_anything_is_written(

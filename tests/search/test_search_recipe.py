@@ -93,8 +93,9 @@ def test_all_faults_at_once(toy):
         ("mutation = 2", "mutation = 'often'", "operators.mutation"),
         ('file = "toys.py"', 'file = "none.py"', "fitness[0]"),
         ('file = "toys.py"', 'name = "gsi"', "fitness[0]"),
-        ('file = "toys.py"', 'name = "gsi"\ntarget = 1\nlike = "lyon-1er"', "fitness[0]"),
-        ('file = "toys.py"', 'file = "toys.py"\ntarget = 1', "fitness[0]"),
+        ('file = "toys.py"', 'name = "gsi"\ntarget = 1\nlike = "lyon-1er"', "fitness[0] (gsi)"),
+        ('file = "toys.py"', 'file = "toys.py"\ntarget = 1', "fitness[0] (toys.py)"),
+        ('file = "toys.py"', 'name = "gsi"\nmin = 0.9\nmax = 0.1', "fitness[0] (gsi)"),
         ('file = "toys.py"', 'file = "toys.py"\nname = "rof"', "fitness[0]"),
         (
             'file = "toys.py"',

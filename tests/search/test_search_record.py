@@ -227,9 +227,14 @@ def test_headers_travel(toy):
     ("record", "key", "says"),
     [
         ('["fsy"]', "run.record[0]", "did you mean fsi?"),
-        ('["fsi", "fsi"]', "run.record", "fsi twice"),
-        ('["gsi"]', "run.record", "gsi, which is in [[fitness]] too"),
-        ('["toys.py"]', "run.record", "roof, which is in [[fitness]] too"),
+        ('["fsi", "fsi"]', "run.record[1]", "fsi twice"),
+        ('["fsi", "gsi"]', "run.record[1]", "gsi, which is in [[fitness]] too"),
+        ('["toys.py"]', "run.record[0]", "roof, which is in [[fitness]] too"),
+        (
+            "[{ file = 'toys.py', name = 'roof' }]",
+            "run.record[0]",
+            "roof, which is in [[fitness]] too",
+        ),
         ('["none.py"]', "run.record[0]", "no Python file"),
         ('"fsi"', "run.record", "a list"),
         ("[3]", "run.record[0]", "the name of a measure, a file NAME.py, or a table"),
@@ -243,3 +248,14 @@ def test_bad_records_are_told(toy, record, key, says):
     path.write_text(path.read_text() + "[[fitness]]\nname = 'gsi'\ntarget = 0.3\n")
     lines = faults(path)
     assert any(line.startswith(f"{key}: ") and says in line for line in lines), lines
+
+
+def test_of_a_whole_file_what_is_a_goal_already_is_not_recorded_twice(toy):
+    measures = "@evocity.fitness()\ndef more(city):\n    return 1.0\n"
+    path = recording(toy, '[{ file = "more.py" }]', measures + measures.replace("more", "most"))
+    goal = "[[fitness]]\nname = 'more'\nfile = 'more.py'\ntarget = 1\n"
+    path.write_text(path.read_text() + goal)
+    recipe = read_recipe(path)
+    assert [one.name for one in recipe.recorded] == ["most"]
+    found = Evaluator(prepare(recipe).setup).header
+    assert found.recorded == ("most",)

@@ -233,9 +233,13 @@ def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_pa
 @pytest.mark.parametrize(
     ("goal", "key", "says"),
     [
-        ("name = 'gsi'\ntarget = 0.3\nwithin = 'none.npy'", "fitness[1].within", "is no file"),
-        ("name = 'gsi'\ntarget = 0.3\nwithin = 3", "fitness[1].within", "text in quotes"),
-        ("name = 'gsi'\ntarget = 0.3\nlabel = 'west'", "fitness[1]", "without within"),
+        (
+            "name = 'gsi'\ntarget = 0.3\nwithin = 'none.npy'",
+            "fitness[1].within (gsi)",
+            "is no file",
+        ),
+        ("name = 'gsi'\ntarget = 0.3\nwithin = 3", "fitness[1].within (gsi)", "text in quotes"),
+        ("name = 'gsi'\ntarget = 0.3\nlabel = 'west'", "fitness[1] (gsi)", "without within"),
         ("name = 'integrity'\nwithin = 'disc.npy'", "fitness[1]", "it asks for the genome and the"),
         (
             "name = 'gsi'\ntarget = 0.3\nwithin = 'disc.npy'\n[[fitness]]\n"
