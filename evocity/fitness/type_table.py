@@ -87,7 +87,8 @@ class TypeTable:
             raise FitnessError(
                 "no type",
                 f"1 to {MOST} entries [[type]], or [shares] alone",
-                f'write [[type]], below it name = "slab" and its limits, {_HOW}',
+                'write [[type]], below it name = "slab" and limits such as '
+                "height = { from = 10, below = 16 }",
             )
         if len(listed) > MOST:
             raise FitnessError(

@@ -29,7 +29,7 @@ def parts_of(
     """
     masks = {}
     for name in part_names(recipe):
-        with blaming(f"{_key(recipe, name)} = {shown(name)}"):
+        with blaming(f"{_key(recipe, name)}: within = {shown(name)}"):
             masks[name] = (
                 io.read_mask(resolved(recipe.folder, name), cities) if kept is None else kept[name]
             )
@@ -51,9 +51,9 @@ def _keyed(recipe: Recipe) -> list[tuple[str, MeasureEntry]]:
 
 
 def _key(recipe: Recipe, name: str) -> str:
-    """The first key that names the file ``name`` of a part."""
+    """The key of the first entry that names the file ``name`` of a part, with its measure."""
     key, entry = next(pair for pair in _keyed(recipe) if pair[1].within == name)
-    return f"{key}.within" + (f" ({entry.name})" if entry.name else "")
+    return key + (f" ({entry.name})" if entry.name else "")
 
 
 __all__ = ["part_names", "parts_of"]

@@ -76,6 +76,7 @@ def test_a_recipe_with_a_mask_of_another_size_is_refused(masks):
     before = sorted(masks.iterdir())
     told = call(*words, code=2).stderr
     assert (
-        "fitness[0].within (gsi) = 'corner.npy': corner has 32 × 32 px, left has 64 × 64 px" in told
+        "fitness[0] (gsi): within = 'corner.npy': corner has 32 × 32 px, left has 64 × 64 px"
+        in told
     )
     assert sorted(masks.iterdir()) == before

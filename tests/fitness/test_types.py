@@ -350,7 +350,7 @@ HOUSE = '[[type]]\nname = "house"\n'
     [
         ("[[type]", "no TOML", "correct"),
         ("", "no type", "write [[type]], below it name ="),
-        ("type = 3", "no type", "for example"),
+        ("type = 3", "no type", "limits such as height"),
         ("[[types]]\nname = 'a'", "types in a table of types", "did you mean type"),
         ("houses = 1", "houses in a table of types", "take it out"),
         (
