@@ -18,7 +18,7 @@ from evocity.genome import VOID
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
 from evocity.search.archiving import aims_of_run
-from evocity.search.looks import distinct_first, look_of
+from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
@@ -294,6 +294,16 @@ class Facts:
     def shown(self) -> list[Shown]:
         """The last generation's individuals, at most `MOST_SHOWN`, the front first."""
         return self._shown(self.members[:MOST_SHOWN])
+
+    @cached_property
+    def look_alikes(self) -> set[int]:
+        """Ids of those of `shown` that look like one shown before them."""
+        looks = np.array([look_of(one.city) for one in self.shown])
+        first: list[int] = []
+        for place, look in enumerate(looks):
+            if not alike(look, looks[first], self.apart):
+                first.append(place)
+        return {one.birth.id for n, one in enumerate(self.shown) if n not in first}
 
     @cached_property
     def archive(self) -> Archive | None:

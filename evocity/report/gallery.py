@@ -41,7 +41,9 @@ def gallery(facts: Facts, highest: float) -> str:
     )
     return (
         f'<p class="controls"><label>Order <select id="order">{options}</select></label> '
-        '<label><input type="checkbox" id="front-only"> the front only</label></p>'
+        '<label><input type="checkbox" id="front-only"> the front only</label> '
+        '<label><input type="checkbox" id="different-only"> only those that look different'
+        "</label></p>"
         f'<div class="gallery" id="gallery">{cards}</div>'
     )
 
@@ -101,7 +103,8 @@ def _card(facts: Facts, one: Shown, place: int, highest: float, badge: str) -> s
         for measure, value, unit in more
     )
     return (
-        f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}">'
+        f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}"'
+        f"{' data-alike' if birth.id in facts.look_alikes else ''}>"
         f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {name}" '
         f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{badge}</small></h3>'
         f"<table>{_rows(facts, birth.values)}</table>"

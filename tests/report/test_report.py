@@ -489,6 +489,16 @@ def test_the_best_that_are_shown_differ(tmp_path):
     assert [one.birth.id for one in facts.best(3)] == [alive[place].id for place in three]
 
 
+def test_the_gallery_knows_who_looks_like_another(usual):
+    """Of two cities and their copies, the first of each looks like nobody before it."""
+    facts = Facts(open_run(usual[0]))
+    ids = [one.birth.id for one in facts.shown]
+    first = {next(one for one in ids if one % 2 == odd) for odd in (0, 1)}
+    assert facts.look_alikes == set(ids) - first
+    marked = re.findall(r'<figure class="card" id="i(\d+)"[^>]* data-alike>', usual[1])
+    assert {int(one) for one in marked} == facts.look_alikes
+
+
 @pytest.mark.parametrize(
     ("stated", "apart"),
     [({"apart": 0.4}, 0.4), ({}, 0.25), ({"apart": -1}, 0.25), ({"apart": "x"}, 0.25), (3, 0.25)],
