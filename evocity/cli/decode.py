@@ -92,7 +92,7 @@ def decode(genome: str, output: Path, identifier, zoom: float, low_pass, high_pa
     decoding = converged(evocity.decode(code, zoom=zoom), genome)
     city = decoding.city
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
-    name = decoded_name(city.name, genome, identifier) + filtered
+    name = decoded_name(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output)
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):

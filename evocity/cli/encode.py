@@ -1,6 +1,6 @@
 """`evocity encode`: a map becomes a genome."""
 
-from math import gcd
+from math import gcd, inf
 from pathlib import Path
 
 import click
@@ -255,10 +255,11 @@ def encode(
         click.echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
     flat = ""
     if encoding.genome.settle:
-        flat = f" ({encoding.psnr_unsettled:.1f} dB before its roofs were settled)"
-    click.echo(
-        f"decoded PSNR {psnr:.1f} dB{flat}, collage error {encoding.collage_rmse:.2f} m (RMS)"
-    )
+        raw = encoding.psnr_unsettled
+        before = "exact" if raw == inf else f"{raw:.1f} dB"
+        flat = f" ({before} before its roofs were settled: each building flat, so that it is whole)"
+    fidelity = "exactly" if psnr == inf else f"PSNR {psnr:.1f} dB{flat}"
+    click.echo(f"decoded {fidelity}, collage error {encoding.collage_rmse:.2f} m (RMS)")
     click.echo(f"wrote {output}")
 
 

@@ -133,13 +133,16 @@ def decoded(genome, source: str, identifier: int | None):
     """The map that a ``genome`` from ``source`` stands for, called what it is."""
     name = source if identifier is None else f"{source} --id {identifier}"
     city = converged(evocity.decode(genome), name).city
-    return city.replace(city.heights, name=decoded_name(city.name, source, identifier))
+    return city.replace(city.heights, name=decoded_name(city.name, genome, source, identifier))
 
 
-def decoded_name(name: str, source: str, identifier: int | None) -> str:
-    """What a decoded map is called in pictures and tables."""
+def decoded_name(name: str, genome, source: str, identifier: int | None) -> str:
+    """What a decoded map is called in pictures and tables: of a bred ``genome`` by which operator,
+    since a child of one parent has its cities."""
     if identifier is None:
-        return f"{name}, decoded"
+        operator = str(genome.made.get("operator", "encode"))
+        bred = "" if operator == "encode" else f", {operator}"
+        return f"{name}{bred}, decoded"
     return f"{Path(source).resolve().name}, individual {identifier}"
 
 

@@ -121,13 +121,15 @@ def _show_usage(genome, city, count: str, output: Path) -> None:
 
 def _show_ancestry(genome, source: str, identifier, depth: int | None, output: Path) -> None:
     from evocity.coding import ancestry
+    from evocity.genome import VOID
     from evocity.io import write_shares
     from evocity.pictures import Shares
 
     weights = ancestry(genome, depth=depth)
     title = "ancestry" if depth is None else f"ancestry to depth {depth}"
     city = decoded(genome, source, identifier)
-    write_shares(Shares(city, weights, genome.cities, title), output)
+    parts = tuple(f"{VOID} (bare ground)" if name == VOID else name for name in genome.cities)
+    write_shares(Shares(city, weights, parts, title), output)
     shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
     click.echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
 

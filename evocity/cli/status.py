@@ -1,11 +1,13 @@
 """`evocity status`: where a run is."""
 
 from datetime import timedelta
+from math import isfinite
 
 import click
 
 import evocity
 from evocity.cli.common import json_option, print_json, print_table
+from evocity.errors import EvocityError
 
 #: Ids of the front that are listed at most.
 _MOST_IDS = 12
@@ -32,8 +34,9 @@ def status(run: str, as_json: bool) -> None:
     --json.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to its best value; constraints are left out),
-    evaluations_per_second, finished, running (a process is at it now), seconds_left (an estimate
+    hypervolume, best (measure to its best value; constraints are left out), parents (each source
+    city to what its code has of these measures, null where it has none), evaluations_per_second,
+    finished, running (a process is at it now), seconds_left (an estimate
     while it is running, else null), front (numbers of all individuals of the last generation's
     front).
     """
@@ -49,11 +52,12 @@ def status(run: str, as_json: bool) -> None:
     facts = Facts(opened)
     # runs of old had constraints among the best
     best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
+    whole = state["generation"] is not None
+    parents = _parents(facts, best) if whole else {}
     if as_json:
-        told = {"running": running, "seconds_left": left, "front": front}
+        told = {"parents": parents, "running": running, "seconds_left": left, "front": front}
         print_json(state | {"best": best} | told)
         return
-    whole = state["generation"] is not None
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
     rows = [
@@ -63,7 +67,7 @@ def status(run: str, as_json: bool) -> None:
         ("failures", _shown(state["failures"])),
         *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
-        *((f"best {a.name}", _best(a, best[a.name])) for a in facts.sought if a.name in best),
+        *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
         *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
@@ -119,6 +123,34 @@ def _kept(facts) -> str:
     kept = living - len(facts.broken)
     bounds = "; ".join(f"{aim.name} {aim.bounds}" for aim in _bounded(facts))
     return f"kept by {'all' if kept == living else f'{kept} of'} {living} living: {bounds}"
+
+
+def _parents(facts, measures) -> dict[str, dict[str, float | None]]:
+    """What the code of each source city has of the ``measures``; nothing of a run that has lost
+    its first births."""
+    cities = facts.run.header.cities
+    try:
+        births = facts.source_births
+    except EvocityError:
+        return {}
+    values = {cities[birth.id]: birth.values for birth in births}
+    return {
+        name: {measure: _number(of.get(measure)) for measure in measures}
+        for name, of in values.items()
+    }
+
+
+def _number(value: float | None) -> float | None:
+    return value if value is not None and isfinite(value) else None
+
+
+def _goal(aim, value: float, parents: dict) -> list[tuple[str, str]]:
+    """The best by a measure, and below it what the parents have."""
+    had = ", ".join(
+        f"{name} {'–' if of[aim.name] is None else _shown(of[aim.name])}"
+        for name, of in parents.items()
+    )
+    return [(f"best {aim.name}", _best(aim, value))] + [("", f"parents: {had}")] * bool(had)
 
 
 def _best(aim, value: float) -> str:

@@ -1,7 +1,7 @@
 """Genome -> CityMap: the attractor of its collage map W."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -23,7 +23,7 @@ from evocity.coding._kernels import (
 from evocity.coding.fixed_point import SKY, fixed_point
 from evocity.coding.zoom import area_means, legal_zoom, zoomed_corner, zoomed_pavement
 from evocity.errors import GenomeError, setting
-from evocity.genome import Genome
+from evocity.genome import VOID, Genome
 from evocity.pavement import Pavement
 from evocity.views.buildings.settled import settled_zones
 
@@ -285,10 +285,15 @@ def decode(
     heights.setflags(write=False)  # the city is made of it later
     settle = genome.settle if settle is None else settle
     pixel = genome.metres_per_pixel / zoom
-    named = {"name": " × ".join(genome.cities), "attribution": genome.attribution}
+    named = {"name": _title(genome.cities), "attribution": genome.attribution}
     placed = {"origin": genome.origin, "crs": genome.crs}
     make = partial(_city, heights, pixel, settle, kept, **named, **placed)
     return Decoding(heights, found.steps, found.settled, found.change, blamed, make)
+
+
+def _title(cities: Sequence[str]) -> str:
+    """The cities that a map is bred of; the void, bare ground, is none."""
+    return " × ".join(name for name in cities if name != VOID) or VOID
 
 
 def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) -> CityMap:

@@ -35,8 +35,9 @@ class HeightScaling(Drafting):
     components under 24 m², stay. So does a building of which a pixel is locked (condensation), and
     a street block with such a building. What cannot change is passed over for another.
 
-    ``made`` tells how many changed, by how many storeys in all they were ``raised`` and
-    ``lowered``, and ``fsi_change``, the floor space gained for each unit of ground.
+    ``made`` tells how many ``buildings`` changed; ``raised`` and ``lowered``, storeys summed over
+    buildings (three raised by two storeys each make 6); and ``fsi_change``, the floor space gained
+    for each unit of ground.
 
     σ and β of the lifs that show, or call, what has changed are fitted to the new heights, σ
     within its cap; domain blocks stay, and collage repair matches again what then strays.
@@ -108,7 +109,7 @@ class HeightScaling(Drafting):
             "buildings": int(np.count_nonzero(change)),
             "raised": int(change[change > 0].sum()),
             "lowered": int(-change[change < 0].sum()),
-            "fsi_change": round(gained / STOREY, 4),
+            "fsi_change": round(float(gained) / STOREY, 4),
         }
         return Draft(child, intended, made)
 

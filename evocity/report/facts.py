@@ -14,8 +14,11 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.fitness.part import own_name
+from evocity.genome import VOID
 from evocity.search import Archive, archive
+from evocity.search.algorithms import Ranked
 from evocity.search.archiving import aims_of_run
+from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
 
@@ -23,6 +26,8 @@ from evocity.store import Birth, Run, Source
 _MOST_GENERATIONS = 10**9
 #: The gallery holds no more individuals than this: the page stays a few megabytes.
 MOST_SHOWN = 96
+#: As searches of recipes that say nothing of it.
+_APART = Ranked.Keys.model_fields["apart"].default
 
 #: Events that say when a run went on and when it did not.
 _TURNS = ("start", "resume", "stop", "finish")
@@ -271,9 +276,34 @@ class Facts:
         return [row["id"] for row in self.members if row["rank"] == 0]
 
     @cached_property
+    def source_births(self) -> list[Birth]:
+        """The births of the source cities themselves, in their order: what their codes have."""
+        places = [place for place, name in enumerate(self.run.header.cities) if name != VOID]
+        births = self.run.individuals(places[: self.run.header.population])
+        return [birth for birth in births if birth.operator == "source"]
+
+    @property
+    def apart(self) -> float:
+        """In how large a share of the map two individuals differ at least that do not look alike:
+        what the recipe's search asks for."""
+        section = self.recipe.get("search")
+        stated = _number(section.get("apart")) if isinstance(section, dict) else None
+        return _APART if stated is None or not 0 <= stated <= 1 else stated
+
+    @cached_property
     def shown(self) -> list[Shown]:
         """The last generation's individuals, at most `MOST_SHOWN`, the front first."""
         return self._shown(self.members[:MOST_SHOWN])
+
+    @cached_property
+    def look_alikes(self) -> set[int]:
+        """Ids of those of `shown` that look like one shown before them."""
+        looks = np.array([look_of(one.city) for one in self.shown])
+        first: list[int] = []
+        for place, look in enumerate(looks):
+            if not alike(look, looks[first], self.apart):
+                first.append(place)
+        return {one.birth.id for n, one in enumerate(self.shown) if n not in first}
 
     @cached_property
     def archive(self) -> Archive | None:
@@ -297,7 +327,8 @@ class Facts:
         return self._shown([{"id": one, "rank": 0} for one in self.gone[:MOST_SHOWN]])
 
     def best(self, count: int) -> list[Shown]:
-        """Of the last generation the best by each measure sought in turn, ``count`` in all."""
+        """Of the last generation the best by each measure sought in turn, ``count`` in all. Of
+        those that look alike, the first stands for all while there are others to show."""
         rows = {row["id"]: row for row in self.members}
         where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
         self.run.individuals([one for one in rows if one not in where])  # says who is missing
@@ -313,12 +344,18 @@ class Facts:
             for column, aim in enumerate(self.aims)
             if aim in self.sought
         ]
-        chosen: dict[int, dict] = {}
-        for place in range(len(rows)):
-            for order in by_aim:
-                if len(chosen) < count:
-                    chosen[order[place]] = rows[order[place]]
-        return self._shown(list(chosen.values()))
+        best = list(
+            dict.fromkeys(one for together in zip(*by_aim, strict=True) for one in together)
+        )
+        births = self.run.individuals(best[:MOST_SHOWN])
+        first = self.differing([self._city(birth) for birth in births], count)
+        return self._shown([rows[best[place]] for place in first])
+
+    def differing(self, cities: Sequence[CityMap], count: int) -> list[int]:
+        """Which ``count`` of the ``cities``, given best first, to show, in their order: those that
+        differ pairwise first, then the best of the others."""
+        looks = [look_of(city) for city in cities]
+        return sorted(distinct_first(looks, self.apart, count)[:count].tolist()) if looks else []
 
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
         births = self.run.individuals([row["id"] for row in rows])
@@ -333,19 +370,22 @@ class Facts:
         bred_from = self.run.parents(births) if asked else [()] * len(births)
         shown = []
         for row, birth, parents in zip(rows, births, bred_from, strict=True):
-            expressed = self.run.header.chromosome.express(birth.genome)
-            if expressed.city is None:
-                raise RunError(
-                    f"individual {birth.id}: {expressed.problem}",
-                    "individuals that stand for a map, as when they were evaluated",
-                    "the run's files are damaged: see what is left with evocity status",
-                )
-            city = expressed.city
+            city = self._city(birth)
             extras = {"genome": birth.genome, "parents": parents, "sources": sources}
             values = [(a.name, birth.values.get(a.name, math.nan), a.unit) for a in self.recorded]
             values += [(m.name, _measured(m, city, extras), m.unit) for m in others]
             shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))
         return shown
+
+    def _city(self, birth: Birth) -> CityMap:
+        expressed = self.run.header.chromosome.express(birth.genome)
+        if expressed.city is None:
+            raise RunError(
+                f"individual {birth.id}: {expressed.problem}",
+                "individuals that stand for a map, as when they were evaluated",
+                "the run's files are damaged: see what is left with evocity status",
+            )
+        return expressed.city
 
 
 def _number(value) -> float | None:

@@ -5,11 +5,15 @@ import math
 from collections.abc import Sequence
 from html import escape
 
+from evocity.genome import VOID
 from evocity.report.facts import Facts, Shown
 from evocity.report.pictures import map_uri
 
 #: One colour a source city in the bars of lineage; more cities begin again.
 _CITY_COLOURS = ("#4f7ea8", "#c98a2b", "#5d8a5f", "#96588f", "#7a746d", "#b5534b")
+
+#: What the void among the cities is.
+_VOID = "bare ground, laid where buildings were left out"
 
 
 def number(value: float | None, unit: str = "") -> str:
@@ -37,7 +41,9 @@ def gallery(facts: Facts, highest: float) -> str:
     )
     return (
         f'<p class="controls"><label>Order <select id="order">{options}</select></label> '
-        '<label><input type="checkbox" id="front-only"> the front only</label></p>'
+        '<label><input type="checkbox" id="front-only"> the front only</label> '
+        '<label><input type="checkbox" id="different-only"> only those that look different'
+        "</label></p>"
         f'<div class="gallery" id="gallery">{cards}</div>'
     )
 
@@ -53,7 +59,7 @@ def archive_gallery(facts: Facts, highest: float) -> str:
 
 def parents(facts: Facts, highest: float) -> str:
     """The source cities, with the run's measures where the first population measured them."""
-    first = {birth.id: birth for birth in _source_births(facts)}
+    first = {birth.id: birth for birth in facts.source_births}
     cards = []
     for index, source in enumerate(facts.sources):
         birth = first.get(index)
@@ -76,15 +82,9 @@ def parents(facts: Facts, highest: float) -> str:
 
 def city_key(cities: Sequence[str]) -> str:
     """Which colour of the lineage bars is which city."""
-    items = (f"<span>{_chip(index)}{escape(city)}</span>" for index, city in enumerate(cities))
+    told = (f"{city}: {_VOID}" if city == VOID else city for city in cities)
+    items = (f"<span>{_chip(index)}{escape(city)}</span>" for index, city in enumerate(told))
     return f'<p class="key">Lineage: {" ".join(items)}</p>'
-
-
-def _source_births(facts: Facts) -> list:
-    population = facts.run.header.population
-    ids = range(min(len(facts.sources), population))
-    births = facts.run.individuals(list(ids))
-    return [birth for birth in births if birth.operator == "source"]
 
 
 def _place_of(facts: Facts, one: Shown) -> str:
@@ -97,16 +97,18 @@ def _card(facts: Facts, one: Shown, place: int, highest: float, badge: str) -> s
     losses = [aim.loss(birth.values.get(aim.name, math.nan)) for aim in facts.aims]
     keys = json.dumps([place, *losses, -birth.id])
     name, rank = escape(str(birth.id)), escape(str(one.rank))
+    more = one.others[len(facts.recorded) :]  # those recorded stand beside the goals
     others = "".join(
         f"<tr><th>{escape(measure)}</th><td>{escape(number(value, unit))}</td></tr>"
-        for measure, value, unit in one.others
+        for measure, value, unit in more
     )
     return (
-        f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}">'
+        f'<figure class="card" id="i{name}" data-rank="{rank}" data-keys="{escape(keys)}"'
+        f"{' data-alike' if birth.id in facts.look_alikes else ''}>"
         f'<img src="{map_uri(one.city, highest)}" alt="decoded map of individual {name}" '
         f'width="{one.city.shape[1]}"><figcaption><h3>{name} <small>{badge}</small></h3>'
         f"<table>{_rows(facts, birth.values)}</table>"
-        f"<details><summary>{len(one.others)} more measures</summary>"
+        f"<details><summary>{len(more)} more measures</summary>"
         f'<table class="others">{others}</table></details>'
         f"{_lineage(facts, one)}</figcaption></figure>"
     )
@@ -116,7 +118,7 @@ def _rows(facts: Facts, values) -> str:
     return "".join(
         f'<tr title="{escape(aim.wanted)}"><th>{escape(aim.name)}</th>'
         f"<td>{escape(number(values.get(aim.name), aim.unit))}</td></tr>"
-        for aim in facts.aims
+        for aim in [*facts.aims, *facts.recorded]
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from evocity.errors import RunError
 from evocity.files import whole_file
+from evocity.genome import VOID
 from evocity.report.facts import Aim, Facts
 from evocity.report.failures import failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
@@ -120,8 +121,9 @@ def _summary(facts: Facts) -> str:
         figures.insert(4, ("break a constraint", f"{len(facts.broken)} of {len(facts.members)}"))
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
+    cities = [name for name in header.cities if name != VOID]
     return (
-        f"<p>{_text(' × '.join(header.cities))}, {_text(header.width)} × {_text(header.height)} px "
+        f"<p>{_text(' × '.join(cities))}, {_text(header.width)} × {_text(header.height)} px "
         f"of {header.metres_per_pixel:g} m, range blocks of {_sides(facts)} px</p>"
         f'<dl class="figures">{items}</dl>{state}'
     )

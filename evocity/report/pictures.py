@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 import textwrap
 from pathlib import Path
 
@@ -51,7 +52,8 @@ def scale_colours(highest: float, steps: int = 24) -> list[str]:
 
 
 def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
-    """A run on one sheet: its parents, then the best of its last generation by each measure.
+    """A run on one sheet: its parents, then the best of its last generation by each measure,
+    of those that look alike the first alone.
 
     One scale of heights for all, with its legend and the sources' attributions. Raises
     `RunError` if the run has no whole generation yet, or is damaged.
@@ -68,7 +70,8 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
 
 def _caption(facts: Facts, one: Shown) -> list[str]:
     values = [
-        f"{aim.name} {one.birth.values[aim.name]:.4g} {aim.unit}".rstrip() for aim in facts.aims
+        f"{aim.name} {one.birth.values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip()
+        for aim in [*facts.aims, *facts.recorded]
     ]
     return [f"individual {one.birth.id}", *values]
 

@@ -7,9 +7,16 @@ if (gallery) {
     cards.sort((a, b) => keys.get(a)[key] - keys.get(b)[key] || keys.get(a)[0] - keys.get(b)[0]);
     gallery.append(...cards);
   });
-  document.getElementById("front-only").addEventListener("change", (event) => {
-    for (const card of cards) card.hidden = event.target.checked && card.dataset.rank !== "0";
-  });
+  const front = document.getElementById("front-only");
+  const different = document.getElementById("different-only");
+  const choose = () => {
+    for (const card of cards) {
+      card.hidden = (front.checked && card.dataset.rank !== "0") ||
+        (different.checked && "alike" in card.dataset);
+    }
+  };
+  front.addEventListener("change", choose);
+  different.addEventListener("change", choose);
 }
 document.addEventListener("click", (event) => {
   if (event.target.matches(".card[id] img")) event.target.closest(".card").classList.toggle("large");

@@ -100,11 +100,27 @@ def test_encode_tells_psnr_before_and_after_roofs_are_settled(tmp_path, town_fil
     result = call("encode", town_file, *AT_2_M, "--settle", "-o", tmp_path / "g.parquet")
     made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2))
     before, after = f"{made.psnr_unsettled:.1f} dB", f"{made.psnr:.1f} dB"
-    assert f"decoded PSNR {after} ({before} before its roofs were settled)" in result.stdout
+    assert f"decoded PSNR {after} ({before} before its roofs were settled: " in result.stdout
     raw = evocity.decode(made.genome, settle=False).city
     assert made.psnr_unsettled == evocity.coding.psnr(made.city, raw)
     result = call("encode", town_file, *AT_2_M, "--no-settle", "-o", tmp_path / "h.parquet")
     assert "before its roofs" not in result.stdout
+
+
+def test_a_map_that_is_coded_without_loss_is_said_to_be_exact(tmp_path):
+    np.save(tmp_path / "bare.npy", np.zeros((64, 64), np.float32))
+    result = call("encode", tmp_path / "bare.npy", *AT_2_M, "-o", tmp_path / "g.parquet")
+    assert "decoded exactly, collage error 0.00 m" in result.stdout
+    assert "inf" not in result.stdout
+
+
+def test_a_bred_genome_is_titled_by_its_operator(tmp_path, town_file):
+    call("encode", town_file, *AT_2_M, "-o", tmp_path / "g.parquet")
+    call("breed", "height_scaling", tmp_path / "g.parquet", "-o", tmp_path / "child.parquet")
+    for name, title in (("g", "town, decoded"), ("child", "town, height_scaling, decoded")):
+        call("show", tmp_path / f"{name}.parquet", "-o", tmp_path / "p.png")
+        with Image.open(tmp_path / "p.png") as picture:
+            assert picture.info["Title"] == title
 
 
 def test_encode_fits_the_attractor(tmp_path, town_file):

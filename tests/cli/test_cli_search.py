@@ -184,6 +184,7 @@ def test_status_tells_where_a_run_is(finished):
         "failures",
         "hypervolume",
         "best",
+        "parents",
         "evaluations_per_second",
         "finished",
         "running",
@@ -201,8 +202,15 @@ def test_status_tells_where_a_run_is(finished):
         if line.startswith("best"):
             assert line.endswith(goals.pop(" ".join(line.split()[:2])))
     assert goals == {}
-    (front,) = [line.split()[1:] for line in text.splitlines() if line.startswith("front")]
     run = evocity.open_run(finished)
+    left, right = run.header.cities[:2]
+    assert list(told["parents"]) == [left, right]
+    for number, name in enumerate((left, right)):
+        (birth,) = run.individuals([number])
+        assert told["parents"][name] == {m: birth.values[m] for m in ("alignment", "gsi")}
+    had = (f"{name} {told['parents'][name]['gsi']:.4g}" for name in (left, right))
+    assert f"parents: {', '.join(had)}" in text
+    (front,) = [line.split()[1:] for line in text.splitlines() if line.startswith("front")]
     members = run.members(run.generations[-1]).to_pylist()
     assert [int(one) for one in front] == sorted(m["id"] for m in members if m["rank"] == 0)
 

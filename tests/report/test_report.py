@@ -16,12 +16,14 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
+from evocity.genome import VOID
 from evocity.operators.crossing import assembled
 from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failures import shortened
-from evocity.report.html import _gain, pairs_to_show
+from evocity.report.gallery import city_key
+from evocity.report.html import _gain, _summary, pairs_to_show
 from evocity.report.pictures import _caption, data_uri, map_uri
 from evocity.search import archive
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
@@ -92,7 +94,7 @@ def make_run(
     rng = np.random.default_rng(7)
     maps = [city(seed, name) for seed, name in enumerate(names)]
     header = Header(
-        SIDE, SIDE, 2.0, 0.9, tuple(names), "; ".join(m.attribution for m in maps),
+        SIDE, SIDE, 2.0, 0.9, (*names, *o.get("also", ())), "; ".join(m.attribution for m in maps),
         None, None, 7, population, "hash", tuple(measures),
     )  # fmt: skip
     genomes = [header.chromosome.adopt(uniformly(m).genome, header, None) for m in maps]
@@ -464,8 +466,8 @@ def test_the_target_found_for_a_city_to_be_like_is_told(tmp_path):
     assert "0.6 is wanted" in write_report(folder).read_text("utf-8")
 
 
-def test_contact_sheet_shows_parents_and_best_on_one_scale(usual):
-    run = open_run(usual[0])
+def test_contact_sheet_shows_parents_and_best_on_one_scale(tmp_path):
+    run = open_run(make_run(tmp_path / "run", names="ABCDEF"))  # nobody looks like another
     few, more = contact_sheet(run, best=1), contact_sheet(run, best=6)
     assert more.height > few.height
     best = Facts(run).best(2)
@@ -473,6 +475,46 @@ def test_contact_sheet_shows_parents_and_best_on_one_scale(usual):
     # gsi and fsi have no goal of their own: taken as more is better
     assert best[0].birth.values["gsi"] == values[:, 0].max()
     assert best[1].birth.values["fsi"] == values[:, 1].max()
+
+
+def test_the_best_that_are_shown_differ(tmp_path):
+    """Of twins the better is shown; where too few differ, the best of the others are."""
+    folder = make_run(tmp_path / "run", measures=("gsi",), population=8)
+    facts = Facts(open_run(folder))
+    alive = sorted(_alive(facts.run), key=lambda birth: -birth.values["gsi"])
+    of = [birth.id % 2 for birth in alive]  # there are two cities, and their copies
+    first = [0, of.index(1 - of[0])]
+    assert [one.birth.id for one in facts.best(2)] == [alive[place].id for place in first]
+    three = sorted([*first, next(n for n in range(8) if n not in first)])
+    assert [one.birth.id for one in facts.best(3)] == [alive[place].id for place in three]
+
+
+def test_the_gallery_knows_who_looks_like_another(usual):
+    """Of two cities and their copies, the first of each looks like nobody before it."""
+    facts = Facts(open_run(usual[0]))
+    ids = [one.birth.id for one in facts.shown]
+    first = {next(one for one in ids if one % 2 == odd) for odd in (0, 1)}
+    assert facts.look_alikes == set(ids) - first
+    marked = re.findall(r'<figure class="card" id="i(\d+)"[^>]* data-alike>', usual[1])
+    assert {int(one) for one in marked} == facts.look_alikes
+
+
+@pytest.mark.parametrize(
+    ("stated", "apart"),
+    [({"apart": 0.4}, 0.4), ({}, 0.25), ({"apart": -1}, 0.25), ({"apart": "x"}, 0.25), (3, 0.25)],
+)
+def test_what_looks_alike_is_what_the_recipe_says(tmp_path, stated, apart):
+    facts = Facts(open_run(make_run(tmp_path / "run", generations=1)))
+    vars(facts)["recipe"] = {"search": stated}
+    assert facts.apart == apart
+
+
+def test_the_void_is_no_parent(tmp_path):
+    """It stands in the key with what it is, and neither in the title nor among the parents."""
+    facts = Facts(open_run(make_run(tmp_path / "run", generations=1, also=(VOID,))))
+    assert "<p>A × B, " in _summary(facts)
+    assert f"{VOID}: bare ground" in city_key(facts.run.header.cities)
+    assert [birth.id for birth in facts.source_births] == [0, 1]
 
 
 def _alive(run):
