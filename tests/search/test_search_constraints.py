@@ -191,7 +191,7 @@ goal = "min"
             "like for litter, which asks for genome and parents",
         ),
         ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi without a goal"),
-        ('[[fitness]]\nname = "gsi"\ntarget = 1\nweight = -2\n', "weight: -2"),
+        ('[[fitness]]\nname = "gsi"\ntarget = 1\nweight = -2\n', r"weight \(gsi\): -2"),
         ('[[fitness]]\nfile = "heredity.py"\nname = "roofs"\nmax = 9\n', "max for all of roofs"),
         ('[[fitness]]\nfile = "heredity.py"\nname = "rofs"\n', "name = 'rofs'"),
         (
