@@ -34,3 +34,10 @@ def timed(call: Callable[[], object], repeats: int = 10) -> tuple[float, float]:
         call()
         spent.append(1e3 * (time.perf_counter() - start))
     return min(spent), median(spent)
+
+
+def sgemm(repeats: int = 5) -> float:
+    """GFLOP/s of numpy's float32 matrix product in its one thread now: by it, times of machines
+    that are shared or slower compare."""
+    matrix = np.random.default_rng(0).random((2000, 2000), np.float32)
+    return 16e3 / timed(lambda: matrix @ matrix, repeats)[0]

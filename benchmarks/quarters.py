@@ -4,7 +4,8 @@ Quarter fusion of five pairs of districts at 256², coded as `evocity.encode` do
 .5, means over seeds: the fill reached; fabric distance of the decoded child to both cities; crumbs
 a hectare of the child and of the worse of the two codes; connectivity of the open space, beside
 that of the lower code; integrity. Then milliseconds of one core, median and least, of a child of
-three street blocks and of one at fill .2, repair included, where the process knows the parents.
+three street blocks and of one at fill .2, repair included, where the process knows the parents;
+and what the core's float32 matrix product reaches at that moment, for a shared core may be slow.
 """
 
 import argparse
@@ -15,7 +16,7 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 import time
 
 import numpy as np
-from _machine import description
+from _machine import description, sgemm
 
 import evocity
 from evocity.fitness import crumbs, fabric_distance, open_space_connectivity
@@ -56,7 +57,8 @@ def main(seeds: int) -> None:
     for pair in PAIRS:
         parents = [codes[one] for one in pair]
         told = [spent(parents, seeds, **how) for how in ({"street_blocks": 3}, {"fill": 0.2})]
-        print(f"{' x '.join(pair):48}" + "".join(f"{a:9.0f} ({b:.0f})" for a, b in told))
+        rate = f"   SGEMM {sgemm():.0f} GFLOP/s"
+        print(f"{' x '.join(pair):48}" + "".join(f"{a:9.0f} ({b:.0f})" for a, b in told) + rate)
 
 
 def measured(child, cities) -> list[float]:
