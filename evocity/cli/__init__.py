@@ -2,6 +2,7 @@
 
 - `recipe`: a recipe to begin from, for anyone's cities
 - `run`, `resume`: a search, shown while it goes on by `searching`
+- `asking`: `pick`, `reweight`, `stop`, what is asked of a run that goes on
 - `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
@@ -19,6 +20,7 @@ Nothing heavy is imported before a command needs it: ``--help`` answers at once.
 import click
 
 from evocity import __version__
+from evocity.cli.asking import pick, reweight, stop
 from evocity.cli.autosimilarity import autosimilarity
 from evocity.cli.breed import breed
 from evocity.cli.cities import cities
@@ -59,6 +61,9 @@ for _command in (
     run,
     recipe,
     resume,
+    pick,
+    reweight,
+    stop,
     status,
     report,
     encode,

@@ -56,6 +56,8 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
                 if generation.number == 0:
                     _note_parents(folder, search.recipe)
                 show(progress_line(generation, search.recipe.run.generations, signs))
+            if search.asked_to_stop:
+                _say(f"stopped, as it was asked to; go on with: evocity resume {folder}")
     except RunError as error:
         if not started:
             raise  # the folder cannot be used: the input is at fault

@@ -38,7 +38,8 @@ def status(run: str, as_json: bool) -> None:
     city to what its code has of these measures, null where it has none), evaluations_per_second,
     finished, running (a process is at it now), seconds_left (an estimate
     while it is running, else null), front (numbers of all individuals of the last generation's
-    front).
+    front), picked (numbers of those that are bred from besides, see `evocity pick`), weights (those
+    that `evocity reweight` has set, by name).
     """
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
@@ -54,8 +55,10 @@ def status(run: str, as_json: bool) -> None:
     best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
     whole = state["generation"] is not None
     parents = _parents(facts, best) if whole else {}
+    picked, weights = _steered(opened, state["generation"])
     if as_json:
         told = {"parents": parents, "running": running, "seconds_left": left, "front": front}
+        told |= {"picked": picked, "weights": weights}
         print_json(state | {"best": best} | told)
         return
     planned = "" if facts.planned is None else f"/{facts.planned}"
@@ -70,6 +73,8 @@ def status(run: str, as_json: bool) -> None:
         *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
         *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),
+        *([("picked", _ids(picked, run))] if picked else []),
+        *([("weights", _weights(weights))] if weights else []),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
@@ -157,8 +162,23 @@ def _best(aim, value: float) -> str:
     return f"{_shown(value)} {aim.unit}".rstrip() + f" ({aim.wanted})"
 
 
+def _steered(opened, generation: int | None) -> tuple[list[int], dict[str, float]]:
+    """What commands have changed: who is picked, what is weighed otherwise."""
+    from evocity.search.commands import Standing
+
+    try:
+        standing = Standing.of(opened.events(), (generation or 0) + 1)
+    except ValueError:  # told where the run is resumed
+        return [], {}
+    return list(standing.picks), dict(standing.weights)
+
+
+def _weights(weights: dict[str, float]) -> str:
+    return ", ".join(f"{name} {weight:g}" for name, weight in weights.items())
+
+
 def _ids(front: list[int], run: str) -> str:
-    """Who is on the front, to be named by --id."""
+    """Some individuals, to be named by --id."""
     more = len(front) - _MOST_IDS
     listed = " ".join(map(str, front[:_MOST_IDS]))
     if more > 0:

@@ -3,7 +3,7 @@
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
 
@@ -117,6 +117,18 @@ class Aims:
     def bounds(self) -> frozenset[str]:
         """Names of the measures that are constraints and nothing else."""
         return frozenset(one.measure.name for one in self.wanted if one.objective is None)
+
+    def reweighted(self, weights: Mapping[str, float]) -> "Aims":
+        """The same with other ``weights``, of measures by name that count in sums; other names
+        are left out."""
+        return Aims(
+            tuple(
+                replace(one, weight=weights[one.measure.name])
+                if one.total is not None and one.measure.name in weights
+                else one
+                for one in self.wanted
+            )
+        )
 
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """One loss an objective, lower is better and always finite, of raw ``values``."""

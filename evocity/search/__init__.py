@@ -13,14 +13,19 @@
 - `fronts`, `looks`: who dominates whom, how good many are together, which cities look alike
 - `borrowed`: what of that comes from DEAP and moocore, a file each
 - `individual`, `population`: the living, generation by generation
-- `engine`: `Search`, the loop, which writes every birth down
+- `engine`: `Search`, the loop, which writes every birth down; `generation`: where it is
+- `observers`: who watches it, its log first
+- `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
 - `archiving`: of all births ever, those that no other dominates
 """
 
 from evocity.search.archiving import Archive, archive
-from evocity.search.engine import Generation, Search
+from evocity.search.commands import pick
+from evocity.search.engine import Search
+from evocity.search.generation import Generation
 from evocity.search.individual import Individual
+from evocity.search.observers import Observer
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
 
@@ -28,9 +33,11 @@ __all__ = [
     "Archive",
     "Generation",
     "Individual",
+    "Observer",
     "Recipe",
     "Search",
     "archive",
+    "pick",
     "read_recipe",
     "recipes",
 ]

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
+from evocity.search.commands import Standing
 from evocity.search.fronts import Hypervolume, crowding_of, not_dominated, ranks_of
 from evocity.store import Run
 
@@ -102,7 +103,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
 
 
 def aims_of_run(run: Run) -> Aims:
-    """What the run wants, as ``provenance.json`` records it.
+    """What the run wants, as ``provenance.json`` records it, by the weights it has now.
 
     The measures in it have names alone and cannot be called: those of a stranger's run may not
     be here. Raises `RunError` if a measure's goal is not told, or cannot be.
@@ -110,6 +111,7 @@ def aims_of_run(run: Run) -> Aims:
     try:
         noted = {one["name"]: one for one in run.provenance["fitness"]}
         aims = Aims(tuple(_wanted(noted[name]) for name in run.header.measures))
+        aims = aims.reweighted(Standing.of(run.events(), len(run.generations)).weights)
         if not aims.names:
             raise ValueError("constraints alone")
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:

@@ -1,6 +1,6 @@
 """Who is bred from whom, by which operator: one plan a birth, drawn from its own generator."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +30,29 @@ class Plan:
         """What is known of its making without a child: the operator, and what was drawn for it."""
         drawn = getattr(self.operator, "drawn", None)
         return {"operator": self.name} | ({"drawn": dict(drawn)} if drawn else {})
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Individuals that are bred from besides those that the algorithm chooses: (id, genome) each.
+    Of the births the ``share`` has one of them for its first parent."""
+
+    individuals: tuple[tuple[int, Genome], ...] = field(default=(), repr=False)
+    share: float = 0.5
+
+    def among(
+        self, parents: list[tuple[int, Genome]], rng: np.random.Generator
+    ) -> list[tuple[int, Genome]]:
+        """The ``parents`` of one birth, the first of them a pick in the ``share`` of cases."""
+        if not self.individuals or rng.random() >= self.share:
+            return parents
+        chosen = self.individuals[rng.integers(len(self.individuals))]
+        if any(one == chosen[0] for one, _ in parents):  # it comes first, and once
+            return [chosen, *(parent for parent in parents if parent[0] != chosen[0])]
+        return [chosen, *parents[1:]]
+
+
+NO_PICKS = Picks()
 
 
 def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
@@ -87,12 +110,16 @@ def next_population(
     generation: int,
     living: Sequence[Individual],
     sources: Sequence[Genome],
+    picks: Picks = NO_PICKS,
+    weights: Mapping[str, float] | None = None,
 ) -> list[Plan]:
     """The children of one generation: operator by weight, parents by the algorithm, then the
     operator's parameters that the recipe gives ranges of; the ``sources`` are further parents of
-    operators that take from anywhere."""
-    names = [name for name, entry in recipe.operators.items() if entry.weight > 0]
-    weights = np.array([recipe.operators[name].weight for name in names])
+    operators that take from anywhere. ``picks``: who is bred from besides; ``weights``: those of
+    operators that are other than the recipe's, by name."""
+    mixture = {name: entry.weight for name, entry in recipe.operators.items()} | (weights or {})
+    names = [name for name, weight in mixture.items() if weight > 0]
+    weights = np.array([mixture[name] for name in names])
     fewest = {name: recipe.operator(name).parents[0] for name in names}
     plans = []
     for slot in range(recipe.run.population):
@@ -100,15 +127,16 @@ def next_population(
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]
         count = entry.parents or fewest[name]
-        chosen = algorithm.parents(living, count, rng)
+        chosen = [(living[i].id, living[i].genome) for i in algorithm.parents(living, count, rng)]
+        chosen = picks.among(chosen, rng)
         operator = recipe.operator_drawn(name, rng)
         founders = founders_of(operator, len(sources))
         plans.append(
             Plan(
                 generation * recipe.run.population + slot,
                 operator,
-                (*(living[i].id for i in chosen), *founders),
-                (*(living[i].genome for i in chosen), *(sources[i] for i in founders)),
+                (*(one for one, _ in chosen), *founders),
+                (*(genome for _, genome in chosen), *(sources[i] for i in founders)),
                 rng,
             )
         )

@@ -2,50 +2,31 @@
 
 import contextlib
 import dataclasses
-import math
 import os
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from evocity.errors import RecipeError, RunError
+from evocity.fitness import Aims
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Plan, first_population, generator, next_population
+from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
+from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.guarding import told_of_parents
-from evocity.search.individual import Individual
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
+from evocity.search.observers import Observer, Observers
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
+from evocity.search.steering import Steering, genomes_of
 from evocity.store import Birth, RunWriter, refuse_existing
-
-
-@dataclass(frozen=True)
-class Generation:
-    """State of a search after a generation.
-
-    ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
-    living keep all constraints; ``best`` maps each measure that is more than a constraint to the
-    raw value of the best living individual, ``hypervolume`` is in units of the first population's
-    ranges. ``seconds_left`` is an estimate.
-    """
-
-    number: int
-    births: int
-    failures: int
-    hypervolume: float
-    best: dict[str, float]
-    evaluations_per_second: float
-    seconds_left: float
-    population: list[Individual] = field(repr=False)
-    feasible: int = 0
 
 
 class Search:
@@ -64,6 +45,11 @@ class Search:
     workers : worker processes, in place of the recipe's; 0 works in this process, without
         deadlines. Births do not depend on it.
     progress : told in a few words what is prepared before the first generation.
+    observers : see `evocity.search.observers`; they see every generation and event.
+
+    A run that goes on may be asked to stop, to breed from picks and to weigh anew, by `stop`,
+    `pick` and `reweight` here, or by any process through the run's folder
+    (`evocity.search.commands`).
 
     ``notes`` are what a user should know, in words: on `resume`, before it goes on; of a new run,
     from `prepare` on, what of the maps' files was taken, and which constraints no parent keeps.
@@ -79,6 +65,7 @@ class Search:
         out: str | os.PathLike | None = None,
         workers: int | None = None,
         progress: Callable[[str], None] | None = None,
+        observers: Sequence[Observer] = (),
     ):
         if not isinstance(recipe, Recipe):
             raise RecipeError(
@@ -98,13 +85,13 @@ class Search:
         self._writer: RunWriter | None = None
         self._pool: Here | Workers | None = None
         self._population: Population | None = None
+        self._observers = Observers(observers)
+        self._steering = Steering(recipe, self._found)
         self._asked: list[Born] | None = None
         self._next = 0
         self._births = self._failures = 0
         self._closed = self._entered = self._ended = False
-        self._began = 0.0
-        self._first = 0
-        self._generation_began = 0.0
+        self._pace = Pace(self._worker_count)
 
     @classmethod
     def resume(
@@ -114,6 +101,7 @@ class Search:
         workers: int | None = None,
         accept_changes: bool = False,
         progress: Callable[[str], None] | None = None,
+        observers: Sequence[Observer] = (),
     ) -> "Search":
         """Go on with the run in ``path`` after its last whole generation.
 
@@ -124,23 +112,27 @@ class Search:
         """
         taken = resuming.take_up(path, generations, accept_changes)
         try:
-            search = cls(taken.prepared.recipe, None, workers, progress)
+            search = cls(taken.prepared.recipe, None, workers, progress, observers)
         except BaseException:
             taken.writer.close()
             raise
         search.out, search._writer = path, taken.writer
         search._prepared = taken.prepared
-        search._population = search._new_population()
-        search._population.begin_with(taken.first_births)
-        search._population.restore(taken.living)
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
-        search._first = taken.next
         search.notes = [taken.edited] if taken.edited else []
         try:
+            search._observers.log(taken.writer)
+            old = taken.writer.commands(0)
+            search._steering = Steering(
+                search.recipe, search._found, taken.standing, old[-1][0] + 1 if old else 0
+            )
+            search._population = search._new_population()
+            search._population.begin_with(taken.first_births)
+            search._population.restore(taken.living)
             if not search.finished:
                 search._compile()
                 search._start_pool()
-            search._event("resume", generation=taken.next, changes=taken.changes)
+            search._observers.event("resume", generation=taken.next, changes=taken.changes)
         except BaseException:
             search.close()
             raise
@@ -153,15 +145,37 @@ class Search:
         """Whether the last generation of the recipe is done."""
         return self._next > self.recipe.run.generations
 
+    @property
+    def asked_to_stop(self) -> bool:
+        """Whether a command ended the search."""
+        return self._steering.standing.stop
+
+    def stop(self) -> None:
+        """End after the generation that is being bred, as `evocity stop` does."""
+        self._steering.ask(Stop())
+
+    def pick(self, ids: Sequence[int], share: float | None = None) -> None:
+        """Breed from the individuals ``ids`` too, from the next generation on, see
+        `evocity.search.commands.Pick`. One that was never born, or failed, is refused then, by an
+        event."""
+        self._steering.ask(Pick(ids=tuple(ids), share=share))
+
+    def reweight(self, **weights: float) -> None:
+        """Weigh operators, or measures of a sum, anew from the next generation on; by names."""
+        self._steering.ask(Reweight(weights=weights))
+
+    def observe(self, observer: Observer) -> None:
+        """Have an ``observer`` see what comes from now on."""
+        self._observers.add(observer)
+
     def __iter__(self) -> Iterator[Generation]:
         """Breed, evaluate and select until the recipe's last generation; then close."""
         try:
-            while not self.finished:
+            while not self.finished and self._steered():
                 plans = self._planned("a generation")
                 yield self._written(born(self._pool, plans))
             if not self._closed:
-                self._event("finish", generation=self._next - 1)
-                self._ended = True
+                self._stopped(None)
         except BaseException as error:
             if isinstance(error, GeneratorExit) and self._entered:
                 raise  # __exit__ knows why the loop was left
@@ -189,6 +203,12 @@ class Search:
         `RunError` out of turn, after the last generation and after `close`. Which constraints the
         parents keep is not looked at, unless `prepare` was called.
         """
+        if self._asked is None and not self._closed and not self._steered():
+            raise RunError(
+                "ask() of a search that was asked to stop",
+                "a search that goes on",
+                "close() it; go on with: Search.resume(path)",
+            )
         plans = self._planned("ask()", guarded=False)
         self._asked = bred(self._pool, plans)
         return [one.bred.genome for one in self._to_evaluate()]
@@ -259,12 +279,17 @@ class Search:
             raise
         self.notes += [*self._prepared.notes, *unkept]
         self._population = self._new_population()
-        self._event("start", seed=self.recipe.run.seed, workers=self._worker_count)
+        self._observers.event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
     def _new_population(self) -> Population:
         header = self._prepared.header
         algorithm = self.recipe.search.algorithm_of(header.population)
-        return Population(algorithm, self._prepared.aims, header.chromosome)
+        return Population(algorithm, self._aims, header.chromosome)
+
+    @property
+    def _aims(self) -> Aims:
+        """What is wanted now, with the weights that commands set."""
+        return self._prepared.aims.reweighted(self._steering.standing.weights)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
@@ -281,6 +306,7 @@ class Search:
                 self._prepared.others,
                 [part.mask for part in self._prepared.within.values()],
             )
+            self._observers.log(self._writer)
 
     @property
     def _sides(self) -> int | tuple[int, int]:
@@ -306,7 +332,10 @@ class Search:
             self._tell(f"starting {self._worker_count} workers")
             timeout = self.recipe.evaluation.timeout
             self._pool = Workers(
-                setup, self._worker_count, timeout, lambda text: self._event("retry", reason=text)
+                setup,
+                self._worker_count,
+                timeout,
+                lambda text: self._observers.event("retry", reason=text),
             )
 
     def _stopped(self, error: BaseException | None) -> None:
@@ -315,12 +344,13 @@ class Search:
             return
         self._ended = True
         if self.finished and (error is None or isinstance(error, GeneratorExit)):
-            self._event("finish", generation=self._next - 1)
+            self._observers.event("finish", generation=self._next - 1)
             return
-        reason = {KeyboardInterrupt: "interrupted", GeneratorExit: "left", type(None): "left"}
+        left = "asked to" if self.asked_to_stop else "left"
+        reason = {KeyboardInterrupt: "interrupted", GeneratorExit: left, type(None): left}
         told = reason.get(type(error), f"{type(error).__name__}: {error}")
         with contextlib.suppress(RunError):  # the folder itself may be what failed
-            self._event("stop", generation=self._next - 1, reason=told)
+            self._observers.event("stop", generation=self._next - 1, reason=told)
 
     def _refuse_closed(self, what: str) -> None:
         if self._closed:
@@ -331,9 +361,22 @@ class Search:
                 "Search.resume(path)",
             )
 
-    def _event(self, event: str, **details) -> None:
-        if self._writer is not None:
-            self._writer.event(event, **details)
+    # -- commands ------------------------------------------------------------------------
+
+    def _steered(self) -> bool:
+        """Carry out what was asked since the last generation; whether the search goes on."""
+        steering, weights = self._steering, self._steering.standing.weights
+        lines = [] if self._writer is None else self._writer.commands(steering.standing.read)
+        for event, details in steering.carry_out(lines, self._next):
+            self._observers.event(event, **details)
+        if steering.standing.weights != weights and self._population is not None:
+            self._population.reweigh(self._aims)
+        return not steering.standing.stop
+
+    def _found(self, ids: Sequence[int]) -> dict[int, Genome]:
+        """The genomes of births by id, for picks."""
+        living = [] if self._population is None else self._population.living
+        return genomes_of(ids, None if self._writer is None else self.out, living)
 
     # -- one generation ------------------------------------------------------------------
 
@@ -355,13 +398,19 @@ class Search:
             )
         if self._prepared is None:
             self._start(guarded)
-        self._generation_began = time.perf_counter()
+        self._pace.begin()
         sources = [source.genome for source in self._prepared.sources]
         if self._next == 0:
             return first_population(self.recipe, sources)
         population = self._population
         return next_population(
-            self.recipe, population.algorithm, self._next, population.living, sources
+            self.recipe,
+            population.algorithm,
+            self._next,
+            population.living,
+            sources,
+            self._steering.picks,
+            self._steering.weights,
         )
 
     def _written(self, individuals: Sequence[Born]) -> Generation:
@@ -376,55 +425,25 @@ class Search:
         rng = generator(self.recipe.run.seed, self._next, self.recipe.run.population)
         self._population.select(births, rng, looks)
         self._births += len(births)
-        failed = [birth for birth in births if not birth.ok]
-        self._failures += len(failed)
+        self._failures += sum(not birth.ok for birth in births)
         generation = self._generation(births)
-        if self._writer is not None:
-            summary = dataclasses.asdict(replace(generation, population=[]))
-            for key in ("number", "population", "seconds_left", "feasible"):  # births tell the last
-                del summary[key]
-            if not math.isfinite(generation.hypervolume):  # JSON has no infinity
-                summary["hypervolume"] = None
-            self._writer.write_generation(
-                generation.number, births, self._population.members, summary
-            )
+        self._observers.generation(generation, births, self._population.members)
         self._asked = None
         self._next += 1
-        self._refuse_failures(failed, len(births))
+        limit, alive = self.recipe.evaluation.max_failures, bool(self._population.living)
+        refuse_failures(births, limit, generation.number, alive)
         return generation
 
     def _generation(self, births: list[Birth]) -> Generation:
-        now = time.perf_counter()
-        done = self._next - self._first
-        if done == 0:  # workers start and kernels load: what the births took tells more
-            spent = sum(born.seconds for born in births) / max(1, self._worker_count)
-            one, self._began = min(now - self._generation_began, spent), now
-        else:
-            one = (now - self._began) / done
+        rate, one = self._pace.end(births)
         return Generation(
             number=self._next,
             births=self._births,
             failures=self._failures,
             hypervolume=self._population.hypervolume,
             best=self._population.best,
-            evaluations_per_second=len(births) / max(now - self._generation_began, 1e-9),
+            evaluations_per_second=rate,
             seconds_left=one * (self.recipe.run.generations - self._next),
             population=list(self._population.living),
             feasible=sum(not one.violation for one in self._population.living),
-        )
-
-    def _refuse_failures(self, failed: list[Birth], count: int) -> None:
-        limit = self.recipe.evaluation.max_failures
-        if len(failed) <= limit * count and self._population.living:
-            return
-        kinds = {
-            s: sum(b.status == s for b in failed) for s in dict.fromkeys(b.status for b in failed)
-        }
-        said = ", ".join(f"{number} {status}" for status, number in kinds.items())
-        raise RunError(
-            f"{len(failed)} of {count} births of generation {self._next - 1} failed ({said}); "
-            f"the first: {failed[0].error}",
-            f"at most {limit:.0%} (evaluation.max_failures), and somebody alive",
-            "correct the measure or the operator and start a new run; the births written down "
-            "tell each failure",
         )

@@ -1,6 +1,7 @@
 """The living, generation by generation: who is let in, and how good they are together."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Population:
         self.algorithm, self._aims, self._kind = algorithm, aims, kind
         self._looks: dict[int, np.ndarray] = {}
         self._hypervolume: Hypervolume | None = None
+        self._first: list[Birth] = []
         self.living: list[Individual] = []
 
     def select(
@@ -46,9 +48,17 @@ class Population:
 
     def begin_with(self, births: Sequence[Birth]) -> None:
         """Fix the hypervolume's unit by the first generation's births; later calls do nothing."""
-        first = [self._aims.losses(born.values) for born in births if born.ok]
+        first = [born for born in births if born.ok]
         if self._hypervolume is None and first:
-            self._hypervolume = Hypervolume(np.array(first))
+            self._first = [replace(born, genome=None) for born in first]
+            losses = [self._aims.losses(born.values) for born in first]
+            self._hypervolume = Hypervolume(np.array(losses))
+
+    def reweigh(self, aims: Aims) -> None:
+        """Judge all anew by other ``aims``; the hypervolume's unit too."""
+        self._aims, self._hypervolume = aims, None
+        self.begin_with(self._first)
+        self.living = self.algorithm.judged([self._individual(one) for one in self.living])
 
     def restore(self, living: Sequence[Birth]) -> None:
         """Put back those who lived in a generation of the log."""
@@ -80,7 +90,7 @@ class Population:
     def members(self) -> list[Member]:
         return [Member(s, one.id, one.rank, one.marks) for s, one in enumerate(self.living)]
 
-    def _individual(self, born: Birth) -> Individual:
+    def _individual(self, born: Birth | Individual) -> Individual:
         values = dict(born.values)
         losses, violation = self._aims.losses(values), self._aims.violation(values)
         return Individual(born.id, born.genome, values, losses, violation)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
-from evocity.search.recipe import Parent, Recipe
+from evocity.search.recipe import Parent, Recipe, SearchSection
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
 _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
@@ -146,7 +146,8 @@ def _of_search(raw: Mapping) -> list[tuple[str, str, str]]:
     if kind is None:
         return []
     try:
-        kind.Keys.model_validate({k: v for k, v in section.items() if k != "algorithm"})
+        own = {k: v for k, v in section.items() if k not in SearchSection.model_fields}
+        kind.Keys.model_validate(own)
     except ValidationError as error:
         faults = error.errors(include_url=False)
         return [_fault({**one, "loc": ("search", *one["loc"])}, raw) for one in faults]
@@ -270,7 +271,7 @@ def _keys_at(location: list, raw: Mapping) -> list[str]:
         return list(Recipe.model_fields)
     if location == ["search"]:
         name = raw.get("search", {}).get("algorithm", DEFAULT)
-        return ["algorithm", *algorithms()[name].Keys.model_fields]
+        return [*SearchSection.model_fields, *algorithms()[name].Keys.model_fields]
     models = {"parents": Parent, "fitness": FitnessEntry}
     if location[:2] == ["run", "record"]:
         return list(MeasureEntry.model_fields)

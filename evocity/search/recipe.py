@@ -190,11 +190,14 @@ class EvaluationSection(Section):
 
 
 class SearchSection(BaseModel):
-    """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has."""
+    """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
+    ``picks``: the share of births that have a pick for their first parent, while there are picks.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
 
     algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
+    picks: float = Field(0.5, gt=0, le=1)
 
     @property
     def keys(self) -> Section:
@@ -204,7 +207,8 @@ class SearchSection(BaseModel):
     @property
     def asked(self) -> dict[str, Any]:
         """All keys with their values, those left out too."""
-        return {"algorithm": self.algorithm, **self.keys.model_dump()}
+        common = {name: getattr(self, name) for name in SearchSection.model_fields}
+        return common | self.keys.model_dump()
 
     def faults(self, goals: int, population: int) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of the algorithm for so many goals, and so many who live."""

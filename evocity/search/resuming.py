@@ -15,6 +15,7 @@ from evocity import store
 from evocity.citymap import CityMap
 from evocity.errors import RunError, keyword
 from evocity.search.changes import changes_of, compared_with, folder_of, hash_now, noted_of
+from evocity.search.commands import Standing
 from evocity.search.keeping import kept_by, replaced
 from evocity.search.noting import provenance_of
 from evocity.search.parting import part_names, parts_of
@@ -49,7 +50,8 @@ _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
 
 @dataclass(frozen=True)
 class TakenUp:
-    """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far.
+    """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far;
+    ``standing``: what commands have changed.
 
     ``changes``: in words, what differs from the start; ``edited``: how the recipe's
     own file differs from the run's copy, or "".
@@ -64,6 +66,7 @@ class TakenUp:
     failures: int
     changes: list[str]
     edited: str
+    standing: Standing
 
 
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
@@ -114,6 +117,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         _record(run, prepared, writer, changes)
         whole = run.generations
         first, living, births, failures = [], [], 0, 0
+        standing = _standing(run, len(whole))
         if whole:
             first = _values(run, 0)
             living = run.individuals(run.members(whole[-1]).column("id").to_pylist())
@@ -124,9 +128,22 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     except BaseException:
         writer.close()
         raise
+    changes = changes + notes
     return TakenUp(
-        prepared, writer, first, living, len(whole), births, failures, changes + notes, edited
+        prepared, writer, first, living, len(whole), births, failures, changes, edited, standing
     )
+
+
+def _standing(run: Run, generation: int) -> Standing:
+    """What commands have changed before the ``generation``."""
+    try:
+        return Standing.of(run.events(), generation)
+    except ValueError as error:
+        raise RunError(
+            f"{run.path / 'events.jsonl'} tells of a command that is none: {error}",
+            "commands as the run carried them out",
+            "bring the file back from a copy",
+        ) from None
 
 
 def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str]) -> None:

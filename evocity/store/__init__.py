@@ -4,9 +4,11 @@
 - `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Source`: a source city and its genome, as the run started from them
+- `append_command`, `read_commands`: what other processes ask of a run that goes on
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
 """
 
+from evocity.store.commands import append_command, read_commands
 from evocity.store.provenance import (
     environment,
     hash_of_file,
@@ -28,11 +30,13 @@ __all__ = [
     "Run",
     "RunWriter",
     "Source",
+    "append_command",
     "environment",
     "hash_of_file",
     "hash_of_map",
     "hash_of_mask",
     "hash_of_text",
     "open_run",
+    "read_commands",
     "refuse_existing",
 ]

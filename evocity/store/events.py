@@ -11,11 +11,15 @@ from evocity.store.parts import open_to_append, read_bytes
 
 
 def append_event(path: Path, event: str, **details) -> None:
-    """Add a line and flush it. A line cut short by a crash is closed off first."""
-    line = json.dumps(
-        {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **details},
-        ensure_ascii=False,
-    )
+    """Add what happened, see `append_line`."""
+    append_line(path, {"event": event, **details})
+
+
+def append_line(path: Path, document: dict) -> None:
+    """Add a line with the ``document`` and the time, and flush it. A line cut short by a crash is
+    closed off first. Raises OSError."""
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    line = json.dumps({"time": now, **document}, ensure_ascii=False)
     with open_to_append(path) as file:
         if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)

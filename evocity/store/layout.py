@@ -49,6 +49,7 @@ class Folder:
         self.references = self.root / "references"
         self.within = self.root / "within"
         self.events = self.root / "events.jsonl"
+        self.commands = self.root / "commands.jsonl"
         self.lock = self.root / "lock"
 
     def single(self, kind: str, generation: int) -> Path:

@@ -16,6 +16,7 @@ from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.files import whole_file
+from evocity.store.commands import read_commands
 from evocity.store.events import append_event
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
@@ -181,6 +182,12 @@ class RunWriter:
         """Add a line to ``events.jsonl``."""
         with self._explained():
             append_event(self.folder.events, event, **details)
+
+    def commands(self, first: int) -> list[tuple[int, dict | None]]:
+        """What others ask of the run, from line ``first`` of ``commands.jsonl`` on, see
+        `read_commands`."""
+        with self._explained():
+            return read_commands(self.folder.commands, first)
 
     def close(self) -> None:
         """Release the run; others may write it, and this writer no more."""

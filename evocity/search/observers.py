@@ -1,0 +1,84 @@
+"""Who watches a search: its log, and whoever else wants to know how it goes on."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+from evocity.search.evaluator import told
+from evocity.search.generation import Generation
+from evocity.store import Birth, Member, RunWriter
+
+
+class Observer:
+    """Sees what a search does; a subclass tells what it looks at, and returns nothing.
+
+    Given to `Search`, or to `Search.observe`. What it raises is logged and ends its watching, not
+    the search.
+    """
+
+    def generation(
+        self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
+    ) -> None:
+        """A ``generation`` is over: its ``births``, and who lives on."""
+
+    def event(self, event: str, details: dict) -> None:
+        """Something happened: a start, a resume, a command, a stop, the finish, …"""
+
+
+class Log(Observer):
+    """Writes all down, by the ``writer`` of the run's folder. What it raises ends the search."""
+
+    #: What the births tell, or is of the moment.
+    _UNSAID = ("number", "population", "seconds_left", "feasible")
+
+    def __init__(self, writer: RunWriter):
+        self._writer = writer
+
+    def generation(
+        self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
+    ) -> None:
+        summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
+        for key in self._UNSAID:
+            del summary[key]
+        if not math.isfinite(generation.hypervolume):  # JSON has no infinity
+            summary["hypervolume"] = None
+        self._writer.write_generation(generation.number, births, members, summary)
+
+    def event(self, event: str, details: dict) -> None:
+        self._writer.event(event, **details)
+
+
+class Observers:
+    """All that watch a search, told in turn; its log first."""
+
+    def __init__(self, observers: Sequence[Observer] = ()):
+        self._all = list(observers)
+
+    def add(self, observer: Observer) -> None:
+        self._all.append(observer)
+
+    def log(self, writer: RunWriter) -> None:
+        """Everything is written down from now on, before others see it."""
+        self._all.insert(0, Log(writer))
+
+    def generation(
+        self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
+    ) -> None:
+        self._tell(lambda one: one.generation(generation, births, members))
+
+    def event(self, event: str, **details) -> None:
+        self._tell(lambda one: one.event(event, details))
+
+    def _tell(self, tell: Callable[[Observer], None]) -> None:
+        """Tell all; one that fails is told no more."""
+        for one in list(self._all):
+            try:
+                tell(one)
+            except Exception as error:
+                if isinstance(one, Log):
+                    raise
+                self._all.remove(one)
+                self.event("observer failed", observer=type(one).__name__, reason=told(error))
+
+
+__all__ = ["Log", "Observer", "Observers"]

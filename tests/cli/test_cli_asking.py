@@ -1,0 +1,60 @@
+"""`evocity pick`, `reweight` and `stop`."""
+
+import json
+
+import pytest
+from cli_tools import call, refused, write_recipe
+
+from evocity.store import open_run
+
+
+@pytest.fixture
+def ended(tmp_path):
+    """A run that is finished."""
+    call("run", write_recipe(tmp_path), "--out", tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(ended):
+    assert "once it goes on: evocity resume" in call("pick", ended, 2, 4, "--share", 1).output
+    assert "weights: mutation 0" in call("reweight", ended, "mutation=0").output
+    told = json.loads(call("status", ended, "--json").stdout)
+    assert (told["picked"], told["weights"]) == ([], {})
+    call("resume", ended, "--generations", 4)
+    told = json.loads(call("status", ended, "--json").stdout)
+    assert (told["picked"], told["weights"]) == ([2, 4], {"mutation": 0.0})
+    text = call("status", ended).stdout
+    assert "2 4" in text
+    assert "mutation 0" in text
+    births = [b for b in open_run(ended).births().to_pylist() if b["generation"] > 2]
+    assert {b["parents"][0] for b in births} == {2, 4}
+    assert {b["operator"] for b in births} == {"pavement_fusion"}
+    call("pick", ended, 2, "--clear")
+    call("resume", ended, "--generations", 5)
+    assert json.loads(call("status", ended, "--json").stdout)["picked"] == [4]
+    call("pick", ended, "--clear")
+    call("resume", ended, "--generations", 6)
+    assert json.loads(call("status", ended, "--json").stdout)["picked"] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("pick", 99), "no individual 99"),
+        (("pick",), "no ID to pick"),
+        (("pick", 1, "--share", 1.5), "a share above 0 up to 1"),
+        (("pick", 1, "--share", 0.5, "--clear"), "--share with --clear"),
+        (("stop",), "no process is at this run"),
+        (("reweight", "mutation"), "NAME=WEIGHT"),
+        (("reweight", "mutation=-1"), "NAME=WEIGHT"),
+        (("reweight", "mutaton=1"), "did you mean mutation"),
+        (("reweight", "gsi=2"), "weighs no 'gsi'"),
+    ],
+)
+def test_what_cannot_be_carried_out_is_refused(ended, words, says):
+    command, *rest = words
+    refused(ended, command, ended, *rest, says=says)
+
+
+def test_no_run_is_told_as_such(tmp_path):
+    refused(tmp_path, "pick", tmp_path, 1, says="no run at")
