@@ -108,6 +108,17 @@ class Fabric:
     def prepare(self, city: CityMap, how: Mapping, locked: Condensation | None) -> Genome:
         return encode(city, condensation=locked, **how).genome
 
+    def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
+        return genome.replace(
+            cities=(name,),
+            parent=np.zeros(len(genome), np.uint8),
+            source=packed(*genome.pavement.corners),
+            **dict.fromkeys(("turn", "other", "part")),
+            condensation=None,
+            settle=settle,
+            made={"operator": "source", "bred": dict(genome.made)},
+        )
+
     def express(self, genome: Genome) -> Expressed:
         try:
             decoding = decoded(genome)

@@ -52,6 +52,11 @@ class Kind(Protocol):
         """The genome of a source city, made as the recipe's ``[genome]`` tells; ``how`` are its
         keys."""
 
+    def founder(self, genome: Any, name: str, settle: bool) -> Any:
+        """A ``genome`` that was bred before as the founder of a run: all it has is its own, of a
+        city called ``name``; ``settle`` as the run's header tells. What was locked is not any more:
+        the run locks its own."""
+
     def express(self, genome: Any) -> Expressed:
         """The map that is measured."""
 

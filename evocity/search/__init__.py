@@ -2,6 +2,7 @@
 
 - `reading`, `recipe`, `values`, `agreement`: a TOML file becomes a `Recipe` without faults
 - `preparation`: maps are read and encoded, targets measured
+- `founding`: parents that were bred before, of files and of other runs
 - `guarding`: which constraints the parents keep, before the first birth
 - `calibration`, `recipe_text`: a recipe to begin from, its guard calibrated on the parents
 - `breeding`: who is bred from whom, each birth from its own generator

@@ -149,7 +149,7 @@ def _refuse_empty(city: CityMap, parent: Parent) -> None:
     """Raise `MapError` if nothing is built on a parent's map."""
     if not city.built.any():
         raise MapError(
-            f"{city.name}: nothing is built on its map ({parent.map})",
+            f"{city.name}: nothing is built on its map ({parent.place})",
             "buildings to breed from on the map of every parent",
             f"choose a window with buildings, with {keyword('center')} and {keyword('pixels')}, "
             "or leave this map out",

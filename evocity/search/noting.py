@@ -51,10 +51,10 @@ def provenance_of(
         "maps": [
             {
                 "name": source.name,
-                "map": parent.map,
+                "map": parent.place,
                 "hash": store.hash_of_map(source.city),
                 "genome": source.genome.digest,
-                "file": hashed(recipe.folder, parent.map),
+                "file": hashed(recipe.folder, parent.place),
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
@@ -148,9 +148,10 @@ def _compared(recipe: Recipe, reference: str | tuple[str, ...] | None, hashed) -
 
 def file_hash(folder: Path, name: str) -> str | None:
     """Hash of a map's file, with those that make a Shapefile whole; None for a bundled city,
-    which changes only with a release. ``folder`` is the recipe's."""
+    which changes only with a release, and for an individual of a run, whose births never change.
+    ``folder`` is the recipe's."""
     path = resolved(folder, name)
-    if path == name:
+    if path == name or Path(path.rpartition("#")[0]).is_dir():
         return None
     path = Path(path)
     try:

@@ -10,9 +10,10 @@ from evocity.errors import FitnessError, RecipeError
 from evocity.fitness.fabric import left_out
 from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
-from evocity.genome import VOID, joined
+from evocity.genome import VOID, Genome, joined
 from evocity.search.algorithms import algorithms
 from evocity.search.evaluator import Setup
+from evocity.search.founding import founder_of
 from evocity.search.locking import locked_layer
 from evocity.search.parting import parts_of
 from evocity.search.recipe import Parent, Recipe
@@ -81,12 +82,16 @@ def prepare(
     tell = progress or (lambda text: None)
     cities: list[CityMap] = []
     notes: list[str] = []
-    for parent in recipe.parents:
-        tell(f"reading {parent.map}")
-        city = read_parent(recipe, parent.map, parent)
+    founders: dict[int, Genome] = {}
+    for number, parent in enumerate(recipe.parents):
+        tell(f"reading {parent.place}")
+        if parent.bred:
+            city, founders[number] = founder_of(recipe, parent)
+        else:
+            city = read_parent(recipe, parent.map, parent)
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
-        notes.append(f"{name}: {city.taken}")
+        notes.append(f"{name}: {parent.place}" if parent.bred else f"{name}: {city.taken}")
         if met is not None:
             met(cities[-1], parent)
     same_grid(cities)
@@ -95,7 +100,10 @@ def prepare(
     within = parts_of(recipe, cities)
     condensation, attribution = locked_layer(recipe, cities)
     kind, genomes = recipe.genome.kind, []
-    for city in cities:
+    for number, city in enumerate(cities):
+        if number in founders:
+            genomes.append(founders[number].replace(cities=(city.name,)))
+            continue
         tell(f"encoding {city.name}")
         genomes.append(kind.prepare(city, recipe.genome.coding, condensation))
     header = _header(recipe, cities, condensation, attribution)
@@ -224,7 +232,10 @@ def _objective(
         return fitness.Objective(measure, entry.goal, entry.target)
     if measure.name in targets:
         return fitness.Objective(measure, "like", targets[measure.name])
-    city = read_parent(recipe, map_of(recipe, entry.like), recipe.parent_named(entry.like))
+    parent = recipe.parent_named(entry.like)
+    if parent is not None and parent.bred:
+        return fitness.Objective.like(measure, founder_of(recipe, parent)[0])
+    city = read_parent(recipe, map_of(recipe, entry.like), parent)
     note(f"{city.name}: {city.taken}")
     return fitness.Objective.like(measure, city)
 
@@ -232,7 +243,7 @@ def _objective(
 def map_of(recipe: Recipe, like: str) -> str:
     """The map of the city to be like: a parent's, where that is named."""
     parent = recipe.parent_named(like)
-    return parent.map if parent else like
+    return parent.place if parent else like
 
 
 def _lays_void(operator) -> bool:

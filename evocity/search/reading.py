@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
+import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
+from evocity.fitness import Measure
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
 from evocity.search.recipe import Parent, Recipe, SearchSection
+from evocity.search.values import parent_place, parent_title
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
 _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
@@ -94,6 +98,57 @@ def recipe_of(
         raise RecipeError(
             f"{name} holds a number of thousands of digits", "numbers of use", "shorten it"
         ) from None
+    recipe = Recipe.__new__(Recipe)
+    _fill(recipe, raw, text, folder, overrides, name, kept, defaults)
+    return recipe
+
+
+def fill(recipe: Recipe, sections: Mapping[str, Any], folder: Path) -> None:
+    """Make the new ``recipe`` one of these ``sections``, as `Recipe` says."""
+    raw = _plain(sections, ())
+    try:
+        text = tomli_w.dumps(raw)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecipeError(
+            f"a recipe that TOML cannot hold ({error})",
+            "texts, numbers, true or false, and lists and mappings of them",
+            "leave a key out where it has no value",
+        ) from None
+    _fill(recipe, tomllib.loads(text), text, folder, {}, "the recipe")
+
+
+def _plain(value: Any, place: tuple[str, ...]) -> Any:
+    """A ``value`` at a ``place`` of a recipe as TOML has it."""
+    listed = {("parents",): "map", ("fitness",): "name"}.get(place)
+    if isinstance(value, Mapping):
+        told = ((str(key), one) for key, one in value.items() if one is not None)
+        return {key: _plain(one, (*place, key)) for key, one in told}
+    if place[:1] == ("operators",) and len(place) == 2 and isinstance(value, int | float):
+        return {"weight": value}  # in TOML tables come last, and the order of operators counts
+    if isinstance(value, Measure):
+        return value.name
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        told = [_plain(one, (*place, "")) for one in value]
+        return [{listed: one} if listed and isinstance(one, str) else one for one in told]
+    return value
+
+
+def _fill(
+    recipe: Recipe,
+    raw: dict,
+    text: str,
+    folder: Path,
+    overrides: Mapping[str, Any],
+    name: str,
+    kept: Mapping[str, str] | None = None,
+    defaults: Mapping[str, Any] | None = None,
+) -> None:
+    """Make the new ``recipe`` what ``raw``, the content of its ``text``, says; the rest as
+    `recipe_of`."""
     for key, value in overrides.items():
         section, entry = key.split(".")
         if isinstance(raw.setdefault(section, {}), dict):
@@ -104,16 +159,16 @@ def recipe_of(
             raw.setdefault(section, value)
         elif isinstance(raw.setdefault(section, {}), dict):
             raw[section].setdefault(entry, value)
-    faults = []
-    recipe = None
+    faults, sound = [], False
     try:
         context = {"folder": folder, "parents": _parents(raw), "kept": kept}
-        recipe = Recipe.model_validate(raw, context=context)
+        Recipe.__pydantic_validator__.validate_python(raw, context=context, self_instance=recipe)
+        sound = True
     except ValidationError as error:
         told = error.errors(include_url=False)
         faults = [_with_measure(_fault(one, raw), one["loc"], raw) for one in told]
     faults += across_sections(raw) + _of_search(raw)
-    if recipe is not None:
+    if sound:
         faults += _repeated(recipe)
         if recipe.run.population < len(recipe.parents):
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
@@ -135,7 +190,6 @@ def recipe_of(
             "correct these keys",
         )
     recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
-    return recipe
 
 
 def _of_search(raw: Mapping) -> list[tuple[str, str, str]]:
@@ -158,12 +212,14 @@ def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
     """(name or None, map) of each parent, as far as ``raw`` is well-formed."""
     parents = raw.get("parents")
     tables = [one for one in parents if isinstance(one, dict)] if isinstance(parents, list) else []
-    pairs = [(one.get("name"), one.get("map")) for one in tables]
-    return [
-        (name if isinstance(name, str) else None, place)
-        for name, place in pairs
-        if isinstance(place, str)
-    ]
+    found = []
+    for one in tables:
+        texts = [one.get(key) for key in ("name", "map", "genome", "run")]
+        name, place, genome, run = (text if isinstance(text, str) else None for text in texts)
+        if place or genome or run:
+            bred = genome, run, one.get("id")
+            found.append((parent_title(name, *bred), parent_place(place, *bred)))
+    return found
 
 
 def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:

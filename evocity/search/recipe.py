@@ -4,6 +4,7 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 `evocity.search.reading` turns a TOML file into a `Recipe`.
 """
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -36,16 +37,20 @@ from evocity.search.mixture import (
     operator_of,
 )
 from evocity.search.values import (
+    GenomeFile,
     Heights,
     LockFile,
     LonLat,
     MapName,
     Positive,
+    RunFolder,
     Section,
     Title,
     called,
     fault,
     is_map,
+    parent_place,
+    parent_title,
 )
 from evocity.search.wanted import FitnessEntry, MeasureEntry, recorded_of
 
@@ -73,14 +78,49 @@ LARGEST_BLOCK = 64
 
 
 class Parent(Section):
-    """``[[parents]]``: a source city; the options are those of `evocity.read_map`."""
+    """``[[parents]]``: a source city, of a ``map``, with the options of `evocity.read_map`; or one
+    that was bred before, a ``genome`` in a file or individual ``id`` of a ``run``."""
 
-    map: MapName
+    map: MapName | None = None
+    genome: GenomeFile | None = None
+    run: RunFolder | None = None
+    id: int | None = Field(None, ge=0, lt=2**63)
     name: str | None = None
     center: LonLat | None = None
     layer: str | None = None
     default_height: Positive = 6.0
     height_scale: Positive | None = None
+
+    @model_validator(mode="after")
+    def _of_one_place(self) -> "Parent":
+        given = [key for key in ("map", "genome", "run") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise fault(" and ".join(given) or "no map", "one of map, genome and run (with id)")
+        if (self.id is None) == (self.run is not None):
+            raise fault("run without id" if self.run else "id without run", "both, or none of them")
+        strange = sorted(self.model_fields_set.intersection(_OF_MAPS)) if self.bred else []
+        if strange:
+            raise fault(f"{', '.join(strange)} beside {given[0]}", "these with a map alone")
+        return self
+
+    @property
+    def bred(self) -> bool:
+        """Whether it was bred before, and is no map."""
+        return self.map is None
+
+    @property
+    def place(self) -> str:
+        """Where it is from, in one text, which no other parent has."""
+        return parent_place(self.map, self.genome, self.run, self.id)
+
+    @property
+    def title(self) -> str | None:
+        """What it is to be called; None for what its map is called."""
+        return parent_title(self.name, self.genome, self.run, self.id)
+
+
+#: Options of the reading of maps.
+_OF_MAPS = ("center", "layer", "default_height", "height_scale")
 
 
 def _sides(value: Any) -> Any:
@@ -220,11 +260,28 @@ class SearchSection(BaseModel):
 
 
 class Recipe(Section):
-    """A whole recipe, without faults. Made by `evocity.search.read_recipe`.
+    """A whole recipe, without faults. Read from a file by `evocity.read_recipe`, or made here.
 
-    Besides the sections: ``text``, the TOML as given; ``overrides``, what replaced it, as
-    {"run.seed": 8}; ``folder``, what its paths are relative to; ``file``, its name there, None
-    if it was not read from a file.
+    >>> import evocity
+    >>> recipe = evocity.Recipe(
+    ...     parents=["lyon-1er", "montpellier-pas-du-loup"],
+    ...     fitness=["alignment", {"name": "gsi", "min": 0.3, "max": 0.5}],
+    ...     run={"name": "by hand", "population": 32, "generations": 20},
+    ... )
+    >>> recipe.goals, recipe.run.population
+    (('alignment',), 32)
+
+    Parameters
+    ----------
+    folder : what paths are relative to; the working directory unless told.
+    sections : those of a TOML file (docs/recipe.md), as mappings of its keys, ``parents`` and
+        ``fitness`` as lists. There, and in ``record`` of ``run``, a text stands for a map, or a
+        measure, by its name alone; a `evocity.fitness.Measure` stands for itself.
+
+    Raises `RecipeError`, which lists every fault with its key.
+
+    Besides the sections: ``text``, the TOML; ``overrides``, what replaced it, as
+    {"run.seed": 8}; ``folder``; ``file``, its name there, None if it was not read from a file.
     """
 
     run: RunSection = RunSection()
@@ -251,6 +308,11 @@ class Recipe(Section):
     _overrides: dict = PrivateAttr(default_factory=dict)
     _folder: Path = PrivateAttr(Path())
     _file: str | None = PrivateAttr(None)
+
+    def __init__(self, *, folder: str | os.PathLike = ".", **sections: Any):
+        from evocity.search.reading import fill  # which needs the models here
+
+        fill(self, sections, Path(folder).resolve())
 
     @model_validator(mode="after")
     def _record_the_rest(self) -> "Recipe":
@@ -312,10 +374,10 @@ class Recipe(Section):
     def parent_named(self, name: str) -> Parent | None:
         """The parent whose ``name`` the recipe gives, or the one that is called so after its map
         if ``name`` is no map itself; None if there is none."""
-        given = next((parent for parent in self.parents if parent.name == name), None)
+        given = next((parent for parent in self.parents if parent.title == name), None)
         if given is not None or is_map(self.folder, name):
             return given
-        names = called(self.folder, [(parent.name, parent.map) for parent in self.parents])
+        names = called(self.folder, [(one.title, one.place) for one in self.parents])
         return self.parents[names.index(name)] if name in names else None
 
     def operator(self, name: str, **changes):

@@ -210,7 +210,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         "map.pixels": (header.width, recipe.map.pixels),
         "parents": (
             [one["map"] for one in run.provenance["maps"]],
-            [parent.map for parent in recipe.parents],
+            [parent.place for parent in recipe.parents],
         ),
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "search.algorithm": (_algorithm(run), recipe.search.algorithm),

@@ -65,6 +65,23 @@ def called(folder: Path, parents: Sequence[tuple[str | None, str]]) -> list[str]
     return names
 
 
+def parent_place(
+    place: str | None, genome: str | None, run: str | None, identifier: int | None
+) -> str:
+    """Where a parent is from, in one text: its map, its genome's file, or a run and a number."""
+    return place or genome or f"{run}#{identifier}"
+
+
+def parent_title(
+    name: str | None, genome: str | None, run: str | None, identifier: int | None
+) -> str | None:
+    """What a parent is to be called: its ``name``; else a genome after its file, an individual
+    after its run; None, after its map."""
+    if name or not (genome or run):
+        return name
+    return Path(genome).stem if genome else f"{Path(run).name}-{identifier}"
+
+
 def _own_name(folder: Path, place: str) -> str:
     try:
         return io.name_of(resolved(folder, place))
@@ -144,6 +161,12 @@ def _existing_file(name: str, info: ValidationInfo) -> str:
     return name
 
 
+def _existing_run(name: str, info: ValidationInfo) -> str:
+    if not (_taken_up(info) or Path(resolved(info.context["folder"], name), _IN_RUNS).is_file()):
+        raise fault(f"{shown(name)} is no run", "a run folder, relative to the recipe")
+    return name
+
+
 def _some_heights(value: Any, info: ValidationInfo) -> float | str:
     """Metres, or a map's name."""
     if isinstance(value, str):
@@ -164,6 +187,9 @@ def _some_reference(value: Any, info: ValidationInfo) -> str | tuple[str, ...]:
     return tuple(_some_city(name, info) for name in listed)
 
 
+#: What every run folder holds.
+_IN_RUNS = "provenance.json"
+
 #: What ``reference`` is unless cities are named: the source cities of the run.
 PARENTS = "parents"
 
@@ -173,6 +199,8 @@ FileName = Annotated[str, AfterValidator(_some_path)]
 MapName = Annotated[FileName, AfterValidator(_existing_map)]
 CityName = Annotated[str, AfterValidator(_some_city)]
 Cities = Annotated[Any, BeforeValidator(_some_reference)]
+GenomeFile = Annotated[FileName, AfterValidator(_existing_file)]
+RunFolder = Annotated[FileName, AfterValidator(_existing_run)]
 LockFile = Annotated[FileName, AfterValidator(_existing_file)]
 Heights = Annotated[float | str | None, BeforeValidator(_some_heights)]
 LonLat = Annotated[list[Finite], AfterValidator(_lon_lat)]
