@@ -17,7 +17,7 @@ from evocity.fitness.part import own_name
 from evocity.genome import VOID
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
-from evocity.search.archiving import aims_of_run
+from evocity.search.judging import aims_of_run
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source

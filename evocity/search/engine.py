@@ -34,7 +34,8 @@ class Generation:
     ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
     living keep all constraints; ``best`` maps each measure that is more than a constraint to the
     raw value of the best living individual, ``hypervolume`` is in units of the first population's
-    ranges. ``seconds_left`` is an estimate.
+    ranges. ``algorithm`` is what the algorithm tells of all the living, such as the coverage of
+    `map_elites`. ``seconds_left`` is an estimate.
     """
 
     number: int
@@ -46,6 +47,7 @@ class Generation:
     seconds_left: float
     population: list[Individual] = field(repr=False)
     feasible: int = 0
+    algorithm: dict[str, float] = field(default_factory=dict)
 
 
 class Search:
@@ -264,7 +266,7 @@ class Search:
     def _new_population(self) -> Population:
         header = self._prepared.header
         algorithm = self.recipe.search.algorithm_of(header.population)
-        return Population(algorithm, self._prepared.aims, header.chromosome)
+        return Population(algorithm, self._prepared.aims, header.chromosome, self.recipe.limits)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
@@ -385,12 +387,14 @@ class Search:
                 del summary[key]
             if not math.isfinite(generation.hypervolume):  # JSON has no infinity
                 summary["hypervolume"] = None
+            if not generation.algorithm:
+                del summary["algorithm"]
             self._writer.write_generation(
                 generation.number, births, self._population.members, summary
             )
         self._asked = None
         self._next += 1
-        self._refuse_failures(failed, len(births))
+        self._refuse_failures(failed, births)
         return generation
 
     def _generation(self, births: list[Birth]) -> Generation:
@@ -411,12 +415,22 @@ class Search:
             seconds_left=one * (self.recipe.run.generations - self._next),
             population=list(self._population.living),
             feasible=sum(not one.violation for one in self._population.living),
+            algorithm=self._population.summary,
         )
 
-    def _refuse_failures(self, failed: list[Birth], count: int) -> None:
+    def _refuse_failures(self, failed: list[Birth], births: list[Birth]) -> None:
+        count = len(births)
         limit = self.recipe.evaluation.max_failures
         if len(failed) <= limit * count and self._population.living:
             return
+        if not failed:
+            told = next((one.error for one in births if one.error), "no reason given")
+            raise RunError(
+                f"none of {len(births)} births of generation {self._next - 1} may live; the first: "
+                f"{told}",
+                "births that have a value of each of the algorithm's descriptors",
+                "choose other descriptors under [search], and start a new run",
+            )
         kinds = {
             s: sum(b.status == s for b in failed) for s in dict.fromkeys(b.status for b in failed)
         }

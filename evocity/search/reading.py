@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from evocity import fitness
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
@@ -120,6 +121,7 @@ def recipe_of(
             faults.append(("run.population", str(recipe.run.population), allowed))
         if not faults:
             faults += recipe.search.faults(len(recipe.goals), recipe.run.population)
+            faults += _undescribed(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that
@@ -192,6 +194,21 @@ def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     return faults + [
         ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
         for name in sorted(sums.intersection([*names, *places]))
+    ]
+
+
+def _undescribed(recipe: Recipe) -> list[tuple[str, str, str]]:
+    """Faults of what the algorithm needs of every birth, and nothing measures."""
+    own = [measure.name for measure in [*recipe.measures, *recipe.recorded]]
+    known = sorted({*own, *(measure.name for measure in fitness.measures())})
+    return [
+        (
+            "search.descriptors",
+            with_near_miss(f"{shown(name)}, which is no measure of one number", name, known),
+            f"a measure of evocity, or one in [[fitness]] or run.record: {', '.join(own)}",
+        )
+        for name in recipe.search.described
+        if name not in own
     ]
 
 

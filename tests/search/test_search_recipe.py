@@ -102,7 +102,7 @@ def test_all_faults_at_once(toy):
             'file = "toys.py"\n[[fitness]]\nname = "roof"\nfile = "toys.py"',
             "fitness",
         ),
-        ("[[fitness]]", "[search]\nalgorithm = 'map_elites'\n[[fitness]]", "search.algorithm"),
+        ("[[fitness]]", "[search]\nalgorithm = 'map_elite'\n[[fitness]]", "search.algorithm"),
         ("fit = false", "reach = 'some'", "genome.reach"),
         ("fit = false", "fit = 'yes'", "genome.fit"),
         ("fit = false", "domains = [40]", "genome.domains"),
