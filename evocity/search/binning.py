@@ -45,17 +45,20 @@ class Binned:
         return float(self.worth.sum())
 
 
-def binned(run: Run, grid: Grid | None = None, last: int | None = None) -> Binned:
+def binned(
+    run: Run, grid: Grid | None = None, last: int | None = None, goal: str | None = None
+) -> Binned:
     """All births of ``run`` up to the generation ``last`` in the cells of a ``grid``, whatever the
     run selects by; those of its own grid unless one is given. Of each cell the best: the least
-    loss, then the first born.
+    loss, then the first born. ``goal`` names the measure, or the sum, that tells who is the best,
+    where the run has several goals.
 
     What counts are births with status ``ok`` that keep all constraints and have a value of each
     descriptor. The QD-score is that of `evocity.search.cells.Quality`, by the run's own first
     generation.
 
-    Raises `RunError` if the run has several goals, logs no such measure, has no grid of its own and
-    none is given, or is damaged.
+    Raises `RunError` if the run has several goals and none of them is named, logs no such measure,
+    has no grid of its own and none is given, or is damaged.
     """
     aims = aims_of_run(run)
     grid = grid_of_run(run) if grid is None else grid
@@ -65,11 +68,11 @@ def binned(run: Run, grid: Grid | None = None, last: int | None = None) -> Binne
             "a run of map_elites, or a grid to lay its births in",
             "give a grid: evocity.search.cells.Grid(descriptors, counts, ranges)",
         )
-    if len(aims.names) != 1:
+    if goal not in aims.names and (goal is not None or len(aims.names) > 1):
         raise RunError(
-            f"{run.path} has {len(aims.names)} goals",
-            "one, which is the quality of a cell",
-            "bin runs of one goal, or of one sum",
+            f"{run.path} has {len(aims.names)} goals, and goal = {goal!r}",
+            "one goal, which is the quality of a cell",
+            f"name one of {', '.join(aims.names)}",
         )
     strange = [name for name in grid.descriptors if name not in run.header.columns]
     if strange:
@@ -82,14 +85,15 @@ def binned(run: Run, grid: Grid | None = None, last: int | None = None) -> Binne
     births = measured(run, aims.bounds, grid.descriptors)
     births = births.filter(pc.less_equal(births["generation"], last)).combine_chunks()
     losses, kept = judged(births, aims)
+    losses = losses[:, aims.names.index(goal) if goal else 0]
     cells = grid.cells(_values(births, grid.descriptors))
-    order = np.lexsort((births["id"].to_numpy(), losses[:, 0]))
+    order = np.lexsort((births["id"].to_numpy(), losses))
     order = order[(kept & (cells >= 0))[order]]
     _, at = np.unique(cells[order], return_index=True)
     best = order[at]
     born = births["generation"].to_numpy()
     first = losses[born == (born.min() if len(born) else 0)]
-    worth = Quality(first).worth(losses[best, 0]) if len(first) else np.zeros(len(best))
+    worth = Quality(first).worth(losses[best]) if len(first) else np.zeros(len(best))
     table = births.take(pa.array(best)).drop_columns(["status"])
     table = table.append_column("cell", pa.array(cells[best], pa.int64()))
     for name, places in zip(grid.descriptors, grid.places(cells[best]).T, strict=True):

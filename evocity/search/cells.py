@@ -39,15 +39,13 @@ class Grid:
 
     def cells(self, values: np.ndarray) -> np.ndarray:
         """The cell of each row of ``(n, d)`` values, int64; -1 of one that lacks a value (NaN)."""
-        # Halves, the same to the bit: the range of two huge values would overflow.
-        values = 0.5 * np.asarray(values, np.float64).reshape(-1, len(self.counts))
-        low, high = 0.5 * np.array(self.ranges, np.float64).T
-        counts = np.array(self.counts)
-        with np.errstate(over="ignore"):
-            places = np.floor((values - low) / (high - low) * counts)
-        known = ~np.isnan(places).any(axis=1)
-        places = np.clip(np.where(known[:, None], places, 0), 0, counts - 1).astype(np.int64)
-        return np.where(known, np.ravel_multi_index(tuple(places.T), self.counts), -1)
+        values = np.asarray(values, np.float64).reshape(-1, len(self.counts))
+        known = ~np.isnan(values).any(axis=1)
+        places = tuple(
+            np.searchsorted(self.edges(axis)[1:-1], np.where(known, column, 0), "right")
+            for axis, column in enumerate(values.T)
+        )
+        return np.where(known, np.ravel_multi_index(places, self.counts), -1)
 
     def places(self, cells: np.ndarray) -> np.ndarray:
         """Where ``cells`` (n,) lie along each descriptor, int ``(n, d)``, 0 the lowest."""
@@ -57,7 +55,8 @@ class Grid:
     def edges(self, axis: int) -> np.ndarray:
         """Values between which the cells along a descriptor lie, ``(counts[axis] + 1,)``."""
         low, high = self.ranges[axis]
-        return np.linspace(low, high, self.counts[axis] + 1)
+        # Halves, the same to the bit: the range of two huge values would overflow.
+        return 2 * np.linspace(0.5 * low, 0.5 * high, self.counts[axis] + 1)
 
 
 def ranges_around(
@@ -78,7 +77,7 @@ def ranges_around(
         if not high - low > _ALIKE * size:
             told = ", ".join(f"{value:.4g}" for value in values)
             faults.append(
-                f"{name} is the same in the parents' codes ({told})"
+                f"{name} is nearly or quite the same in the parents' codes ({told})"
                 if len(values) > 1
                 else f"{name} has a value in {len(values)} of {len(parents)} parents' codes"
             )

@@ -71,7 +71,7 @@ class MapElites(Algorithm):
         holders: dict[float, Individual] = {}
         for one in self.judged(candidates):
             holders.setdefault(one.marks["cell"], one)
-        return list(holders.values())
+        return self.judged(list(holders.values()))
 
     def judged(self, living: Sequence[Individual]) -> list[Individual]:
         names = self.keys.descriptors
