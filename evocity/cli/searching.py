@@ -154,6 +154,7 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
         f"{generation.evaluations_per_second:.1f} evaluations/s",
         *kept,
         f"hypervolume {generation.hypervolume:.4g}",
+        *(f"{name.replace('_', ' ')} {value:.4g}" for name, value in generation.algorithm.items()),
         "best "
         + ", ".join(
             f"{name} {value:.4g} {signs.get(name, '')}".rstrip()

@@ -61,7 +61,8 @@ def show(
 
     Heights are drawn on a colour scale in metres, with a scale bar and the attribution of the
     sources. A run folder shows its parents and the best of its last generation side by side, or
-    the individual named by --id.
+    the individual named by --id. A run of map_elites shows its grid: in each filled cell the map
+    of its best birth.
 
     --leaves, --usage and --ancestry draw what a genome's code is made of, over its map.
     """
@@ -136,9 +137,9 @@ def _show_ancestry(genome, source: str, identifier, depth: int | None, output: P
 
 def _show_run(folder: str, output: Path, reading) -> None:
     from evocity.files import whole_file
-    from evocity.report import contact_sheet
+    from evocity.report import run_picture
 
     refuse_reading(f"the run {folder}", reading)
-    picture = contact_sheet(evocity.open_run(folder))
+    picture = run_picture(evocity.open_run(folder))
     with writing(output), whole_file(output) as temporary:
         picture.save(temporary, format="PNG")

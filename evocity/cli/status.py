@@ -34,9 +34,10 @@ def status(run: str, as_json: bool) -> None:
     --json.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to its best value; constraints are left out), parents (each source
-    city to what its code has of these measures, null where it has none), evaluations_per_second,
-    finished, running (a process is at it now), seconds_left (an estimate
+    hypervolume, best (measure to its best value; constraints are left out), algorithm (what the
+    algorithm tells of all the living: of map_elites coverage, cells and qd_score), parents (each
+    source city to what its code has of these measures, null where it has none),
+    evaluations_per_second, finished, running (a process is at it now), seconds_left (an estimate
     while it is running, else null), front (numbers of all individuals of the last generation's
     front), picked (numbers of those that are bred from besides, see `evocity pick`), weights (those
     that `evocity reweight` has set, by name).
@@ -49,6 +50,7 @@ def status(run: str, as_json: bool) -> None:
     left = _seconds_left(opened) if running else None
     front = sorted(row["id"] for row in members if row["rank"] == 0)
     from evocity.report import Facts, failures
+    from evocity.report.facts import figures_told
 
     facts = Facts(opened)
     # runs of old had constraints among the best
@@ -57,9 +59,9 @@ def status(run: str, as_json: bool) -> None:
     parents = _parents(facts, best) if whole else {}
     picked, weights = _steered(opened, state["generation"])
     if as_json:
-        told = {"parents": parents, "running": running, "seconds_left": left, "front": front}
-        told |= {"picked": picked, "weights": weights}
-        print_json(state | {"best": best} | told)
+        more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
+        more |= {"picked": picked, "weights": weights}
+        print_json(state | {"best": best} | more)
         return
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
@@ -70,6 +72,7 @@ def status(run: str, as_json: bool) -> None:
         ("failures", _shown(state["failures"])),
         *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
+        *figures_told(state["algorithm"]),
         *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
         *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),

@@ -3,6 +3,7 @@
 facts      what a report tells, gathered from a run folder
 failures   why births failed
 pictures   genomes as pictures on one scale of heights; the contact sheet
+grid       the grid of a run of MAP-Elites, a map in each filled cell
 plots      scatter plots and curves as inline SVG
 gallery    a card for each individual: picture, measures, lineage
 html       the page
@@ -10,7 +11,16 @@ html       the page
 
 from evocity.report.facts import Facts
 from evocity.report.failures import failures, unrecorded
+from evocity.report.grid import grid_picture, run_picture
 from evocity.report.html import write_report
 from evocity.report.pictures import contact_sheet
 
-__all__ = ["Facts", "contact_sheet", "failures", "unrecorded", "write_report"]
+__all__ = [
+    "Facts",
+    "contact_sheet",
+    "failures",
+    "grid_picture",
+    "run_picture",
+    "unrecorded",
+    "write_report",
+]

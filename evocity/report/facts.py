@@ -17,7 +17,8 @@ from evocity.fitness.part import own_name
 from evocity.genome import VOID
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
-from evocity.search.archiving import aims_of_run
+from evocity.search.binning import Binned, binned, grid_of_run
+from evocity.search.judging import aims_of_run
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.recipe import RunSection
 from evocity.store import Birth, Run, Source
@@ -307,19 +308,36 @@ class Facts:
 
     @cached_property
     def archive(self) -> Archive | None:
-        """What no other birth ever dominated; None if the run does not tell what it wanted."""
+        """What no other birth ever dominated, or the best of each cell; None if the run does not
+        tell what it wanted."""
         try:
             aims_of_run(self.run)
+            grid_of_run(self.run)
         except RunError:
             return None
         return archive(self.run, self.last)
+
+    @cached_property
+    def binned(self) -> Binned | None:
+        """The best of each cell of the grid that the run fills; None if it fills none."""
+        if self.archive is None or self.archive.grid is None:
+            return None
+        return binned(self.run, self.archive.grid, self.last)
+
+    @property
+    def quality(self) -> str:
+        """What the best of a cell is the best by: a measure, or a sum."""
+        goals = dict.fromkeys(aim.total or aim.name for aim in self.sought)
+        return ", ".join(goals)
 
     @cached_property
     def gone(self) -> list[int]:
         """Ids of those of the archive that no longer live, the wide apart first."""
         rows = [] if self.archive is None else self.archive.births.to_pylist()
         dead = [row for row in rows if not row["alive"]]
-        return [row["id"] for row in sorted(dead, key=lambda row: (-row["crowding"], row["id"]))]
+        return [
+            row["id"] for row in sorted(dead, key=lambda row: (-row.get("crowding", 0), row["id"]))
+        ]
 
     @cached_property
     def shown_gone(self) -> list[Shown]:
@@ -348,7 +366,7 @@ class Facts:
             dict.fromkeys(one for together in zip(*by_aim, strict=True) for one in together)
         )
         births = self.run.individuals(best[:MOST_SHOWN])
-        first = self.differing([self._city(birth) for birth in births], count)
+        first = self.differing([self.city(birth) for birth in births], count)
         return self._shown([rows[best[place]] for place in first])
 
     def differing(self, cities: Sequence[CityMap], count: int) -> list[int]:
@@ -370,14 +388,15 @@ class Facts:
         bred_from = self.run.parents(births) if asked else [()] * len(births)
         shown = []
         for row, birth, parents in zip(rows, births, bred_from, strict=True):
-            city = self._city(birth)
+            city = self.city(birth)
             extras = {"genome": birth.genome, "parents": parents, "sources": sources}
             values = [(a.name, birth.values.get(a.name, math.nan), a.unit) for a in self.recorded]
             values += [(m.name, _measured(m, city, extras), m.unit) for m in others]
             shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))
         return shown
 
-    def _city(self, birth: Birth) -> CityMap:
+    def city(self, birth: Birth) -> CityMap:
+        """The decoded map of a birth. Raises `RunError` if it has none."""
         expressed = self.run.header.chromosome.express(birth.genome)
         if expressed.city is None:
             raise RunError(
@@ -386,6 +405,11 @@ class Facts:
                 "the run's files are damaged: see what is left with evocity status",
             )
         return expressed.city
+
+
+def figures_told(figures: Mapping[str, float]) -> list[tuple[str, str]]:
+    """What an algorithm tells of all the living, for people: "qd score" and its value."""
+    return [(name.replace("_", " "), f"{value:.4g}") for name, value in figures.items()]
 
 
 def _number(value) -> float | None:

@@ -15,10 +15,11 @@ import numpy as np
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import VOID
-from evocity.report.facts import Aim, Facts
+from evocity.report.facts import Aim, Facts, figures_told
 from evocity.report.failures import failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
-from evocity.report.pictures import common_scale, scale_colours
+from evocity.report.grid import grid_picture
+from evocity.report.pictures import common_scale, data_uri, scale_colours
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
 from evocity.store import STATUSES, open_run
 
@@ -65,6 +66,7 @@ def _page(facts: Facts) -> str:
     sections = [
         ("Parents", parents(facts, highest)),
         ("The front", _front(facts)),
+        *([("The grid", _grid(facts))] if facts.binned is not None else []),
         ("Generation by generation", _curves(facts)),
         (_gallery_title(facts), city_key(facts.run.header.cities) + gallery(facts, highest)),
         ("Archive", _archive(facts, highest)),
@@ -115,6 +117,9 @@ def _summary(facts: Facts) -> str:
         ("hypervolume", _text(number(status["hypervolume"])) + _gain(facts)),
         ("seed", _text(header.seed)),
     ]
+    figures[5:5] = [
+        (_text(name), _text(shown)) for name, shown in figures_told(status["algorithm"])
+    ]
     if facts.archive is not None:
         figures.insert(4, ("in the archive", f"{len(facts.archive)}"))
     if facts.broken:
@@ -156,6 +161,16 @@ def _scale(highest: float) -> str:
         "<b>height above ground, m</b>"
         f'<div class="ramp" style="background:linear-gradient(to right, {stops})"></div>'
         f'<div class="ticks">{marks}</div>'
+    )
+
+
+def _grid(facts: Facts) -> str:
+    """The picture of the grid that the run fills."""
+    picture = grid_picture(facts)
+    names = " × ".join(_text(name) for name in facts.binned.grid.descriptors)
+    return (
+        f'<figure class="sheet"><img src="{data_uri(picture)}" width="{picture.width}" '
+        f'alt="grid over {names}: the best map of each filled cell"></figure>'
     )
 
 
@@ -240,6 +255,9 @@ def _curves(facts: Facts) -> str:
     if len(history) < 2:
         return "<p>There is the first population alone, and so no curve.</p>"
     plots = [curve([about.get("hypervolume") for about in history], Axis("hypervolume"))]
+    for name in facts.run.header.figures:
+        values = [about.get("algorithm", {}).get(name) for about in history]
+        plots.append(curve(values, Axis(name.replace("_", " "))))
     for aim in facts.sought:
         best = [about.get("best", {}).get(aim.name) for about in history]
         axis = Axis(f"best {aim.name}" + (f", {aim.unit}" if aim.unit else ""), "", aim.target)

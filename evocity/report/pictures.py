@@ -15,7 +15,8 @@ from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
 from evocity.store import Run
 
-_FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
+#: Names and attributions have letters that Pillow's own font lacks.
+FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
 _COLOURS = 128  # of a picture's palette: no colour is off by more than the eye can tell
 
@@ -77,7 +78,7 @@ def _caption(facts: Facts, one: Shown) -> list[str]:
 
 
 def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Image:
-    plain, title = ImageFont.truetype(_FONT, 13), ImageFont.truetype(_FONT, 22)
+    plain, title = ImageFont.truetype(FONT, 13), ImageFont.truetype(FONT, 22)
     gap, line, top = 20, 17, 64
     rows, cols = cells[0][0].shape
     side = min(max(cols, 200), 400)
@@ -101,13 +102,14 @@ def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Ima
         for index, text in enumerate(caption):
             place = (left, high + tall + 4 + index * line)
             draw.text(place, text, INK if index == 0 else FAINT, plain)
-    _draw_scale(sheet, draw, (gap, low), min(width - 2 * gap, 420), highest, plain)
+    draw_scale(sheet, draw, (gap, low), min(width - 2 * gap, 420), highest, plain)
     for index, text in enumerate(credits):
         draw.text((gap, low + 44 + index * line), text, FAINT, plain)
     return sheet
 
 
-def _draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
+def draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
+    """The scale of heights, ``width`` px wide and 36 high, at the ``place`` (left, top)."""
     left, top = place
     bar = np.linspace(0, highest, width, dtype=np.float32)[None].repeat(12, axis=0)
     sheet.paste(Image.fromarray(ramp(bar, highest)), (left, top))

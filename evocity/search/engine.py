@@ -284,7 +284,7 @@ class Search:
     def _new_population(self) -> Population:
         header = self._prepared.header
         algorithm = self.recipe.search.algorithm_of(header.population)
-        return Population(algorithm, self._aims, header.chromosome)
+        return Population(algorithm, self._aims, header.chromosome, self.recipe.limits)
 
     @property
     def _aims(self) -> Aims:
@@ -446,4 +446,5 @@ class Search:
             seconds_left=one * (self.recipe.run.generations - self._next),
             population=list(self._population.living),
             feasible=sum(not one.violation for one in self._population.living),
+            algorithm=self._population.summary,
         )

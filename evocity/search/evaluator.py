@@ -159,8 +159,8 @@ class Evaluator:
             values[name] = float(value)
             if not math.isfinite(value):
                 undefined.append(_undefined(name, value))
-        if names is None:
-            missing += self._record(expressed.city, extras, values)
+        recorded = [one for one in self.header.recorded if names is None or one in names]
+        missing += self._record(recorded, expressed.city, extras, values)
         if undefined:
             return ended("invalid", "; ".join(undefined))
         found = ended("ok", unrecorded(missing) if missing else None)
@@ -171,10 +171,12 @@ class Evaluator:
             return self.within[name].measured(self.measures[name], city, genome=extras["genome"])
         return self.measures[name](city, **extras)
 
-    def _record(self, city: CityMap, extras: Mapping, values: dict[str, float]) -> list[str]:
+    def _record(
+        self, names: Sequence[str], city: CityMap, extras: Mapping, values: dict[str, float]
+    ) -> list[str]:
         """Add what is recorded besides to the ``values``; why those that have none do not."""
         missing = []
-        for name in self.header.recorded:
+        for name in names:
             try:
                 value = self._measured(name, city, extras)
             except KeyboardInterrupt:

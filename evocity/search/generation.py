@@ -16,7 +16,8 @@ class Generation:
     ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
     living keep all constraints; ``best`` maps each measure that is more than a constraint to the
     raw value of the best living individual, ``hypervolume`` is in units of the first population's
-    ranges. ``seconds_left`` is an estimate.
+    ranges. ``algorithm`` is what the algorithm tells of all the living, such as the coverage of
+    `map_elites`. ``seconds_left`` is an estimate.
     """
 
     number: int
@@ -28,6 +29,7 @@ class Generation:
     seconds_left: float
     population: list[Individual] = field(repr=False)
     feasible: int = 0
+    algorithm: dict[str, float] = field(default_factory=dict)
 
 
 class Pace:
@@ -60,11 +62,19 @@ def refuse_failures(births: Sequence[Birth], limit: float, generation: int, aliv
     failed = [birth for birth in births if not birth.ok]
     if len(failed) <= limit * len(births) and alive:
         return
+    if not failed:
+        reason = next((one.error for one in births if one.error), "no reason given")
+        raise RunError(
+            f"none of {len(births)} births of generation {generation} may live; the first: "
+            f"{reason}",
+            "births that have a value of each of the algorithm's descriptors",
+            "choose other descriptors under [search], and start a new run",
+        )
     kinds = {s: sum(b.status == s for b in failed) for s in dict.fromkeys(b.status for b in failed)}
     said = ", ".join(f"{number} {status}" for status, number in kinds.items())
     raise RunError(
         f"{len(failed)} of {len(births)} births of generation {generation} failed ({said}); "
-        f"the first: {failed[0].error if failed else None}",
+        f"the first: {failed[0].error}",
         f"at most {limit:.0%} (evaluation.max_failures), and somebody alive",
         "correct the measure or the operator and start a new run; the births written down "
         "tell each failure",

@@ -12,8 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
+import numpy as np
+
 from evocity.errors import RecipeError
 from evocity.fitness import Constraint, Measure
+from evocity.search.algorithms import First
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.preparation import Prepared
@@ -85,13 +88,20 @@ def told_of_parents(prepared: Prepared, pool: Here | Workers) -> list[str]:
     a parent that keeps them all.
 
     The parents' codes are measured in the ``pool``, as births are; those of which a measure fails
-    say nothing. Raises `RecipeError` if no parent keeps a bound that none can keep better.
+    say nothing. Raises `RecipeError` if no parent keeps a bound that none can keep better, or if
+    the algorithm cannot begin with what they have.
     """
+    section = prepared.recipe.search
     names = {one.measure.name for one in prepared.aims.wanted if one.constraint is not None}
+    names.update(section.described)
     if not names:
         return []
     jobs = [(source.genome, (), names) for source in prepared.sources]
-    return told_of(bounded(prepared, pool.run("evaluate", jobs)))
+    outcomes = pool.run("evaluate", jobs)
+    algorithm = section.algorithm_of(prepared.header.population)
+    sources = [outcome.values for outcome in outcomes]
+    algorithm.begin(First(np.empty((0, 1)), sources, prepared.recipe.limits))
+    return told_of(bounded(prepared, outcomes))
 
 
 def bounded(prepared: Prepared, outcomes: Sequence[Outcome]) -> list[Bounded]:

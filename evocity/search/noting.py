@@ -1,5 +1,6 @@
 """What `provenance.json` records of a run: where its maps and measures come from, by hashes."""
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -70,6 +71,7 @@ def provenance_of(
         ],
         **_recorded(recipe, kept, hashed),
         **_within(prepared, hashed),
+        **_descriptors(recipe),
         **locked,
     }
 
@@ -80,7 +82,7 @@ def _recorded(recipe: Recipe, kept: Kept, hashed) -> dict:
         {"name": measure.name}
         | _source_of(entry, measure, kept)
         | _compared(recipe, entry.compared, hashed)
-        for entry in recipe.run.record
+        for entry in recipe.recording
         for measure in entry.measures
     ]
     return {"recorded": told} if told else {}
@@ -94,6 +96,16 @@ def _within(prepared: Prepared, hashed) -> dict:
         for name, part in prepared.within.items()
     ]
     return {"within": told} if told else {}
+
+
+def _descriptors(recipe: Recipe) -> dict:
+    """What `provenance.json` tells of measures that the algorithm needs: the lowest and the highest
+    value they declare, null for no bound. Nothing if it needs none."""
+    told = []
+    for name in recipe.search.described:
+        low, high = (one if math.isfinite(one) else None for one in recipe.limits[name])
+        told.append({"name": name, "low": low, "high": high})
+    return {"descriptors": told} if told else {}
 
 
 def _number(city: CityMap, prepared: Prepared) -> int | None:

@@ -1,5 +1,6 @@
 """The living, generation by generation: who is let in, and how good they are together."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from evocity.fitness import Aims
 from evocity.kinds import Kind
-from evocity.search.algorithms import Algorithm
+from evocity.search.algorithms import Algorithm, First
 from evocity.search.fronts import Hypervolume
 from evocity.search.individual import Individual
 from evocity.search.looks import look_of
@@ -18,12 +19,20 @@ class Population:
     """Individuals with finite losses and different genomes, best first, as an ``algorithm`` selects
     them.
 
-    ``aims`` tell losses and broken constraints from raw values, ``kind`` the map of a genome.
+    ``aims`` tell losses and broken constraints from raw values, ``kind`` the map of a genome,
+    ``limits`` the lowest and highest value that measures declare.
     Failed births never enter; a genome that lives already is not let in twice.
     """
 
-    def __init__(self, algorithm: Algorithm, aims: Aims, kind: Kind):
+    def __init__(
+        self,
+        algorithm: Algorithm,
+        aims: Aims,
+        kind: Kind,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ):
         self.algorithm, self._aims, self._kind = algorithm, aims, kind
+        self._limits = limits or {}
         self._looks: dict[int, np.ndarray] = {}
         self._hypervolume: Hypervolume | None = None
         self._first: list[Birth] = []
@@ -47,12 +56,15 @@ class Population:
         self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
     def begin_with(self, births: Sequence[Birth]) -> None:
-        """Fix the hypervolume's unit by the first generation's births; later calls do nothing."""
+        """Fix the hypervolume's unit by the first generation's births, and tell the algorithm of
+        them; later calls do nothing."""
         first = [born for born in births if born.ok]
         if self._hypervolume is None and first:
             self._first = [replace(born, genome=None) for born in first]
-            losses = [self._aims.losses(born.values) for born in first]
-            self._hypervolume = Hypervolume(np.array(losses))
+            losses = np.array([self._aims.losses(born.values) for born in first])
+            sources = [born.values for born in first if born.operator == "source"]
+            self.algorithm.begin(First(losses, sources, self._limits))
+            self._hypervolume = Hypervolume(losses)
 
     def reweigh(self, aims: Aims) -> None:
         """Judge all anew by other ``aims``; the hypervolume's unit too."""
@@ -70,6 +82,14 @@ class Population:
         `Hypervolume`; 0 if there are none."""
         feasible = [one.losses for one in self.living if not one.violation]
         return self._hypervolume(np.array(feasible)) if feasible else 0.0
+
+    @property
+    def summary(self) -> dict[str, float]:
+        """What the algorithm tells of all the living, as far as it is finite."""
+        if not self.living:
+            return {}
+        told = self.algorithm.summary(self.living)
+        return {name: told[name] for name in self.algorithm.figures if math.isfinite(told[name])}
 
     @property
     def best(self) -> dict[str, float]:

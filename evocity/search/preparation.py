@@ -282,4 +282,5 @@ def _header(
         locked=None if condensation is None else condensation.digest,
         settle=recipe.genome.settle,
         marks=algorithms()[recipe.search.algorithm].marks,
+        figures=algorithms()[recipe.search.algorithm].figures,
     )

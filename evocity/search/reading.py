@@ -10,6 +10,7 @@ import numpy as np
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
+from evocity import fitness
 from evocity.errors import RecipeError, near_miss, shown, with_near_miss
 from evocity.fitness import Measure
 from evocity.search.agreement import across_sections
@@ -175,6 +176,7 @@ def _fill(
             faults.append(("run.population", str(recipe.run.population), allowed))
         if not faults:
             faults += recipe.search.faults(len(recipe.goals), recipe.run.population)
+            faults += _undescribed(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that
@@ -249,6 +251,21 @@ def _repeated(recipe: Recipe) -> list[tuple[str, str, str]]:
     return faults + [
         ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
         for name in sorted(sums.intersection([*names, *places]))
+    ]
+
+
+def _undescribed(recipe: Recipe) -> list[tuple[str, str, str]]:
+    """Faults of what the algorithm needs of every birth, and nothing measures."""
+    own = [measure.name for measure in [*recipe.measures, *recipe.recorded]]
+    known = sorted({*own, *(measure.name for measure in fitness.measures())})
+    return [
+        (
+            "search.descriptors",
+            with_near_miss(f"{shown(name)}, which is no measure of one number", name, known),
+            f"a measure of evocity, or one in [[fitness]] or run.record: {', '.join(own)}",
+        )
+        for name in recipe.search.described
+        if name not in own
     ]
 
 

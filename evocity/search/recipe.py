@@ -4,6 +4,7 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 `evocity.search.reading` turns a TOML file into a `Recipe`.
 """
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,6 +17,8 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
+    ValidationError,
+    ValidationInfo,
     model_validator,
 )
 
@@ -250,6 +253,11 @@ class SearchSection(BaseModel):
         common = {name: getattr(self, name) for name in SearchSection.model_fields}
         return common | self.keys.model_dump()
 
+    @property
+    def described(self) -> tuple[str, ...]:
+        """Names of the measures that the algorithm needs of every birth besides the goals."""
+        return algorithms()[self.algorithm].described(self.keys)
+
     def faults(self, goals: int, population: int) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of the algorithm for so many goals, and so many who live."""
         return algorithms()[self.algorithm].faults(self.keys, goals, population)
@@ -308,6 +316,7 @@ class Recipe(Section):
     _overrides: dict = PrivateAttr(default_factory=dict)
     _folder: Path = PrivateAttr(Path())
     _file: str | None = PrivateAttr(None)
+    _described: list[MeasureEntry] = PrivateAttr(default_factory=list)
 
     def __init__(self, *, folder: str | os.PathLike = ".", **sections: Any):
         from evocity.search.reading import fill  # which needs the models here
@@ -315,11 +324,22 @@ class Recipe(Section):
         fill(self, sections, Path(folder).resolve())
 
     @model_validator(mode="after")
-    def _record_the_rest(self) -> "Recipe":
-        """Of a whole file nothing is recorded that `fitness` logs already."""
+    def _record_the_rest(self, info: ValidationInfo) -> "Recipe":
+        """Of a whole file nothing is recorded that `fitness` logs already. What the algorithm needs
+        is recorded, as far as its name is known; `reading` tells of the others."""
         logged = {measure.name for measure in self.measures}
         for entry in self.run.record:
             entry.leave_out(logged)
+        try:
+            names = self.search.described
+        except ValidationError:  # its keys are at fault, which is told
+            return self
+        for name in dict.fromkeys(names):
+            if name not in logged | {measure.name for measure in self.recorded}:
+                with contextlib.suppress(ValidationError):
+                    entry = MeasureEntry.model_validate({"name": name}, context=info.context)
+                    if [measure.name for measure in entry.measures] == [name]:
+                        self._described.append(entry)
         return self
 
     @property
@@ -346,7 +366,12 @@ class Recipe(Section):
     @property
     def entries(self) -> list[MeasureEntry]:
         """What is measured: `fitness`, then what is recorded besides."""
-        return [*self.fitness, *self.run.record]
+        return [*self.fitness, *self.recording]
+
+    @property
+    def recording(self) -> list[MeasureEntry]:
+        """What is recorded besides: as ``run.record`` says, and what the algorithm needs."""
+        return [*self.run.record, *self._described]
 
     @property
     def measures(self) -> list[Measure]:
@@ -362,7 +387,12 @@ class Recipe(Section):
     @property
     def recorded(self) -> list[Measure]:
         """Measures that are recorded besides."""
-        return [measure for entry in self.run.record for measure in entry.measures]
+        return [measure for entry in self.recording for measure in entry.measures]
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value that each measure declares."""
+        return {one.name: one.range for one in [*self.measures, *self.recorded]}
 
     @property
     def worker_count(self) -> int:

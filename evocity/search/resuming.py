@@ -356,19 +356,20 @@ def _masks(run: Run) -> Mapping[str, np.ndarray]:
 
 
 def _values(run: Run, generation: int) -> list[Birth]:
-    """Births of a generation without their genomes: what the hypervolume's unit needs."""
-    names = run.header.measures
-    columns = ["id", "status", *(f"fitness.{name}" for name in names)]
+    """Births of a generation without their genomes: what the hypervolume's unit and the algorithm
+    need."""
+    names = run.header.columns
+    columns = ["id", "operator", "status", *(f"fitness.{name}" for name in names)]
     return [
         Birth(
             generation,
             row["id"],
             (),
-            "",
+            row["operator"],
             row["status"],
             None,
             0.0,
-            {name: row[f"fitness.{name}"] for name in names},
+            {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
             None,
         )
         for row in run.births(generation, columns).to_pylist()

@@ -255,7 +255,8 @@ class Run:
         """Where the run is now, in plain JSON values.
 
         Keys: generation (the last whole one; None before the first), births, failures,
-        hypervolume, best (measure -> value), evaluations_per_second, finished.
+        hypervolume, best (measure -> value), algorithm (what the run's algorithm tells of all the
+        living, by the names of ``header.figures``), evaluations_per_second, finished.
         """
 
         def last_summary() -> tuple[int | None, dict]:
@@ -275,6 +276,7 @@ class Run:
             "failures": about.get("failures", 0),
             "hypervolume": about.get("hypervolume"),
             "best": about.get("best", {}),
+            "algorithm": about.get("algorithm", {}),
             "evaluations_per_second": about.get("evaluations_per_second"),
             "finished": bool(states) and states[-1] == "finish",
         }

@@ -23,9 +23,9 @@ from evocity.pavement import Pavement
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
-#: distance alone. New runs without these are written as 3; a run of an older release goes on as it
-#: began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5)
+#: distance alone. 6 has what the run's algorithm tells of all the living together. New runs without
+#: these are written as 3; a run of an older release goes on as it began.
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle.
@@ -66,11 +66,13 @@ class Header:
 
     ``measures`` names those that something is wanted of and ``recorded`` those that are logged
     besides, all of them columns ``fitness.<name>``; ``cities`` the sources that the genomes'
-    ``parent`` points into, ``population`` how many live at most. ``locked`` is the digest of the
-    condensation that all genomes have, None if they have none. ``kind`` names the kind of
+    ``parent`` points into, ``population`` how many are born in a generation, and live
+    at most unless the algorithm says otherwise. ``locked`` is the digest of the condensation that
+    all genomes have, None if they have none. ``kind`` names the kind of
     chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
     the one side of all range blocks in runs of older releases, None in others. ``marks`` names
-    what the run's algorithm tells of each of the living, columns of the membership.
+    what the run's algorithm tells of each of the living, columns of the membership, and
+    ``figures`` what it tells of all of them, in each generation's summary.
     """
 
     height: _Side
@@ -91,12 +93,15 @@ class Header:
     block: _Side | None = None
     recorded: _Names = ()
     marks: Annotated[_Names, AfterValidator(_no_column)] = CROWDING
+    figures: _Names = ()
 
     __pydantic_config__ = _STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
+            if self.figures:
+                return 6
             return 5 if self.marks != CROWDING else 4 if self.recorded else 3
         return 1 if self.locked is None else 2
 
@@ -116,7 +121,8 @@ class Header:
             del about["locked"]
         version = self.schema_version
         newer = ("block",) if version > 2 else ("kind", "settle")
-        newer += (() if version > 3 else ("recorded",)) + (() if version > 4 else ("marks",))
+        later = {"recorded": 4, "marks": 5, "figures": 6}
+        newer += tuple(name for name, since in later.items() if version < since)
         for name in newer:
             del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
@@ -138,7 +144,9 @@ class Header:
         if set(header.measures) & set(header.recorded):
             raise ValueError(f"measured and recorded: {header.recorded}")
         if version != header.schema_version:
-            told = f"recorded = {header.recorded}, marks = {header.marks}"
+            told = (
+                f"recorded = {header.recorded}, marks = {header.marks}, figures = {header.figures}"
+            )
             raise ValueError(f"schema version {version} with {told}")
         if header.block is not None:
             Pavement(header.height, header.width, header.block)  # raises where they do not fit
@@ -160,6 +168,7 @@ class Summary(BaseModel):
     hypervolume: _Finite | None = None
     best: dict[str, _Finite] = Field(default_factory=dict)
     evaluations_per_second: _Finite | None = None
+    algorithm: dict[str, _Finite] = Field(default_factory=dict)
 
 
 _SUMMARIES = TypeAdapter(dict[str, Summary])

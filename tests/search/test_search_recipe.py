@@ -102,7 +102,7 @@ def test_all_faults_at_once(toy):
             'file = "toys.py"\n[[fitness]]\nname = "roof"\nfile = "toys.py"',
             "fitness",
         ),
-        ("[[fitness]]", "[search]\nalgorithm = 'map_elites'\n[[fitness]]", "search.algorithm"),
+        ("[[fitness]]", "[search]\nalgorithm = 'map_elite'\n[[fitness]]", "search.algorithm"),
         ("fit = false", "reach = 'some'", "genome.reach"),
         ("fit = false", "fit = 'yes'", "genome.fit"),
         ("fit = false", "domains = [40]", "genome.domains"),
@@ -184,7 +184,8 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
 
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
-    assert search.asked == {"algorithm": "hypervolume", "distinct": 0.5, "apart": 0.25}
+    common = {"algorithm": "hypervolume", "picks": 0.5}
+    assert search.asked == common | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search
     assert (search.keys.distinct, search.keys.apart) == (0, 0.25)

@@ -8,15 +8,16 @@ from functools import cache
 from importlib.metadata import EntryPoint
 
 from evocity.plugins import load_plugins
-from evocity.search.algorithms.algorithm import Algorithm, Ranked
+from evocity.search.algorithms.algorithm import Algorithm, First, Ranked
 from evocity.search.algorithms.hypervolume import HypervolumeContribution
+from evocity.search.algorithms.map_elites import MapElites
 from evocity.search.algorithms.nsga2 import Nsga2
 from evocity.search.algorithms.nsga3 import Nsga3
 from evocity.search.algorithms.single import Single
 
 #: What a recipe selects by where it says nothing.
 DEFAULT = "hypervolume"
-_OWN = {one.name: one for one in (HypervolumeContribution, Nsga2, Nsga3, Single)}
+_OWN = {one.name: one for one in (HypervolumeContribution, MapElites, Nsga2, Nsga3, Single)}
 
 
 def algorithms() -> dict[str, type[Algorithm]]:
@@ -44,4 +45,4 @@ def _known() -> tuple[dict[str, type[Algorithm]], tuple[str, ...]]:
     return found, load_plugins("evocity.algorithms", take)
 
 
-__all__ = ["DEFAULT", "Algorithm", "Ranked", "algorithm_faults", "algorithms"]
+__all__ = ["DEFAULT", "Algorithm", "First", "Ranked", "algorithm_faults", "algorithms"]

@@ -1,8 +1,8 @@
 """What an algorithm is asked, and what those have in common that rank the living."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +16,17 @@ from evocity.search.values import Section
 Look = Callable[[Individual], np.ndarray]
 
 
+@dataclass(frozen=True)
+class First:
+    """What a run began with: the ``losses`` (n, goals) of the first generation's births that were
+    measured; of the ``sources`` among its births the values, measure -> number, as far as they
+    have some; and the ``limits`` that measures declare, lowest and highest value."""
+
+    losses: np.ndarray
+    sources: Sequence[Mapping[str, float]] = ()
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
 class Algorithm(ABC):
     """How a search selects who lives on and who breeds. Losses: lower is better.
 
@@ -25,16 +36,18 @@ class Algorithm(ABC):
     name : what a recipe calls it.
     marks : the names of what it tells of each of the living besides its rank; columns of the
         run's membership.
+    figures : the names of what it tells of all the living together, see `summary`.
     Keys : what a recipe may say of it under ``[search]``, a pydantic model.
 
     Parameters
     ----------
-    size : so many live at most.
+    size : so many are born in a generation, and most algorithms let so many live at most.
     keys : an instance of its ``Keys``.
     """
 
     name: ClassVar[str]
     marks: ClassVar[tuple[str, ...]] = ()
+    figures: ClassVar[tuple[str, ...]] = ()
     Keys: ClassVar[type[Section]] = Section
 
     def __init__(self, size: int, keys: Section | None = None):
@@ -45,6 +58,21 @@ class Algorithm(ABC):
         """Faults (key, found, allowed) of a recipe with so many ``goals`` and so large a
         ``population`` that asks for it with these ``keys``."""
         return []
+
+    @classmethod
+    def described(cls, keys: Section) -> tuple[str, ...]:
+        """Names of the measures that it needs of every birth besides the goals; those that a
+        recipe neither wants nor records are recorded for it."""
+        return ()
+
+    def begin(self, first: First) -> None:  # noqa: B027
+        """Told before all else what the run began with; the same when a run is taken up again, and
+        again when goals are weighed anew. Raises `RecipeError` if it cannot begin with that."""
+
+    def summary(self, living: Sequence[Individual]) -> dict[str, float]:
+        """What it tells of all the ``living`` together, by the names of its ``figures``; logged
+        with each generation as far as it is finite."""
+        return {}
 
     @abstractmethod
     def survivors(

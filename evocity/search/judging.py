@@ -1,0 +1,98 @@
+"""What a run tells of its births: raw values, losses and constraints, by what it noted it wanted.
+
+Nothing of the run is executed, no measure is loaded.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from evocity.errors import EvocityError, RunError
+from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
+from evocity.search.commands import Standing
+from evocity.store import Run
+
+_HEAVIEST = 1e9  # weight that a recipe may give
+
+
+def aims_of_run(run: Run) -> Aims:
+    """What the run wants, as ``provenance.json`` records it, by the weights it has now.
+
+    The measures in it have names alone and cannot be called: those of a stranger's run may not
+    be here. Raises `RunError` if a measure's goal is not told, or cannot be.
+    """
+    try:
+        noted = {one["name"]: one for one in run.provenance["fitness"]}
+        aims = Aims(tuple(_wanted(noted[name]) for name in run.header.measures))
+        aims = aims.reweighted(Standing.of(run.events(), len(run.generations)).weights)
+        if not aims.names:
+            raise ValueError("constraints alone")
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise _unknown(run, reason) from error
+    except EvocityError as error:
+        raise _unknown(run, str(error).splitlines()[0]) from error
+    return aims
+
+
+def _unknown(run: Run, reason: str) -> RunError:
+    return RunError(
+        f"{run.path}: provenance.json does not tell what was wanted of each measure ({reason})",
+        "a provenance as `evocity run` writes it",
+        "bring the file back from a copy",
+    )
+
+
+def _wanted(noted: dict) -> Wanted:
+    measure = Measure(noted["name"], _uncalled, None, "", (-math.inf, math.inf), "", "", 0)
+    goal, low, high = (noted.get(key) for key in ("goal", "min", "max"))
+    total = noted.get("objective")
+    if goal is None and (low, high) == (None, None):
+        raise ValueError(f"no goal for {noted['name']}")
+    weight = float(noted.get("weight", 1.0))
+    if not 0 < weight <= _HEAVIEST:
+        raise ValueError(f"a weight of {weight} for {noted['name']}")
+    return Wanted(
+        measure,
+        None if goal is None else Objective(measure, goal, noted.get("target")),
+        None if (low, high) == (None, None) else Constraint(measure, low, high),
+        weight,
+        None if total is None else str(total),
+    )
+
+
+def _uncalled(city) -> float:
+    raise NotImplementedError("a measure known by its name alone")
+
+
+def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) -> pa.Table:
+    """Generation, id and values of all births with status ``ok``, by id; of measures that are
+    ``bounds`` alone, and of those ``recorded``, there may be none."""
+    values = [f"fitness.{name}" for name in run.header.measures]
+    others = [f"fitness.{name}" for name in recorded if name not in run.header.measures]
+    births = run.births(columns=["generation", "id", "status", *values, *others])
+    births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
+    births = births.sort_by("id").combine_chunks()
+    sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
+    columns = [births[name].to_numpy(zero_copy_only=False) for name in sought]
+    known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
+    if not known or len(pc.unique(births["id"])) < len(births):
+        raise RunError(
+            f"{run.path}: the births are damaged: one stands there twice, or is without a number",
+            "births as `evocity run` writes them, a finite number for each measure of those alive",
+            "bring the file back from a copy",
+        )
+    return births
+
+
+def judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:
+    """Losses ``(n, goals)`` of ``births``, and bool ``(n,)``: which keep all constraints."""
+    names = [wanted.measure.name for wanted in aims.wanted]
+    columns = [births[f"fitness.{name}"].to_numpy().astype(np.float64).tolist() for name in names]
+    every = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+    losses = np.array([aims.losses(values) for values in every]).reshape(-1, len(aims.names))
+    kept = np.array([aims.violation(values) == 0 for values in every], bool)
+    return losses, kept
