@@ -358,7 +358,7 @@ def test_these_checks_let_pass_what_is_right(check, text):
 def test_what_is_imported_is_declared():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {re.match(r"[A-Za-z0-9-]+", line)[0].lower() for line in declared["dependencies"]}
-    modules = {"pil": "pillow", "pydantic_core": "pydantic"}
+    modules = {"pil": "pillow", "pydantic_core": "pydantic", "tomli_w": "tomli-w"}
     used = {name.lower() for path in MODULES for name in libraries(tree_of(path))}
     used -= {name.lower() for name in sys.stdlib_module_names} | {"evocity", ""}
     assert {modules.get(name, name) for name in used} == names  # and nothing for nothing

@@ -21,6 +21,9 @@ from evocity.io.heights import RULES
 from evocity.pavement import read_sides
 from evocity.search import recipe as recipes
 from evocity.search.algorithms import algorithms
+from evocity.search.mixture import OperatorEntry
+from evocity.search.sections import Parent
+from evocity.search.wanted import FitnessEntry
 from evocity.store import STATUSES
 
 ROOT = Path(__file__).parent.parent
@@ -113,9 +116,9 @@ def test_operators_page_tells_every_parameter_and_its_default():
 @pytest.mark.parametrize("section", [*recipes.Recipe.model_fields])
 def test_recipe_page_tells_every_key_and_its_default(section):
     models = {
-        "parents": recipes.Parent,
-        "fitness": recipes.FitnessEntry,
-        "operators": recipes.OperatorEntry,
+        "parents": Parent,
+        "fitness": FitnessEntry,
+        "operators": OperatorEntry,
     }
     model = models.get(section) or recipes.Recipe.model_fields[section].annotation
     text = text_of("docs/recipe.md")

@@ -20,7 +20,7 @@ from evocity.search.algorithms import Ranked
 from evocity.search.binning import Binned, binned, grid_of_run
 from evocity.search.judging import aims_of_run
 from evocity.search.looks import alike, distinct_first, look_of
-from evocity.search.recipe import RunSection
+from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, Source
 
 #: More planned than this tells of a damaged recipe.

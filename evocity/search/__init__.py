@@ -1,6 +1,7 @@
 """A recipe in, generations out: ask, evaluate, tell.
 
-- `reading`, `recipe`, `values`, `agreement`: a TOML file becomes a `Recipe` without faults
+- `reading`, `recipe`, `sections`, `values`, `checking`, `agreement`: a TOML file, or what Python
+  gives, becomes a `Recipe` without faults
 - `preparation`: maps are read and encoded, targets measured
 - `founding`: parents that were bred before, of files and of other runs
 - `guarding`: which constraints the parents keep, before the first birth

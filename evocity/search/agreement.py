@@ -17,7 +17,7 @@ from evocity.search.mixture import (
     parted,
     range_faults,
 )
-from evocity.search.recipe import LARGEST_BLOCK
+from evocity.search.sections import LARGEST_BLOCK
 
 
 def across_sections(raw: dict) -> list[tuple[str, str, str]]:

@@ -8,7 +8,8 @@ import numpy as np
 from evocity.genome import Genome
 from evocity.search.algorithms import Algorithm
 from evocity.search.individual import Individual
-from evocity.search.recipe import OperatorEntry, Recipe
+from evocity.search.mixture import OperatorEntry
+from evocity.search.recipe import Recipe
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,9 @@ from evocity.search.guarding import rounded
 from evocity.search.individual import Individual
 from evocity.search.preparation import Prepared, aims_of, prepare, references_of
 from evocity.search.reading import recipe_of
-from evocity.search.recipe import Parent, Recipe
+from evocity.search.recipe import Recipe
 from evocity.search.recipe_text import Bound, Goal, Words, recipe_text
+from evocity.search.sections import Parent
 from evocity.store import Source
 
 #: What is searched by unless the user has goals: those of these that the parents have.

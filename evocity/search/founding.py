@@ -8,7 +8,8 @@ import numpy as np
 from evocity.citymap import CityMap
 from evocity.errors import GenomeError, RunError
 from evocity.genome import Genome, read_genome
-from evocity.search.recipe import Parent, Recipe
+from evocity.search.recipe import Recipe
+from evocity.search.sections import Parent
 from evocity.store import open_run
 
 

@@ -16,7 +16,8 @@ from evocity.search.evaluator import Setup
 from evocity.search.founding import founder_of
 from evocity.search.locking import locked_layer
 from evocity.search.parting import parts_of
-from evocity.search.recipe import Parent, Recipe
+from evocity.search.recipe import Recipe
+from evocity.search.sections import Parent
 from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source
 

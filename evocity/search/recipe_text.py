@@ -10,7 +10,8 @@ from typing import Any
 from evocity import operators
 from evocity.fitness import Measure
 from evocity.search.mixture import OperatorEntry
-from evocity.search.recipe import GenomeSection, Recipe
+from evocity.search.recipe import Recipe
+from evocity.search.sections import GenomeSection
 
 _WIDTH = 100
 

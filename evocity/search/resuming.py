@@ -27,7 +27,8 @@ from evocity.search.preparation import (
     references_of,
 )
 from evocity.search.reading import recipe_of
-from evocity.search.recipe import Recipe, RunSection
+from evocity.search.recipe import Recipe
+from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, RunWriter, Source, open_run
 
 #: A change of these may change the births; it is noted, not refused.

@@ -1,0 +1,272 @@
+"""What is wrong with a recipe: all its faults at once, each with its key and what is allowed."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import tomli_w
+from pydantic import BaseModel, ValidationError
+
+from evocity import fitness
+from evocity.errors import RecipeError, shown, with_near_miss
+from evocity.fitness import Measure
+from evocity.search.agreement import across_sections
+from evocity.search.algorithms import DEFAULT, algorithms
+from evocity.search.sections import Parent, SearchSection
+from evocity.search.values import parent_place, parent_title
+from evocity.search.wanted import FitnessEntry, MeasureEntry
+
+
+def fill(recipe: BaseModel, sections: Mapping[str, Any], folder: Path) -> None:
+    """Make the new ``recipe`` one of these ``sections``, as `Recipe` says."""
+    raw = _plain(sections, ())
+    try:
+        text = tomli_w.dumps(raw)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecipeError(
+            f"a recipe that TOML cannot hold ({error})",
+            "texts, numbers, true or false, and lists and mappings of them",
+            "leave a key out where it has no value",
+        ) from None
+    check(recipe, tomllib.loads(text), text, folder, {}, "the recipe")
+
+
+def _plain(value: Any, place: tuple[str, ...]) -> Any:
+    """A ``value`` at a ``place`` of a recipe as TOML has it."""
+    listed = {("parents",): "map", ("fitness",): "name"}.get(place)
+    if isinstance(value, Mapping):
+        told = ((str(key), one) for key, one in value.items() if one is not None)
+        return {key: _plain(one, (*place, key)) for key, one in told}
+    if place[:1] == ("operators",) and len(place) == 2 and isinstance(value, int | float):
+        return {"weight": value}  # in TOML tables come last, and the order of operators counts
+    if isinstance(value, Measure):
+        return value.name
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        told = [_plain(one, (*place, "")) for one in value]
+        return [{listed: one} if listed and isinstance(one, str) else one for one in told]
+    return value
+
+
+def check(
+    recipe: BaseModel,
+    raw: dict,
+    text: str,
+    folder: Path,
+    overrides: Mapping[str, Any],
+    name: str,
+    kept: Mapping[str, str] | None = None,
+    defaults: Mapping[str, Any] | None = None,
+) -> None:
+    """Make the new ``recipe`` what ``raw``, the content of its ``text``, says; the rest as
+    `evocity.search.reading.recipe_of` has it. Raises `RecipeError`."""
+    for key, value in overrides.items():
+        section, entry = key.split(".")
+        if isinstance(raw.setdefault(section, {}), dict):
+            raw[section][entry] = value
+    for key, value in (defaults or {}).items():
+        section, _, entry = key.partition(".")
+        if not entry:
+            raw.setdefault(section, value)
+        elif isinstance(raw.setdefault(section, {}), dict):
+            raw[section].setdefault(entry, value)
+    faults, sound = [], False
+    try:
+        context = {"folder": folder, "parents": _parents(raw), "kept": kept}
+        type(recipe).__pydantic_validator__.validate_python(
+            raw, context=context, self_instance=recipe
+        )
+        sound = True
+    except ValidationError as error:
+        told = error.errors(include_url=False)
+        faults = [_with_measure(_fault(one, raw, type(recipe)), one["loc"], raw) for one in told]
+    faults += across_sections(raw) + _of_search(raw, type(recipe))
+    if sound:
+        faults += _repeated(recipe)
+        if recipe.run.population < len(recipe.parents):
+            allowed = f"{len(recipe.parents)} or more, one for each of the parents"
+            faults.append(("run.population", str(recipe.run.population), allowed))
+        if not faults:
+            faults += recipe.search.faults(len(recipe.goals), recipe.run.population)
+            faults += _undescribed(recipe)
+    if faults:
+        allowances: dict[tuple[str, str], list[str]] = {}
+        for key, found, allowed in faults:  # a key may allow this or that
+            allowances.setdefault((key, found), []).append(allowed)
+        listed = [
+            f"{key}: {found}; allowed: {' or '.join(dict.fromkeys(allowed))}"
+            for (key, found), allowed in allowances.items()
+        ]
+        raise RecipeError(
+            f"{name} has {len(listed)} fault{'s' if len(listed) > 1 else ''}:\n  "
+            + "\n  ".join(listed),
+            "a recipe without faults; what is allowed stands behind each",
+            "correct these keys",
+        )
+    recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
+
+
+def _of_search(raw: Mapping, recipe: type[BaseModel]) -> list[tuple[str, str, str]]:
+    """Faults of the keys of the algorithm that ``[search]`` names, if it is known."""
+    section = raw.get("search", {})
+    name = section.get("algorithm", DEFAULT) if isinstance(section, dict) else None
+    kind = algorithms().get(name) if isinstance(name, str) else None
+    if kind is None:
+        return []
+    try:
+        own = {k: v for k, v in section.items() if k not in SearchSection.model_fields}
+        kind.Keys.model_validate(own)
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        return [_fault({**one, "loc": ("search", *one["loc"])}, raw, recipe) for one in faults]
+    return []
+
+
+def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
+    """(name or None, map) of each parent, as far as ``raw`` is well-formed."""
+    parents = raw.get("parents")
+    tables = [one for one in parents if isinstance(one, dict)] if isinstance(parents, list) else []
+    found = []
+    for one in tables:
+        texts = [one.get(key) for key in ("name", "map", "genome", "run")]
+        name, place, genome, run = (text if isinstance(text, str) else None for text in texts)
+        if place or genome or run:
+            bred = genome, run, one.get("id")
+            found.append((parent_title(name, *bred), parent_place(place, *bred)))
+    return found
+
+
+def _repeated(recipe: BaseModel) -> list[tuple[str, str, str]]:
+    names = [measure.name for measure in recipe.measures]
+    places: dict[str, list[int]] = {}  # of what is recorded
+    for number, entry in enumerate(recipe.run.record):
+        for measure in entry.measures:
+            places.setdefault(measure.name, []).append(number)
+    faults = [("fitness", f"{name} twice", _once(name)) for name in _twice(names)]
+    faults += [
+        (f"run.record[{at[1]}]", f"{name} twice", _once(name))
+        for name, at in places.items()
+        if len(at) > 1
+    ]
+    faults += [
+        (
+            f"run.record[{at[0]}]",
+            f"{name}, which is in [[fitness]] too",
+            "it is logged there, leave it out",
+        )
+        for name, at in places.items()
+        if name in names
+    ]
+    if not any(entry.is_objective for entry in recipe.fitness):
+        faults.append(("fitness", "constraints alone", "a measure to search by as well"))
+    sums = {entry.total for entry in recipe.fitness} - {None}
+    return faults + [
+        ("fitness", f"objective = {name!r}, which is a measure", "a name that no measure has")
+        for name in sorted(sums.intersection([*names, *places]))
+    ]
+
+
+def _undescribed(recipe: BaseModel) -> list[tuple[str, str, str]]:
+    """Faults of what the algorithm needs of every birth, and nothing measures."""
+    own = [measure.name for measure in [*recipe.measures, *recipe.recorded]]
+    known = sorted({*own, *(measure.name for measure in fitness.measures())})
+    return [
+        (
+            "search.descriptors",
+            with_near_miss(f"{shown(name)}, which is no measure of one number", name, known),
+            f"a measure of evocity, or one in [[fitness]] or run.record: {', '.join(own)}",
+        )
+        for name in recipe.search.described
+        if name not in own
+    ]
+
+
+def _once(name: str) -> str:
+    return "each measure once" + (" a part; a label tells parts apart" if "@" in name else "")
+
+
+def _twice(names: list[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+_TYPES = {
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "float_type": "a number",
+    "string_type": "text in quotes",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+    "missing": "it is required",
+}
+
+_PHRASES = {
+    "greater_than": "above {gt}",
+    "greater_than_equal": "{ge} or more",
+    "less_than": "below {lt}",
+    "less_than_equal": "{le} or less",
+    "literal_error": "{expected}",
+    "too_short": "{min_length} or more of them",
+    "too_long": "{max_length} or fewer of them",
+}
+
+
+def _fault(error: Mapping, raw: Mapping, model: type[BaseModel]) -> tuple[str, str, str]:
+    """(key, found, allowed) of one of pydantic's errors."""
+    kind, details = error["type"], error.get("ctx", {})
+    location = [part for part in error["loc"] if kind == "extra_forbidden" or _in_raw(part)]
+    key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+    if kind == "evocity":
+        return key, details["found"], details["allowed"]
+    if kind == "missing":
+        return key, "missing", "it is required"
+    if kind == "extra_forbidden":
+        allowed = _keys_at(location[:-1], raw, model)
+        return key, with_near_miss("unknown key", location[-1], allowed), ", ".join(allowed)
+    if kind in _PHRASES:
+        return key, shown(error["input"]), _PHRASES[kind].format(**details)
+    return key, shown(error["input"]), _TYPES.get(kind, error["msg"])
+
+
+def _with_measure(
+    fault: tuple[str, str, str], location: tuple, raw: Mapping
+) -> tuple[str, str, str]:
+    """A ``fault``; the key of one in an entry of [[fitness]] with the measure or the file that it
+    names, unless that was found."""
+    key, found, allowed = fault
+    if location[:1] != ("fitness",) or len(location) < 2:
+        return fault
+    entry = raw["fitness"][location[1]]
+    named = (entry.get("name") or entry.get("file")) if isinstance(entry, dict) else None
+    if isinstance(named, str) and named not in found:
+        key = f"{key} ({named})"
+    return key, found, allowed
+
+
+def _in_raw(part) -> bool:
+    # pydantic adds the branch of a union ("int", "literal['all']") to the place of the fault
+    return isinstance(part, int) or not (part in ("int", "constrained-int") or "[" in part)
+
+
+def _keys_at(location: list, raw: Mapping, recipe: type[BaseModel]) -> list[str]:
+    if not location:
+        return list(recipe.model_fields)
+    if location == ["search"]:
+        name = raw.get("search", {}).get("algorithm", DEFAULT)
+        return [*SearchSection.model_fields, *algorithms()[name].Keys.model_fields]
+    models = {"parents": Parent, "fitness": FitnessEntry}
+    if location[:2] == ["run", "record"]:
+        return list(MeasureEntry.model_fields)
+    model = models.get(location[0]) or recipe.model_fields[location[0]].annotation
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        model = next(m for m in get_args(model) if isinstance(m, type))
+    return list(model.model_fields)

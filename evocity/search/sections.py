@@ -1,0 +1,246 @@
+"""What a recipe may say: the models of its sections, checked by pydantic.
+
+Every model refuses unknown keys; `evocity.search.agreement` has the checks between sections.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
+
+from evocity.citymap import MAX_SIDE
+from evocity.errors import GenomeError, shown, with_near_miss
+from evocity.kinds import KINDS, Kind
+from evocity.pavement import read_sides
+from evocity.pavement.levels import USUAL
+from evocity.search.algorithms import DEFAULT, Algorithm, algorithms
+from evocity.search.values import (
+    GenomeFile,
+    Heights,
+    LockFile,
+    LonLat,
+    MapName,
+    Positive,
+    RunFolder,
+    Section,
+    Title,
+    fault,
+    parent_place,
+    parent_title,
+)
+from evocity.search.wanted import MeasureEntry, recorded_of
+
+
+class RunSection(Section):
+    """``[run]``. ``generations`` are bred after the first population, which is generation 0;
+    ``record``: measures of every birth that nothing is wanted of."""
+
+    name: Title = "run"
+    seed: int = Field(0, ge=0, lt=2**63)
+    population: int = Field(64, ge=2, le=1_000_000)
+    generations: int = Field(100, ge=0, le=99_999_999)
+    record: list[Annotated[MeasureEntry, BeforeValidator(recorded_of)]] = Field([])
+
+
+class MapSection(Section):
+    """``[map]``: the window every map is read at."""
+
+    pixels: int = Field(256, ge=8, le=MAX_SIDE)
+    metres_per_pixel: Positive = 2.0
+
+
+#: The largest side of range blocks, px.
+LARGEST_BLOCK = 64
+
+
+class Parent(Section):
+    """``[[parents]]``: a source city, of a ``map``, with the options of `evocity.read_map`; or one
+    that was bred before, a ``genome`` in a file or individual ``id`` of a ``run``."""
+
+    map: MapName | None = None
+    genome: GenomeFile | None = None
+    run: RunFolder | None = None
+    id: int | None = Field(None, ge=0, lt=2**63)
+    name: str | None = None
+    center: LonLat | None = None
+    layer: str | None = None
+    default_height: Positive = 6.0
+    height_scale: Positive | None = None
+
+    @model_validator(mode="after")
+    def _of_one_place(self) -> "Parent":
+        given = [key for key in ("map", "genome", "run") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise fault(" and ".join(given) or "no map", "one of map, genome and run (with id)")
+        if (self.id is None) == (self.run is not None):
+            raise fault("run without id" if self.run else "id without run", "both, or none of them")
+        strange = sorted(self.model_fields_set.intersection(_OF_MAPS)) if self.bred else []
+        if strange:
+            raise fault(f"{', '.join(strange)} beside {given[0]}", "these with a map alone")
+        return self
+
+    @property
+    def bred(self) -> bool:
+        """Whether it was bred before, and is no map."""
+        return self.map is None
+
+    @property
+    def place(self) -> str:
+        """Where it is from, in one text, which no other parent has."""
+        return parent_place(self.map, self.genome, self.run, self.id)
+
+    @property
+    def title(self) -> str | None:
+        """What it is to be called; None for what its map is called."""
+        return parent_title(self.name, self.genome, self.run, self.id)
+
+
+#: Options of the reading of maps.
+_OF_MAPS = ("center", "layer", "default_height", "height_scale")
+
+
+def _sides(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | str):
+        raise fault(shown(value), 'a side of range blocks such as 4, or a range such as "2-16"')
+    try:
+        sides = read_sides(str(value))
+    except GenomeError as error:
+        raise fault(shown(value), error.expected) from None
+    if not 2 <= (sides if isinstance(sides, int) else max(sides)) <= LARGEST_BLOCK:
+        raise fault(shown(value), f"2 to {LARGEST_BLOCK} px")
+    return sides
+
+
+class GenomeSection(Section):
+    """``[genome]``: how the sources are encoded, see `evocity.encode`.
+
+    ``block`` is one side, or a range of sides such as "2-16" for leaves that follow the city, of
+    which ``lifs`` or ``max_error`` decides. ``domains`` named twice count once; ``fit``: σ and β
+    are then refined until the decoded map is closest; ``settle``: roofs are settled, of all that
+    is measured, shown and exported.
+    """
+
+    block: Annotated[int | tuple[int, int], BeforeValidator(_sides)] = USUAL
+    lifs: int | None = Field(None, ge=1)
+    max_error: float | None = Field(None, ge=0, allow_inf_nan=False)
+    domains: Annotated[
+        list[Annotated[int, Field(ge=2)]],
+        Field(min_length=1),
+        AfterValidator(lambda domains: list(dict.fromkeys(domains))),
+    ] = Field([2])
+    reach: Annotated[int, Field(ge=0, le=MAX_SIDE)] | Literal["all"] = 24
+    sigma_max: float = Field(0.9, gt=0, le=1000, allow_inf_nan=False)
+    topological: float | None = Field(None, ge=0, le=1)
+    fit: bool = True
+    settle: bool = True
+
+    @property
+    def kind(self) -> Kind:
+        """What chromosomes the run breeds."""
+        return KINDS["fabric"]
+
+    @property
+    def coding(self) -> dict[str, Any]:
+        """These keys as `evocity.encode` takes them."""
+        told = self.model_dump() | {"domains": tuple(self.domains)}
+        return told | {"reach": None if self.reach == "all" else self.reach}
+
+    @property
+    def root(self) -> int:
+        """The largest side of range blocks, px."""
+        return self.block if isinstance(self.block, int) else self.block[1]
+
+
+def _some_algorithm(name: str) -> str:
+    known = algorithms()
+    if name not in known:
+        raise fault(with_near_miss(shown(name), name, known), " or ".join(map(shown, known)))
+    return name
+
+
+class LockedSection(Section):
+    """``[locked]``: pixels that no birth changes, and the heights that stand there.
+
+    ``footprints`` (polygons) or ``mask`` (a raster) tell which pixels. The heights are those of
+    the source ``city``, the first unless named; or ``heights``, of a map file, or one in metres.
+    """
+
+    footprints: LockFile | None = None
+    mask: LockFile | None = None
+    city: str | None = None
+    heights: Heights = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "LockedSection":
+        if (self.footprints is None) == (self.mask is None):
+            both = "neither footprints nor mask" if self.mask is None else "footprints and mask"
+            raise fault(both, "one of them")
+        return self
+
+    @property
+    def place(self) -> str | None:
+        """The file that tells which pixels; None if nothing is locked."""
+        return self.footprints or self.mask
+
+    @property
+    def files(self) -> list[str]:
+        """The files and bundled cities that tell what is locked."""
+        return [name for name in (self.place, self.heights) if isinstance(name, str)]
+
+    @property
+    def asked(self) -> dict[str, float | str]:
+        """The keys given, with their values."""
+        return self.model_dump(exclude_none=True)
+
+
+class EvaluationSection(Section):
+    """``[evaluation]``. ``workers`` 0: in the calling process, without deadlines.
+
+    ``timeout``: seconds, one individual. ``max_failures``: the share of a generation's births
+    that may fail before the run stops.
+    """
+
+    workers: int | None = Field(None, ge=0, le=4096)
+    timeout: Positive = 60.0
+    max_failures: float = Field(0.5, ge=0, le=1)
+
+
+class SearchSection(BaseModel):
+    """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
+    ``picks``: the share of births that have a pick for their first parent, while there are picks.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
+    picks: float = Field(0.5, gt=0, le=1)
+
+    @property
+    def keys(self) -> Section:
+        """The algorithm's own keys."""
+        return algorithms()[self.algorithm].Keys(**(self.model_extra or {}))
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """All keys with their values, those left out too."""
+        common = {name: getattr(self, name) for name in SearchSection.model_fields}
+        return common | self.keys.model_dump()
+
+    @property
+    def described(self) -> tuple[str, ...]:
+        """Names of the measures that the algorithm needs of every birth besides the goals."""
+        return algorithms()[self.algorithm].described(self.keys)
+
+    def faults(self, goals: int, population: int) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of the algorithm for so many goals, and so many who live."""
+        return algorithms()[self.algorithm].faults(self.keys, goals, population)
+
+    def algorithm_of(self, size: int) -> Algorithm:
+        """The algorithm, for so many who live at most."""
+        return algorithms()[self.algorithm](size, self.keys)
