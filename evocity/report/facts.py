@@ -319,10 +319,13 @@ class Facts:
 
     @cached_property
     def binned(self) -> Binned | None:
-        """The best of each cell of the grid that the run fills; None if it fills none."""
-        if self.archive is None or self.archive.grid is None:
+        """The best of each cell of the grid that the run fills; None if it fills none, or does not
+        tell what it wanted."""
+        try:
+            grid = grid_of_run(self.run)
+            return None if grid is None else binned(self.run, grid, self.last)
+        except RunError:
             return None
-        return binned(self.run, self.archive.grid, self.last)
 
     @property
     def quality(self) -> str:
@@ -409,7 +412,10 @@ class Facts:
 
 def figures_told(figures: Mapping[str, float]) -> list[tuple[str, str]]:
     """What an algorithm tells of all the living, for people: "qd score" and its value."""
-    return [(name.replace("_", " "), f"{value:.4g}") for name, value in figures.items()]
+    return [
+        ("".join(filter(str.isprintable, name)).replace("_", " "), f"{value:.4g}")
+        for name, value in figures.items()
+    ]
 
 
 def _number(value) -> float | None:

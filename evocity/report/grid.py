@@ -47,8 +47,7 @@ def grid_picture(facts: Facts) -> Image.Image:
     lines = [line for text in _told(facts, binned, layout) for line in _wrapped(text, layout)]
     lines += _wrapped(facts.run.header.attribution, layout)
     low = layout.low
-    height = low + 44 + _LINE * len(lines) + 16
-    sheet = Image.new("RGB", (layout.width, height), PAPER)
+    sheet = Image.new("RGB", (layout.width, layout.words + _LINE * len(lines) + 16), PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((20, 18), f"{facts.title}, generation {facts.last}", INK, title)
     for number in range(len(layout.slices)):
@@ -57,9 +56,10 @@ def grid_picture(facts: Facts) -> Image.Image:
     for place in _parents(facts, binned.grid).values():
         if (at := layout.corner(place)) is not None:
             draw.rectangle((at[0] - 1, at[1] - 1, *(x + layout.side for x in at)), None, _PARENT, 3)
-    draw_scale(sheet, draw, (20, low), min(layout.width - 40, 420), highest, plain)
+    if layout.maps:
+        draw_scale(sheet, draw, (20, low), min(layout.width - 40, 420), highest, plain)
     for index, text in enumerate(lines):
-        draw.text((20, low + 44 + index * _LINE), text, FAINT, plain)
+        draw.text((20, layout.words + index * _LINE), text, FAINT, plain)
     return sheet
 
 
@@ -105,6 +105,11 @@ class _Layout:
     @property
     def low(self) -> int:
         return _TOP + -(-len(self.slices) // self.across) * self.tile[1]
+
+    @property
+    def words(self) -> int:
+        """Where the words beneath begin: below the scale of heights, if there are maps."""
+        return self.low + 44 * self.maps
 
     def origin(self, number: int) -> tuple[int, int]:
         """The north-west corner of the cells of a slice."""
