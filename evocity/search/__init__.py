@@ -15,8 +15,10 @@
 - `fronts`, `looks`: who dominates whom, how good many are together, which cities look alike
 - `borrowed`: what of that comes from DEAP and moocore, a file each
 - `individual`, `population`: the living, generation by generation
+- `beginning`: the folder and the workers of a search
 - `engine`: `Search`, the loop, which writes every birth down; `generation`: where it is
 - `observers`: who watches it, its log first
+- `credit`: which operators earn their births
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
 - `archiving`: of all births ever, those that no other dominates

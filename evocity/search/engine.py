@@ -1,7 +1,6 @@
 """`Search`: from a recipe to generations, one after the other."""
 
 import contextlib
-import dataclasses
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -11,16 +10,16 @@ from evocity.fitness import Aims
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
+from evocity.search.beginning import pool_of, sides_of, writer_of
 from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Plan, first_population, generator, next_population
 from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
+from evocity.search.credit import Credit
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.guarding import told_of_parents
-from evocity.search.keeping import kept_by
-from evocity.search.noting import provenance_of
 from evocity.search.observers import Observer, Observers
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare
@@ -87,6 +86,7 @@ class Search:
         self._population: Population | None = None
         self._observers = Observers(observers)
         self._steering = Steering(recipe, self._found)
+        self._credit = Credit() if recipe.search.adapt else None
         self._asked: list[Born] | None = None
         self._next = 0
         self._births = self._failures = 0
@@ -116,7 +116,7 @@ class Search:
         except BaseException:
             taken.writer.close()
             raise
-        search.out, search._writer = path, taken.writer
+        search.out, search._writer, search._credit = path, taken.writer, taken.credit
         search._prepared = taken.prepared
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
         search.notes = [taken.edited] if taken.edited else []
@@ -294,49 +294,25 @@ class Search:
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
         if self.out is not None:
-            kept = kept_by(self.recipe)
-            self._writer = RunWriter.create(
-                self.out,
-                self.recipe.text,
-                provenance_of(self._prepared, self.out, kept),
-                self._prepared.header,
-                self._prepared.sources,
-                self._prepared.condensation,
-                kept.files,
-                self._prepared.others,
-                [part.mask for part in self._prepared.within.values()],
-            )
+            self._writer = writer_of(self._prepared, self.out)
             self._observers.log(self._writer)
 
-    @property
-    def _sides(self) -> int | tuple[int, int]:
-        """Of the range blocks, px: of a run of an older release its one."""
-        before = None if self._prepared is None else self._prepared.header.block
-        return before or self.recipe.genome.block
-
     def _compile(self) -> None:
-        compile_once(self._sides, needed(self.recipe), self._tell)
+        sides = sides_of(self.recipe, self._prepared)
+        compile_once(sides, needed(self.recipe), self._tell)
 
     def _tell(self, text: str) -> None:
         if self._progress is not None:
             self._progress(text)
 
     def _start_pool(self) -> None:
-        parts = tuple(needed(self.recipe))
-        setup = dataclasses.replace(
-            self._prepared.setup, shipped=self._shipped, sides=self._sides, parts=parts
+        self._pool = pool_of(
+            self._prepared,
+            self._worker_count,
+            self._shipped,
+            self._tell,
+            lambda text: self._observers.event("retry", reason=text),
         )
-        if self._worker_count == 0:
-            self._pool = Here(setup)
-        else:
-            self._tell(f"starting {self._worker_count} workers")
-            timeout = self.recipe.evaluation.timeout
-            self._pool = Workers(
-                setup,
-                self._worker_count,
-                timeout,
-                lambda text: self._observers.event("retry", reason=text),
-            )
 
     def _stopped(self, error: BaseException | None) -> None:
         """Note why the run stops, once; what is not whole is dropped at the next resume."""
@@ -371,6 +347,8 @@ class Search:
             self._observers.event(event, **details)
         if steering.standing.weights != weights and self._population is not None:
             self._population.reweigh(self._aims)
+            if self._credit is not None:
+                self._credit.forget_front()
         return not steering.standing.stop
 
     def _found(self, ids: Sequence[int]) -> dict[int, Genome]:
@@ -410,8 +388,20 @@ class Search:
             population.living,
             sources,
             self._steering.picks,
-            self._steering.weights,
+            self._weights(),
         )
+
+    def _weights(self) -> dict[str, float]:
+        """Weights of operators that are not the recipe's: those of commands, and what credit makes
+        of them, which is logged."""
+        weights = self._steering.weights
+        if self._credit is None:
+            return weights
+        own = {name: entry.weight for name, entry in self.recipe.operators.items()} | weights
+        factors = self._credit.factors(list(own))
+        weights = {name: weight * factors[name] for name, weight in own.items()}
+        self._observers.event("weights", generation=self._next, weights=weights)
+        return weights
 
     def _written(self, individuals: Sequence[Born]) -> Generation:
         """Select among these ``individuals`` and the living; write the generation down whole."""
@@ -426,6 +416,9 @@ class Search:
         self._population.select(births, rng, looks)
         self._births += len(births)
         self._failures += sum(not birth.ok for birth in births)
+        if self._credit is not None:
+            living = {one.id for one in self._population.living}
+            self._credit.learn(births, self._aims, living)
         generation = self._generation(births)
         self._observers.generation(generation, births, self._population.members)
         self._asked = None

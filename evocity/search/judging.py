@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.commands import Standing
-from evocity.store import Run
+from evocity.store import Birth, Run
 
 _HEAVIEST = 1e9  # weight that a recipe may give
 
@@ -96,3 +96,24 @@ def judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:
     losses = np.array([aims.losses(values) for values in every]).reshape(-1, len(aims.names))
     kept = np.array([aims.violation(values) == 0 for values in every], bool)
     return losses, kept
+
+
+def births_without_genomes(run: Run, generation: int) -> list[Birth]:
+    """The births of a ``generation``: how they ended and what they were measured to be, without
+    their genomes, parents and errors."""
+    names = run.header.columns
+    columns = ["id", "operator", "status", *(f"fitness.{name}" for name in names)]
+    return [
+        Birth(
+            generation,
+            row["id"],
+            (),
+            row["operator"],
+            row["status"],
+            None,
+            0.0,
+            {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
+            None,
+        )
+        for row in run.births(generation, columns).to_pylist()
+    ]

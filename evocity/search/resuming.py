@@ -16,6 +16,8 @@ from evocity.citymap import CityMap
 from evocity.errors import RunError, keyword
 from evocity.search.changes import changes_of, compared_with, folder_of, hash_now, noted_of
 from evocity.search.commands import Standing
+from evocity.search.credit import Credit, credit_of
+from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by, replaced
 from evocity.search.noting import provenance_of
 from evocity.search.parting import part_names, parts_of
@@ -52,7 +54,8 @@ _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
 @dataclass(frozen=True)
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far;
-    ``standing``: what commands have changed.
+    ``standing``: what commands have changed; ``credit``: what operators have earned, if the recipe
+    adapts to it.
 
     ``changes``: in words, what differs from the start; ``edited``: how the recipe's
     own file differs from the run's copy, or "".
@@ -68,6 +71,7 @@ class TakenUp:
     changes: list[str]
     edited: str
     standing: Standing
+    credit: Credit | None
 
 
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
@@ -119,8 +123,9 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         whole = run.generations
         first, living, births, failures = [], [], 0, 0
         standing = _standing(run, len(whole))
+        credit = credit_of(run, prepared.aims, run.events()) if recipe.search.adapt else None
         if whole:
-            first = _values(run, 0)
+            first = births_without_genomes(run, 0)
             living = run.individuals(run.members(whole[-1]).column("id").to_pylist())
             status = run.status()
             births, failures = status["births"], status["failures"]
@@ -131,7 +136,17 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         raise
     changes = changes + notes
     return TakenUp(
-        prepared, writer, first, living, len(whole), births, failures, changes, edited, standing
+        prepared,
+        writer,
+        first,
+        living,
+        len(whole),
+        births,
+        failures,
+        changes,
+        edited,
+        standing,
+        credit,
     )
 
 
@@ -354,24 +369,3 @@ def _masks(run: Run) -> Mapping[str, np.ndarray]:
             "bring the folder back from a copy, or start a new run with the same recipe",
         )
     return dict(zip([one["name"] for one in noted], masks, strict=True))
-
-
-def _values(run: Run, generation: int) -> list[Birth]:
-    """Births of a generation without their genomes: what the hypervolume's unit and the algorithm
-    need."""
-    names = run.header.columns
-    columns = ["id", "operator", "status", *(f"fitness.{name}" for name in names)]
-    return [
-        Birth(
-            generation,
-            row["id"],
-            (),
-            row["operator"],
-            row["status"],
-            None,
-            0.0,
-            {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
-            None,
-        )
-        for row in run.births(generation, columns).to_pylist()
-    ]

@@ -214,12 +214,14 @@ class EvaluationSection(Section):
 class SearchSection(BaseModel):
     """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
     ``picks``: the share of births that have a pick for their first parent, while there are picks.
+    ``adapt``: weights of operators follow what their births earn, see `evocity.search.credit`.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
 
     algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
     picks: float = Field(0.5, gt=0, le=1)
+    adapt: bool = False
 
     @property
     def keys(self) -> Section:

@@ -173,7 +173,7 @@ def test_the_largest_side_divides_the_map(toy, block):
         ("apart = 1", "search.apart: 1; allowed: below 1"),
         ("apart = nan", "search.apart: nan"),
         ("distinkt = 0.5", "unknown key, did you mean distinct?"),
-        ("algorithm = 'nsga2'\ngrid = [2, 2]", "allowed: algorithm, picks, distinct, apart"),
+        ("algorithm = 'nsga2'\ngrid = [2, 2]", "allowed: algorithm, picks, adapt, distinct, apart"),
     ],
 )
 def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
@@ -184,7 +184,7 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
 
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
-    common = {"algorithm": "hypervolume", "picks": 0.5}
+    common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False}
     assert search.asked == common | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search

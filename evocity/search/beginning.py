@@ -1,0 +1,58 @@
+"""What a search needs around it before its first birth: its folder and its workers."""
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+
+from evocity.fitness.shipping import Shipment
+from evocity.search.compiling import needed
+from evocity.search.evaluation import Here, Workers
+from evocity.search.keeping import kept_by
+from evocity.search.noting import provenance_of
+from evocity.search.preparation import Prepared
+from evocity.search.recipe import Recipe
+from evocity.store import RunWriter
+
+
+def sides_of(recipe: Recipe, prepared: Prepared | None) -> int | tuple[int, int]:
+    """Of the range blocks, px: of a run of an older release its one."""
+    before = None if prepared is None else prepared.header.block
+    return before or recipe.genome.block
+
+
+def writer_of(prepared: Prepared, out: str | os.PathLike) -> RunWriter:
+    """The run folder ``out``, made with all that the run begins with. Raises `RunError`."""
+    kept = kept_by(prepared.recipe)
+    return RunWriter.create(
+        out,
+        prepared.recipe.text,
+        provenance_of(prepared, out, kept),
+        prepared.header,
+        prepared.sources,
+        prepared.condensation,
+        kept.files,
+        prepared.others,
+        [part.mask for part in prepared.within.values()],
+    )
+
+
+def pool_of(
+    prepared: Prepared,
+    count: int,
+    shipped: tuple[Shipment, ...],
+    tell: Callable[[str], None],
+    retried: Callable[[str], None],
+) -> Here | Workers:
+    """Where births are bred and evaluated: in ``count`` workers, or in this process if that is 0.
+    ``shipped``: measures of the session; ``tell`` and ``retried`` are told in words what is done,
+    and what went wrong with the pool itself."""
+    recipe = prepared.recipe
+    parts, sides = tuple(needed(recipe)), sides_of(recipe, prepared)
+    setup = replace(prepared.setup, shipped=shipped, sides=sides, parts=parts)
+    if count == 0:
+        return Here(setup)
+    tell(f"starting {count} workers")
+    return Workers(setup, count, recipe.evaluation.timeout, retried)
+
+
+__all__ = ["pool_of", "sides_of", "writer_of"]

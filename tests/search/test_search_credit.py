@@ -1,0 +1,74 @@
+"""Weights of operators that follow what their births earn."""
+
+import pytest
+from test_search_commands import SUMMED, events, steered
+from test_search_run import rows, run
+
+from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, gsi
+from evocity.search import Search, commands, read_recipe
+from evocity.search.commands import Reweight
+from evocity.search.credit import MOST, WINDOW, Credit
+from evocity.store import Birth
+
+AIMS = Aims((Wanted(crumbs, Objective(crumbs)), Wanted(gsi, constraint=Constraint(gsi, 0.2))))
+
+
+def birth(identifier, operator, loss, ok=True, dense=0.5):
+    values = {"crumbs": loss, "gsi": dense}
+    return Birth(1, identifier, (), operator, "ok" if ok else "error", None, 0.0, values, None)
+
+
+def test_who_earns_more_weighs_more():
+    credit = Credit()
+    assert credit.factors(["a", "b"]) == {"a": 1.0, "b": 1.0}
+    for turn in range(WINDOW):
+        good = [birth(20 * turn + k, "good", 9.0 - turn - k / 100) for k in range(8)]
+        bad = [birth(20 * turn + 10 + k, "bad", 10.0) for k in range(8)]
+        credit.learn(good + bad, AIMS, {one.id for one in good})
+    factors = credit.factors(["good", "bad", "never"])
+    assert factors["bad"] < 0.4 < 1.5 < factors["good"] <= 2
+    assert factors["never"] == 1.0  # nothing is known of it
+    assert all(1 / MOST <= one <= MOST for one in factors.values())
+    for turn in range(WINDOW):  # what is older than the window is forgotten
+        credit.learn([birth(1000 + turn, "bad", 0.0 - turn)], AIMS, {1000 + turn})
+    assert credit.factors(["bad"]) == {"bad": 1.0}
+
+
+def test_only_what_keeps_the_constraints_enters_the_archive():
+    credit = Credit()
+    credit.learn([birth(0, "a", 5.0), birth(1, "b", 1.0, dense=0.1)], AIMS, ())
+    factors = credit.factors(["a", "b"])
+    assert factors["a"] > 1 > factors["b"]
+    credit.learn([birth(2, "b", 6.0), birth(3, "a", 6.0, ok=False)], AIMS, ())  # dominated, failed
+    assert credit.factors(["b"]) == {"b": 1.0} or credit.factors(["a", "b"])["b"] < 1
+
+
+def test_what_was_earned_is_taken_up_again(toy, tmp_path):
+    recipe = toy(recipe="[search]\nadapt = true\n" + SUMMED, generations=5)
+    assert read_recipe(recipe).search.asked["adapt"] is True
+    asked = {2: [Reweight(weights={"gsi": 30.0, "mutation": 1})]}
+    steered(recipe, tmp_path / "whole", asked)
+    expected = rows(tmp_path / "whole")
+    steered(recipe, tmp_path / "two", asked, workers=2)
+    assert rows(tmp_path / "two") == expected
+    for last in (0, 2, 3):
+        out = tmp_path / f"stopped-{last}"
+        steered(recipe, out, asked, stop_after=last)
+        with Search.resume(out, workers=0) as search:
+            for generation in search:
+                for command in asked.get(generation.number, ()):
+                    commands.send(out, command)
+        assert rows(out) == expected
+    told = [one["weights"] for one in events(tmp_path / "whole", "weights")]
+    assert len(told) == 5
+    assert any(one != told[0] for one in told)
+    run(toy(recipe=SUMMED, generations=5), tmp_path / "plain", workers=0)
+    assert not events(tmp_path / "plain", "weights")
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_no_births_teach_nothing(count):
+    credit = Credit()
+    for _ in range(count):
+        credit.learn([], AIMS, ())
+    assert credit.factors(["a"]) == {"a": 1.0}
