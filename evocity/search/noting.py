@@ -163,7 +163,8 @@ def file_hash(folder: Path, name: str) -> str | None:
     which changes only with a release, and for an individual of a run, whose births never change.
     ``folder`` is the recipe's."""
     path = resolved(folder, name)
-    if path == name or Path(path.rpartition("#")[0]).is_dir():
+    run, of_run, _ = path.rpartition("#")
+    if path == name or (of_run and Path(run).is_dir()):
         return None
     path = Path(path)
     try:
