@@ -8,6 +8,7 @@ direct_fusion      lifs by lifs, of two or more parents
 asymmetric_fusion  the lifs of the second parent's likest blocks
 symmetric_fusion   of each block's matches in both parents, one or between
 lambda_crossover   every lifs between those of two parents, in patches
+lambda_field       street blocks of two parents or more, as a field of numbers tells
 interpolation      all lifs between those of two parents, or their steps of decoding
 mutation           any nucleotide of one parent
 gene_copy          genes of one parent copied to other places
@@ -47,6 +48,7 @@ from evocity.operators.gene_exchange import GeneExchange
 from evocity.operators.height_scaling import HeightScaling
 from evocity.operators.interpolation import Interpolation
 from evocity.operators.lambda_crossover import LambdaCrossover
+from evocity.operators.lambda_field import LambdaField
 from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
@@ -87,6 +89,7 @@ OPERATORS: Mapping[str, type[Operator]] = {
         AsymmetricFusion,
         SymmetricFusion,
         LambdaCrossover,
+        LambdaField,
         Interpolation,
         Mutation,
         GeneCopy,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -19,6 +20,8 @@ from evocity.pavement import Pavement
 
 #: A donor has the same fabric in a street block if it shares more than this of its built cells.
 _SAME = 0.5
+#: A donor's fabric is other than what stands there where heights differ by more, metres.
+_OTHER = 1.0
 
 
 class Filling:
@@ -80,27 +83,61 @@ class Filling:
     def fill(self, number: int, donor: int, rng: np.random.Generator) -> bool:
         """Fill a street block with buildings of a ``donor``, the first parent itself included;
         False if it keeps its own, since no others fit."""
-        room = Room.of(self.host, number, self._facades, self._widened)
-        whole = room.block | room.ring
+        fit = None if donor == self.void else self.fit(number, donor, rng)
+        if fit is None and donor != self.void:
+            return False
+        self.lay(number, donor, fit)
+        return True
+
+    def fit(self, number: int, donor: int, rng: np.random.Generator) -> Fit | None:
+        """Where a ``donor`` fits best into a street block; None if nowhere."""
+        room, theirs = self._room(number), self._blocks[donor]
         own = self._stones.of[0][room.within]
-        if donor == self.void:
-            self._lay(room, donor, None, np.zeros(room.block.shape, bool))
-            self._stones.count(own[whole], -1)
-            return True
-        theirs = self._blocks[donor]
         # what stands here counts as well: laid again it would change nothing
         stale = self._stones.stale(donor, theirs.built, self._repeats)
         built = room.block & self.host.built[room.within]
         same = (own == self._stones.of[donor][room.within])[built]
         # where a donor has the same fabric here, its own place would win and nothing would change
         itself = donor == 0 or np.count_nonzero(same) > _SAME * same.size
-        fit = best_place(room, theirs, stale, self._density, self._spread, rng, itself)
+        return best_place(room, theirs, stale, self._density, self._spread, rng, itself)
+
+    def in_place(self, number: int, donor: int) -> Fit | None:
+        """What a ``donor`` has in a street block's own place, if no building of it lies partly
+        outside, it covers enough, and is other than what stands there; else None."""
+        room, theirs = self._room(number), self._blocks[donor]
+        fit = Fit(0, room.top, room.left, room.block)
+        there = fit.seen(theirs.components)
+        numbers, counts = np.unique(there[room.block], return_counts=True)
+        here = numbers > 0
+        whole = (counts[here] == theirs.covered[numbers[here]]).all()
+        if not whole or counts[here].sum() < self._density * room.density * room.area:
+            return None
+        heights = self._heights
+        apart = np.abs(heights[donor] - heights[0]).max(axis=(1, 2)).reshape(self.given.shape)
+        if not (apart[room.within][room.block] > _OTHER).any():
+            return None
+        return replace(fit, kept=(there > 0) & room.block)
+
+    def lay(self, number: int, donor: int, fit: Fit | None) -> None:
+        """Lay what a ``fit`` of a ``donor`` shows into a street block; None leaves it bare."""
+        room = self._room(number)
+        whole = room.block | room.ring
         if fit is None:
-            return False
-        self._lay(room, donor, fit, fit.seen(theirs.built) & ~fit.kept)
-        self._stones.count(own[whole], -1)
-        self._stones.count(fit.seen(self._stones.of[donor])[fit.kept], 1)
-        return True
+            left_out = np.zeros(room.block.shape, bool)
+        else:
+            left_out = fit.seen(self._blocks[donor].built) & ~fit.kept
+        self._lay(room, donor, fit, left_out)
+        self._stones.count(self._stones.of[0][room.within][whole], -1)
+        if fit is not None:
+            self._stones.count(fit.seen(self._stones.of[donor])[fit.kept], 1)
+
+    def _room(self, number: int) -> Room:
+        return Room.of(self.host, number, self._facades, self._widened)
+
+    @cached_property
+    def _heights(self) -> np.ndarray:
+        """What each parent decodes to in each cell, ``(parents, n, B, B)``, metres."""
+        return np.stack([self._grid.blocks(raw_heights(parent)) for parent in self._parents])
 
     def _lay(self, room: Room, donor: int, fit: Fit | None, left_out: np.ndarray) -> None:
         """Lay what a ``fit`` of a ``donor`` shows; the void where buildings are ``left_out``, and
