@@ -62,6 +62,11 @@ def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(sequence))
 
 
+def selecting(recipe: Recipe, generation: int) -> np.random.Generator:
+    """The generator of a generation's selection: its slot is no birth's."""
+    return generator(recipe.run.seed, generation, recipe.run.population)
+
+
 def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
     """Generation 0: the sources themselves, then their fusions and mutants.
 
@@ -97,6 +102,28 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
             parents = (lone, *founders_of(operator, count))
         genomes = tuple(sources[i] for i in parents)
         plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))
+    return plans
+
+
+def own_population(
+    recipe: Recipe, algorithm: Algorithm, generation: int, sources: Sequence[Genome]
+) -> list[Plan]:
+    """A generation of an algorithm that breeds by itself: the births of its own operator, of all
+    the ``sources``; in generation 0 these come first, in place of so many of them."""
+    first = generation * recipe.run.population
+    rng = generator(recipe.run.seed, generation, recipe.run.population + 1)
+    plans = []
+    for slot, settings in enumerate(algorithm.settings(first, len(sources), rng)):
+        founder = generation == 0 and slot < len(sources)
+        plans.append(
+            Plan(
+                first + slot,
+                None if founder else recipe.operator(algorithm.breeds_by, **settings),
+                () if founder else tuple(range(len(sources))),
+                (sources[slot],) if founder else tuple(sources),
+                generator(recipe.run.seed, generation, slot),
+            )
+        )
     return plans
 
 

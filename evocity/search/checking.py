@@ -93,7 +93,9 @@ def check(
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
             faults.append(("run.population", str(recipe.run.population), allowed))
         if not faults:
-            faults += recipe.search.faults(len(recipe.goals), recipe.run.population)
+            faults += recipe.search.faults(
+                len(recipe.goals), recipe.run.population, len(recipe.parents)
+            )
             faults += _undescribed(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}

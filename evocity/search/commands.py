@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from evocity.errors import RunError, shown, with_near_miss
+from evocity.search.algorithms import algorithms
 from evocity.store import Run, append_command, open_run
 from evocity.store.lock import is_held
 
@@ -159,6 +160,9 @@ def send(path: str | os.PathLike, command: Command) -> bool:
             f"see where it is: evocity status {run.path}",
         )
     if isinstance(command, Pick):
+        refuse_own_breeding(
+            str(run.provenance.get("recipe", {}).get("search", {}).get("algorithm"))
+        )
         refuse_unborn(run, command.ids)
     if isinstance(command, Reweight):
         refuse_weights(command.weights, *weighed_of(run), str(run.path))
@@ -189,6 +193,17 @@ def pick(path: str | os.PathLike, ids: Sequence[int], share: float | None = None
             "take ids from `evocity status`, the report, or the births' `id` column",
         ) from error
     return send(path, asked)
+
+
+def refuse_own_breeding(algorithm: str) -> None:
+    """Raise `RunError` for picks where the ``algorithm`` breeds by itself."""
+    kind = algorithms().get(algorithm)
+    if kind is not None and kind.breeds_by is not None:
+        raise RunError(
+            f"picks for {algorithm}, which breeds by itself",
+            "a run whose parents are chosen",
+            "start another run from them: [[parents]] with run and id",
+        )
 
 
 def refuse_unborn(run: Run, ids: Sequence[int]) -> None:

@@ -34,7 +34,7 @@ Sides = int | tuple[int, int]
 def needed(recipe: Recipe) -> list[str]:
     """The parts of `evocity.search.warm` that the births of a ``recipe`` call."""
     code = recipe.genome
-    names = [name for name in recipe.operators if name in OPERATORS]
+    names = [name for name in recipe.breeding if name in OPERATORS]
     # what decodes with settled roofs knows its buildings already
     unsettled = not code.settle or bool(recipe.locked.asked)
     buildings = [warm.BUILDINGS] if "region_fusion" in names and unsettled else []

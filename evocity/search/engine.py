@@ -12,7 +12,13 @@ from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.beginning import pool_of, sides_of, writer_of
 from evocity.search.births import Born, born, bred, outcome_of
-from evocity.search.breeding import Plan, first_population, generator, next_population
+from evocity.search.breeding import (
+    Plan,
+    first_population,
+    next_population,
+    own_population,
+    selecting,
+)
 from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
 from evocity.search.credit import Credit
@@ -127,8 +133,7 @@ class Search:
                 search.recipe, search._found, taken.standing, old[-1][0] + 1 if old else 0
             )
             search._population = search._new_population()
-            search._population.begin_with(taken.first_births)
-            search._population.restore(taken.living)
+            taken.restore(search._population)
             if not search.finished:
                 search._compile()
                 search._start_pool()
@@ -378,12 +383,15 @@ class Search:
             self._start(guarded)
         self._pace.begin()
         sources = [source.genome for source in self._prepared.sources]
+        algorithm = self._population.algorithm
+        if algorithm.breeds_by is not None:
+            return own_population(self.recipe, algorithm, self._next, sources)
         if self._next == 0:
             return first_population(self.recipe, sources)
         population = self._population
         return next_population(
             self.recipe,
-            population.algorithm,
+            algorithm,
             self._next,
             population.living,
             sources,
@@ -411,9 +419,7 @@ class Search:
             for one in individuals
             if one.evaluated is not None and one.evaluated.look is not None
         }
-        # no birth has this slot
-        rng = generator(self.recipe.run.seed, self._next, self.recipe.run.population)
-        self._population.select(births, rng, looks)
+        self._population.select(births, selecting(self.recipe, self._next), looks)
         self._births += len(births)
         self._failures += sum(not birth.ok for birth in births)
         if self._credit is not None:

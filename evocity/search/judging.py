@@ -5,6 +5,7 @@ Nothing of the run is executed, no measure is loaded.
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -98,11 +99,18 @@ def judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:
     return losses, kept
 
 
+@dataclass(frozen=True)
+class Digest:
+    """In place of a genome that is not needed."""
+
+    digest: str
+
+
 def births_without_genomes(run: Run, generation: int) -> list[Birth]:
     """The births of a ``generation``: how they ended and what they were measured to be, without
-    their genomes, parents and errors."""
+    parents and errors; for genomes stand their digests alone."""
     names = run.header.columns
-    columns = ["id", "operator", "status", *(f"fitness.{name}" for name in names)]
+    columns = ["id", "operator", "status", "genome", *(f"fitness.{name}" for name in names)]
     return [
         Birth(
             generation,
@@ -113,7 +121,7 @@ def births_without_genomes(run: Run, generation: int) -> list[Birth]:
             None,
             0.0,
             {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
-            None,
+            None if row["genome"] is None else Digest(row["genome"]),
         )
         for row in run.births(generation, columns).to_pylist()
     ]

@@ -259,7 +259,7 @@ def _header(
     attribution: str,
 ) -> Header:
     names = [city.name for city in cities]
-    if any(_lays_void(recipe.operator(name)) for name in recipe.operators):
+    if any(_lays_void(recipe.operator(name)) for name in recipe.breeding):
         names.append(VOID)
     if len(names) > 255:
         raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")

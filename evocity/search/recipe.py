@@ -180,6 +180,12 @@ class Recipe(Section):
             return self.evaluation.workers
         return available_cores()
 
+    @property
+    def breeding(self) -> list[str]:
+        """The operators that may breed: those of the mixture, or the algorithm's own."""
+        own = self.search.breeds_by
+        return list(self.operators) if own is None else [own]
+
     def parent_named(self, name: str) -> Parent | None:
         """The parent whose ``name`` the recipe gives, or the one that is called so after its map
         if ``name`` is no map itself; None if there is none."""

@@ -14,6 +14,8 @@ import numpy as np
 from evocity import store
 from evocity.citymap import CityMap
 from evocity.errors import RunError, keyword
+from evocity.search.algorithms import algorithms
+from evocity.search.breeding import own_population, selecting
 from evocity.search.changes import changes_of, compared_with, folder_of, hash_now, noted_of
 from evocity.search.commands import Standing
 from evocity.search.credit import Credit, credit_of
@@ -21,6 +23,7 @@ from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by, replaced
 from evocity.search.noting import provenance_of
 from evocity.search.parting import part_names, parts_of
+from evocity.search.population import Population
 from evocity.search.preparation import (
     Prepared,
     aims_of,
@@ -54,8 +57,9 @@ _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
 @dataclass(frozen=True)
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far;
-    ``standing``: what commands have changed; ``credit``: what operators have earned, if the recipe
-    adapts to it.
+    ``past``: births of each generation, without genomes, if the algorithm must go through them
+    again; ``standing``: what commands have changed; ``credit``: what operators have earned, if the
+    recipe adapts to it.
 
     ``changes``: in words, what differs from the start; ``edited``: how the recipe's
     own file differs from the run's copy, or "".
@@ -70,8 +74,19 @@ class TakenUp:
     failures: int
     changes: list[str]
     edited: str
+    past: list[list[Birth]]
     standing: Standing
     credit: Credit | None
+
+    def restore(self, population: Population) -> None:
+        """Make the new ``population`` what it was; its algorithm too."""
+        population.begin_with(self.first_births)
+        recipe = self.prepared.recipe
+        sources = [source.genome for source in self.prepared.sources]
+        for number, births in enumerate(self.past):
+            own_population(recipe, population.algorithm, number, sources)
+            population.select(births, selecting(recipe, number))
+        population.restore(self.living)
 
 
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
@@ -123,6 +138,8 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         whole = run.generations
         first, living, births, failures = [], [], 0, 0
         standing = _standing(run, len(whole))
+        again = algorithms()[recipe.search.algorithm].replays
+        past = [births_without_genomes(run, g) for g in whole] if again else []
         credit = credit_of(run, prepared.aims, run.events()) if recipe.search.adapt else None
         if whole:
             first = births_without_genomes(run, 0)
@@ -145,6 +162,7 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         failures,
         changes,
         edited,
+        past,
         standing,
         credit,
     )

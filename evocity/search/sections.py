@@ -239,9 +239,15 @@ class SearchSection(BaseModel):
         """Names of the measures that the algorithm needs of every birth besides the goals."""
         return algorithms()[self.algorithm].described(self.keys)
 
-    def faults(self, goals: int, population: int) -> list[tuple[str, str, str]]:
-        """Faults (key, found, allowed) of the algorithm for so many goals, and so many who live."""
-        return algorithms()[self.algorithm].faults(self.keys, goals, population)
+    def faults(self, goals: int, population: int, parents: int) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of the algorithm for so many goals, so many who live, and so
+        many parents."""
+        return algorithms()[self.algorithm].faults(self.keys, goals, population, parents)
+
+    @property
+    def breeds_by(self) -> str | None:
+        """The operator that the algorithm breeds with by itself, None where the mixture does."""
+        return algorithms()[self.algorithm].breeds_by
 
     def algorithm_of(self, size: int) -> Algorithm:
         """The algorithm, for so many who live at most."""

@@ -16,6 +16,7 @@ from evocity.search.commands import (
     Stop,
     command_of,
     refuse_idle,
+    refuse_own_breeding,
     refuse_unborn,
     refuse_weights,
     told,
@@ -85,6 +86,7 @@ class Steering:
 
     def _do(self, command: Command) -> None:
         if isinstance(command, Pick):
+            refuse_own_breeding(self._recipe.search.algorithm)
             self._picked = {**self._picked, **self._births(command.ids)}
         if isinstance(command, Reweight):
             sums = [

@@ -9,6 +9,7 @@ from importlib.metadata import EntryPoint
 
 from evocity.plugins import load_plugins
 from evocity.search.algorithms.algorithm import Algorithm, First, Ranked
+from evocity.search.algorithms.cma import Cma
 from evocity.search.algorithms.hypervolume import HypervolumeContribution
 from evocity.search.algorithms.map_elites import MapElites
 from evocity.search.algorithms.nsga2 import Nsga2
@@ -17,7 +18,7 @@ from evocity.search.algorithms.single import Single
 
 #: What a recipe selects by where it says nothing.
 DEFAULT = "hypervolume"
-_OWN = {one.name: one for one in (HypervolumeContribution, MapElites, Nsga2, Nsga3, Single)}
+_OWN = {one.name: one for one in (HypervolumeContribution, Nsga2, Nsga3, Single, MapElites, Cma)}
 
 
 def algorithms() -> dict[str, type[Algorithm]]:

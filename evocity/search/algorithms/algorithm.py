@@ -38,6 +38,10 @@ class Algorithm(ABC):
         run's membership.
     figures : the names of what it tells of all the living together, see `summary`.
     Keys : what a recipe may say of it under ``[search]``, a pydantic model.
+    breeds_by : the operator that it breeds with by itself, of all the recipe's parents, see
+        `settings`; None where the recipe's mixture breeds.
+    replays : whether it must go through the whole run again when that is taken up again. It is then
+        asked for the `settings` and the `survivors` of each generation, as it was.
 
     Parameters
     ----------
@@ -49,14 +53,18 @@ class Algorithm(ABC):
     marks: ClassVar[tuple[str, ...]] = ()
     figures: ClassVar[tuple[str, ...]] = ()
     Keys: ClassVar[type[Section]] = Section
+    breeds_by: ClassVar[str | None] = None
+    replays: ClassVar[bool] = False
 
     def __init__(self, size: int, keys: Section | None = None):
         self.size, self.keys = size, self.Keys() if keys is None else keys
 
     @classmethod
-    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
-        """Faults (key, found, allowed) of a recipe with so many ``goals`` and so large a
-        ``population`` that asks for it with these ``keys``."""
+    def faults(
+        cls, keys: Section, goals: int, population: int, parents: int = 2
+    ) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of a recipe with so many ``goals``, so large a
+        ``population`` and so many ``parents`` that asks for it with these ``keys``."""
         return []
 
     @classmethod
@@ -73,6 +81,13 @@ class Algorithm(ABC):
         """What it tells of all the ``living`` together, by the names of its ``figures``; logged
         with each generation as far as it is finite."""
         return {}
+
+    def settings(
+        self, first: int, sources: int, rng: np.random.Generator
+    ) -> list[Mapping[str, object]]:
+        """Parameters of the operator that it breeds with (``breeds_by``) of each birth of the next
+        generation, of ids ``first``, ``first`` + 1, …, between so many ``sources``."""
+        raise NotImplementedError(f"{self.name} does not breed by itself")
 
     @abstractmethod
     def survivors(

@@ -43,7 +43,9 @@ class MapElites(Algorithm):
         self._quality: Quality | None = None
 
     @classmethod
-    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
+    def faults(
+        cls, keys: Section, goals: int, population: int, parents: int = 2
+    ) -> list[tuple[str, str, str]]:
         faults = check_grid(keys.descriptors, keys.grid, keys.ranges)
         if goals != 1:
             allowed = 'one; measures that have the same objective = "a name" are summed to one'

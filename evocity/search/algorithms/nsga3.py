@@ -33,7 +33,9 @@ class Nsga3(Ranked):
     Keys = Nsga3Keys
 
     @classmethod
-    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
+    def faults(
+        cls, keys: Section, goals: int, population: int, parents: int = 2
+    ) -> list[tuple[str, str, str]]:
         count = _points(goals, keys.divisions or 1)
         if count <= population:
             return []

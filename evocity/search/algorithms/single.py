@@ -16,7 +16,9 @@ class Single(Ranked):
     name = "single"
 
     @classmethod
-    def faults(cls, keys: Section, goals: int, population: int) -> list[tuple[str, str, str]]:
+    def faults(
+        cls, keys: Section, goals: int, population: int, parents: int = 2
+    ) -> list[tuple[str, str, str]]:
         if goals == 1:
             return []
         allowed = 'one; measures that have the same objective = "a name" are summed to one'

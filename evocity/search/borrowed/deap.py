@@ -1,4 +1,5 @@
-"""DEAP: crowding distance (Deb et al. 2002 §III-B), reference points (Deb & Jain 2014).
+"""DEAP: crowding distance (Deb et al. 2002 §III-B), reference points (Deb & Jain 2014), MO-CMA-ES
+(Voss, Hansen & Igel 2010).
 
 DEAP draws from the global generators. They are seeded from one handed down, and given back as they
 were.
@@ -6,11 +7,14 @@ were.
 
 import contextlib
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from deap import base
+from deap import base, cma
 from deap.tools import emo
+
+#: The index of the individual that a front, ``(n, m)`` losses, misses least.
+Least = Callable[[np.ndarray], int]
 
 
 class _Crowded:
@@ -57,6 +61,71 @@ def fill_niches(
     they lie: those of the emptiest niches first, of which so many (k,) are ``taken`` already."""
     with _drawing_from(rng):
         return emo.niching(list(range(len(niches))), count, niches, distances, taken.copy())
+
+
+class Covariances:
+    """MO-CMA-ES: ``n`` vectors, each with a step and a covariance matrix of its own, which learn
+    from the offspring that replace them.
+
+    Parameters
+    ----------
+    vectors : where it begins, ``(n, d)``, of numbers 0…1.
+    losses : of these, ``(n, m)``; lower is better.
+    step : how far offspring lie from their parents at first, the standard deviation.
+    least : who of a front is dropped first.
+    """
+
+    def __init__(self, vectors: np.ndarray, losses: np.ndarray, step: float, least: Least):
+        losses = _several(losses)
+        kind = type("Losses", (base.Fitness,), {"weights": (-1.0,) * losses.shape[1]})
+        self._parents = [_Vector.of(one, kind(row)) for one, row in _pairs(vectors, losses)]
+        self._kind, self._offspring = kind, []
+        self._strategy = cma.StrategyMultiObjective(
+            self._parents,
+            step,
+            mu=len(vectors),
+            lambda_=len(vectors),
+            indicator=lambda front, ref: least(-np.array([one.fitness.wvalues for one in front])),
+        )
+
+    @property
+    def steps(self) -> np.ndarray:
+        """The step of each of the ``n`` who live, float64."""
+        return np.array(self._strategy.sigmas, np.float64)
+
+    def offspring(self, rng: np.random.Generator) -> np.ndarray:
+        """One of each who lives, ``(n, d)``, within 0…1."""
+        with _drawing_from(rng):
+            self._offspring = self._strategy.generate(lambda one: _Vector.of(np.clip(one, 0, 1)))
+        return np.array(self._offspring, np.float64)
+
+    def select(self, losses: np.ndarray) -> list[int]:
+        """Who lives on, by the ``losses`` (n, m) of the last offspring: of the n who lived until
+        now 0…n − 1, of the offspring n…2n − 1; in the order of `steps`."""
+        for one, row in zip(self._offspring, _several(losses).tolist(), strict=True):
+            one.fitness = self._kind(row)
+        numbers = {id(one): k for k, one in enumerate([*self._strategy.parents, *self._offspring])}
+        self._strategy.update(self._offspring)
+        return [numbers[id(one)] for one in self._strategy.parents]
+
+
+class _Vector(np.ndarray):
+    """Numbers with a DEAP fitness."""
+
+    @classmethod
+    def of(cls, values: np.ndarray, fitness: base.Fitness | None = None) -> "_Vector":
+        one = np.array(values, np.float64).view(cls)
+        one.fitness = fitness
+        return one
+
+
+def _several(losses: np.ndarray) -> np.ndarray:
+    """DEAP sorts two goals and more: of one goal it gets two that are the same."""
+    return losses if losses.shape[1] > 1 else np.repeat(losses, 2, axis=1)
+
+
+def _pairs(vectors: np.ndarray, losses: np.ndarray) -> Iterator[tuple[np.ndarray, list[float]]]:
+    return zip(vectors, losses.tolist(), strict=True)
 
 
 @contextlib.contextmanager
