@@ -21,6 +21,7 @@
 - `credit`: which operators earn their births
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
+- `toolbox`: DEAP's own algorithms on city genomes
 - `archiving`: of all births ever, those that no other dominates
 """
 
@@ -32,6 +33,7 @@ from evocity.search.individual import Individual
 from evocity.search.observers import Observer
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
+from evocity.search.toolbox import deap_toolbox
 
 __all__ = [
     "Archive",
@@ -41,6 +43,7 @@ __all__ = [
     "Recipe",
     "Search",
     "archive",
+    "deap_toolbox",
     "pick",
     "read_recipe",
     "recipes",

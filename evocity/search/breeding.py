@@ -75,34 +75,35 @@ def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
     A single source has mutants alone. Fusions are quarter fusions where the recipe has them, else
     pavement fusions; mutants are by quarter refill, else by mutation.
     """
+    return [founder(recipe, sources, slot) for slot in range(recipe.run.population)]
+
+
+def founder(recipe: Recipe, sources: Sequence[Genome], slot: int) -> Plan:
+    """The birth in one ``slot`` of generation 0, see `first_population`; 0 or more."""
     count = len(sources)
+    rng = generator(recipe.run.seed, 0, slot)
+    if slot < count:
+        return Plan(slot, None, (), (sources[slot],), rng)
     weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
     crossing, changing = (
         next((name for name in names if name in weighty), names[-1])
         for names in recipe.genome.kind.first
     )
     pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
-    plans = []
-    for slot in range(recipe.run.population):
-        rng = generator(recipe.run.seed, 0, slot)
-        turn = slot - count
-        if turn < 0:
-            operator, parents = None, (slot,)
-        elif pairs and turn % 3 < 2:
-            changes = {}
-            if not recipe.ranged(crossing, "fill"):
-                changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
-            if recipe.parameters(crossing).get("void"):
-                changes["void"] = False
-            operator = recipe.operator_drawn(crossing, rng, **changes)
-            parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
-        else:
-            operator = recipe.operator_drawn(changing, rng)
-            lone = (turn // 3 if pairs else turn) % count
-            parents = (lone, *founders_of(operator, count))
-        genomes = tuple(sources[i] for i in parents)
-        plans.append(Plan(slot, operator, () if operator is None else parents, genomes, rng))
-    return plans
+    turn = slot - count
+    if pairs and turn % 3 < 2:
+        changes = {}
+        if not recipe.ranged(crossing, "fill"):
+            changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
+        if recipe.parameters(crossing).get("void"):
+            changes["void"] = False
+        operator = recipe.operator_drawn(crossing, rng, **changes)
+        parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
+    else:
+        operator = recipe.operator_drawn(changing, rng)
+        lone = (turn // 3 if pairs else turn) % count
+        parents = (lone, *founders_of(operator, count))
+    return Plan(slot, operator, parents, tuple(sources[i] for i in parents), rng)
 
 
 def own_population(

@@ -10,8 +10,13 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from deap import base, cma
+from deap import base, cma, tools
 from deap.tools import emo
+
+#: What DEAP's algorithms find their functions in.
+Toolbox = base.Toolbox
+#: NSGA-II's selection: the best ``k`` of the individuals.
+select_nsga2 = tools.selNSGA2
 
 #: The index of the individual that a front, ``(n, m)`` losses, misses least.
 Least = Callable[[np.ndarray], int]
@@ -33,6 +38,28 @@ def crowding_distances(losses: np.ndarray) -> np.ndarray:
     crowded = [_Crowded(kind, row) for row in scaled.tolist()]
     emo.assignCrowdingDist(crowded)
     return np.array([one.fitness.crowding_dist for one in crowded], float)
+
+
+def losses_kind(goals: int, wrong: Callable[[object, int], Exception]) -> type[base.Fitness]:
+    """A DEAP fitness of so many losses, lower is better. What is assigned to it and is not as many
+    finite numbers raises what ``wrong`` makes of it: DEAP takes NaN for the best."""
+
+    class Losses(base.Fitness):
+        weights = (-1.0,) * goals
+
+        def setValues(self, values: Sequence[float]) -> None:
+            try:
+                numbers = np.asarray(tuple(values), np.float64)
+                sound = numbers.shape == (goals,) and bool(np.isfinite(numbers).all())
+            except (TypeError, ValueError):
+                sound = False
+            if not sound:
+                raise wrong(values, goals)
+            base.Fitness.setValues(self, numbers.tolist())
+
+        values = property(base.Fitness.getValues, setValues, base.Fitness.delValues)
+
+    return Losses
 
 
 def reference_points(goals: int, divisions: int) -> np.ndarray:
