@@ -1,20 +1,21 @@
 """How much of a grid MAP-Elites fills, beside NSGA-II. python benchmarks/map_elites.py
-[--pair A B] [--seeds 1 2 3] [--evaluations N] [--out FOLDER]
+[--pair A B] [--seeds 1 2 3] [--evaluations N] [--without-many] [--out FOLDER]
 
-Searches of 256² maps, default genome, operators and ranges of parameters drawn at each birth, 48
-births a generation, autosimilarity as the one goal, no guard: by map_elites over GSI and alignment,
-20 × 20 cells, and by nsga2 with the same seed, operators and first generation. All births
-of both are binned in the same grid, whose ranges are those of map_elites: what the parents' codes
-have, half as far again on either side, within what the measures declare. Values beyond a range lie
-in the cell at its end. Printed are
+Searches of 256² maps, default genome and operators, whose parameters are drawn at each birth, 48
+births a generation, no guard: by map_elites over GSI and alignment, 20 × 20 cells, with
+autosimilarity as the one goal; by nsga2 with the same goal; and by nsga2 with four goals,
+autosimilarity, alignment, salingaros and crumbs, which keep its births apart. A seed has the same
+first generation in all three. All births are binned in one grid, whose ranges are those of
+map_elites: what the parents' codes have, half as far again on either side, within what the measures
+declare. Values beyond a range lie in the cell at its end. Printed are, of each search,
 
   cells     how many cells hold a birth;
   QD-score  sum over these of how far the best birth's loss (- autosimilarity) lies below the
             reference, a tenth beyond the worst of the first generation, in units of that
             generation's range, and never below 0;
 
-of both, their ratios for each seed, and whether both are at least 1.4 in the median. With --out the
-runs are kept there, and taken up again where they were stopped.
+then their ratios, map_elites to nsga2, and whether the medians over seeds are at least 1.4. With
+--out the runs are kept there, and taken up again where they were stopped.
 """
 
 import argparse
@@ -30,12 +31,19 @@ from evocity.search.binning import binned, grid_of_run
 
 POPULATION = 48
 WANTED = 1.4
+QUALITY = "autosimilarity"
+#: Method -> algorithm, and its goals.
+METHODS = {
+    "map_elites": ("map_elites", [QUALITY]),
+    "nsga2": ("nsga2", [QUALITY]),
+    "nsga2many": ("nsga2", [QUALITY, "alignment", "salingaros", "crumbs"]),
+}
 RECIPE = """
 [run]
 seed = {seed}
 population = {population}
 generations = {generations}
-record = ["gsi", "alignment"]
+record = {recorded}
 [map]
 pixels = 256
 metres_per_pixel = 2.0
@@ -43,8 +51,7 @@ metres_per_pixel = 2.0
 map = "{first}"
 [[parents]]
 map = "{second}"
-[[fitness]]
-name = "autosimilarity"
+{fitness}
 [search]
 algorithm = "{algorithm}"
 """
@@ -58,33 +65,35 @@ def main(given) -> None:
         f"{' × '.join(given.pair)}, seeds {' '.join(map(str, given.seeds))}, "
         f"{(generations + 1) * POPULATION} evaluations each, {given.workers} workers\n"
     )
-    print(f"{'':6}{'cells':>24}{'QD-score':>26}")
-    print(f"{'seed':6}" + f"{'map_elites':>11}{'nsga2':>7}{'ratio':>7} " * 2)
+    print("seed  method      cells  ratio  QD-score  ratio")
     out = given.out or Path(tempfile.mkdtemp())
-    ratios = []
+    others = [name for name in METHODS if name != "map_elites"][: 1 if given.without_many else None]
+    ratios: dict[str, list[tuple[float, float]]] = {name: [] for name in others}
     for seed in given.seeds:
         run = bred(out, "map_elites", seed, generations, given)
-        other = bred(out, "nsga2", seed, generations, given)
         grid = grid_of_run(run)
-        one, beside = binned(run, grid, generations), binned(other, grid, generations)
-        cells = len(one) / max(len(beside), 1)
-        score = one.qd_score / max(beside.qd_score, 1e-12)
-        ratios.append((cells, score))
-        print(
-            f"{seed:<6}{len(one):11}{len(beside):7}{cells:7.2f} "
-            f"{one.qd_score:11.1f}{beside.qd_score:7.1f}{score:7.2f}",
-            flush=True,
-        )
-    middle = [median(column) for column in zip(*ratios, strict=True)]
-    reached = "reached" if min(middle) >= WANTED else "not reached"
-    print(f"\nmedian ratio: cells {middle[0]:.2f}, QD-score {middle[1]:.2f}; {WANTED} is {reached}")
+        own = binned(run, grid, generations)
+        print(f"{seed:<6}{'map_elites':11}{len(own):6}{own.qd_score:17.1f}", flush=True)
+        for name in others:
+            beside = bred(out, name, seed, generations, given)
+            found = binned(beside, grid, generations, goal=QUALITY)
+            cells = len(own) / max(len(found), 1)
+            score = own.qd_score / max(found.qd_score, 1e-12)
+            ratios[name].append((cells, score))
+            row = f"{len(found):6}{cells:7.2f}{found.qd_score:10.1f}{score:7.2f}"
+            print(f"{'':6}{name:11}{row}", flush=True)
+    for name, found in ratios.items():
+        cells, score = (median(column) for column in zip(*found, strict=True))
+        reached = "reached" if min(cells, score) >= WANTED else "not reached"
+        print(f"to {name}, median: cells {cells:.2f}, QD-score {score:.2f}; {WANTED} is {reached}")
     for name, ends in zip(grid.descriptors, grid.ranges, strict=True):
         print(f"{name} {ends[0]:.3f} to {ends[1]:.3f}")
 
 
-def bred(out: Path, algorithm: str, seed: int, generations: int, given) -> evocity.store.Run:
+def bred(out: Path, method: str, seed: int, generations: int, given):
     """The run of so many generations in a folder of ``out``, bred or taken up again."""
-    folder = out / f"{'-x-'.join(given.pair)}-{algorithm}-{seed}"
+    folder = out / f"{'-x-'.join(given.pair)}-{method}-{seed}"
+    algorithm, goals = METHODS[method]
     search = None
     if not folder.exists():
         out.mkdir(parents=True, exist_ok=True)
@@ -94,8 +103,10 @@ def bred(out: Path, algorithm: str, seed: int, generations: int, given) -> evoci
                 seed=seed,
                 population=POPULATION,
                 generations=generations,
+                recorded=[name for name in ("gsi", "alignment") if name not in goals],
                 first=given.pair[0],
                 second=given.pair[1],
+                fitness="\n".join(f'[[fitness]]\nname = "{goal}"' for goal in goals),
                 algorithm=algorithm,
             )
         )
@@ -115,6 +126,7 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--evaluations", type=int, default=2400)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--without-many", action="store_true", help="no nsga2 with four goals")
     parser.add_argument("--out", type=Path, help="folder of the runs, which are kept there")
     try:
         main(parser.parse_args())

@@ -12,6 +12,7 @@
 - `evaluator`: one individual bred and evaluated, whatever an operator or a measure does
 - `evaluation`, `worker`, `warm`: worker processes with a deadline for each individual
 - `algorithms`: who lives on and who breeds, an algorithm a file
+- `cells`: a grid over measures, and how well it is filled
 - `fronts`, `looks`: who dominates whom, how good many are together, which cities look alike
 - `borrowed`: what of that comes from DEAP and moocore, a file each
 - `individual`, `population`: the living, generation by generation
@@ -22,7 +23,8 @@
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
 - `toolbox`: DEAP's own algorithms on city genomes
-- `archiving`: of all births ever, those that no other dominates
+- `judging`: what a log tells of births: values, losses, constraints
+- `archiving`, `binning`: of all births ever, those that no other dominates; the best of each cell
 """
 
 from evocity.search.archiving import Archive, archive

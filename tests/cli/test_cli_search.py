@@ -184,6 +184,7 @@ def test_status_tells_where_a_run_is(finished):
         "failures",
         "hypervolume",
         "best",
+        "algorithm",
         "parents",
         "evaluations_per_second",
         "finished",

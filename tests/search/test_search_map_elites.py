@@ -434,6 +434,13 @@ def test_where_nobody_has_a_cell_the_run_ends_and_says_so(toy, tmp_path):
         run(path, tmp_path / "run", workers=0)
 
 
+def test_where_all_births_fail_the_run_says_why(toy, tmp_path):
+    fails = "@evocity.fitness(goal='max')\ndef broken(city):\n    raise OSError('no disk')\n"
+    path = grid_recipe(toy, "", 'file = "toys.py"\nname = "broken"', measures=fails)
+    with pytest.raises(RunError, match=r"8 of 8 births of generation 0 failed(.|\n)*no disk"):
+        run(path, tmp_path / "run", workers=0)
+
+
 def test_constraints_come_first(toy, tmp_path):
     path = grid_recipe(toy, "grid = [3, 3]\n")
     text = path.read_text()

@@ -76,6 +76,8 @@ class MapElites(Algorithm):
         return self.judged(list(holders.values()))
 
     def judged(self, living: Sequence[Individual]) -> list[Individual]:
+        if not living:  # so it may be before it began: all births failed
+            return []
         names = self.keys.descriptors
         values = [[one.values.get(name, np.nan) for name in names] for one in living]
         cells = self._grid.cells(np.array(values, np.float64)).tolist()
