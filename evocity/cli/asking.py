@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-from pydantic import ValidationError
 
 from evocity.errors import EvocityError, shown
 
@@ -68,6 +67,8 @@ def reweight(run: Path, weights: tuple[str, ...]) -> None:
     generation; a run that was stopped or has ended takes them up when it is resumed. The log tells
     every change.
     """
+    from pydantic import ValidationError
+
     from evocity.search import commands
 
     given = dict(map(_weight, weights))

@@ -109,7 +109,7 @@ def _note_street_blocks(breeding, parents: Sequence[str], made: Mapping[str, obj
     if "street_blocks" not in made:
         return
     more = "a lower density= fills more, see evocity operators list"
-    filled, asked = made["street_blocks"], breeding.street_blocks
+    filled, asked = made["street_blocks"], getattr(breeding, "street_blocks", None)
     names = [*parents, "bare ground"]  # of the void, if it takes part
     shares = list(zip(names, made.get("fill", ()), made.get("fill_reached", ()), strict=False))[1:]
     if asked is not None:

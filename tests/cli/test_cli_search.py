@@ -185,6 +185,8 @@ def test_status_tells_where_a_run_is(finished):
         "hypervolume",
         "best",
         "algorithm",
+        "picked",
+        "weights",
         "parents",
         "evaluations_per_second",
         "finished",
@@ -304,6 +306,7 @@ class Search:
     def __init__(self, then):
         self.then = then
         self.recipe, self.notes, self.finished = evocity.read_recipe("demo"), [], False
+        self.asked_to_stop = False
 
     def __call__(self, recipe, out, progress):
         progress("reading a map")
