@@ -3,6 +3,7 @@
 - `recipe`: a recipe to begin from, for anyone's cities
 - `run`, `resume`: a search, shown while it goes on by `searching`
 - `asking`: `pick`, `reweight`, `stop`, what is asked of a run that goes on
+- `refine`: one individual of a run made better by an optimiser
 - `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
@@ -33,6 +34,7 @@ from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
 from evocity.cli.readers import readers
 from evocity.cli.recipe import recipe
+from evocity.cli.refine import refine
 from evocity.cli.report import report
 from evocity.cli.resume import resume
 from evocity.cli.run import run
@@ -64,6 +66,7 @@ for _command in (
     pick,
     reweight,
     stop,
+    refine,
     status,
     report,
     encode,

@@ -7,12 +7,12 @@ the fixed point; domain blocks and isometries stay.
 
 from collections.abc import Callable
 
-import nlopt
 import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.fixed_point import fixed_point
+from evocity.coding.optimising import minimise
 from evocity.coding.quality import psnr
 from evocity.errors import GenomeError
 from evocity.genome import Genome
@@ -23,8 +23,6 @@ _TOLERANCE = 1e-5
 _SKY = 1e9
 #: Steps after which a fixed point is taken as out of reach.
 _MOST_STEPS = 500
-#: What the optimiser is told where there is no attractor: worse than all there is, yet finite.
-_HOPELESS = 1e30
 
 
 def fit_attractor(
@@ -142,51 +140,28 @@ def _refined(
     unit = city.heights.size * peak**2
     error = AttractorError(genome, city)
     start = np.concatenate([genome.beta.astype(np.float64) / peak, genome.sigma[busy]])
-    least, best, tried, raised = np.inf, start, 0, None
+    tried = 0
 
     def code(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sigma = np.zeros(count)
         sigma[busy] = point[count:]
         return sigma, point[:count] * peak
 
-    def value(point: np.ndarray, gradient: np.ndarray) -> float:
-        nonlocal least, best, tried
+    def value(point: np.ndarray, gradient: np.ndarray) -> float | None:
+        nonlocal tried
         found = error(*code(point))
         tried += 1
         if progress is not None:
             progress(tried, evaluations)
         if found is None:
-            gradient[:] = 0
-            return _HOPELESS
+            return None
         lost, by_sigma, by_beta = found
-        if lost < least:
-            least, best = lost, point.copy()
         if gradient.size:  # filled in place: NLopt reads this very array
             gradient[:count] = by_beta * (peak / unit)
             gradient[count:] = by_sigma[busy] / unit
         return lost / unit
 
-    def guarded(point: np.ndarray, gradient: np.ndarray) -> float:
-        nonlocal raised
-        try:
-            return value(point, gradient)
-        except BaseException as fault:  # Ctrl-C too: some of NLopt's algorithms swallow all
-            raised = fault
-            optimiser.force_stop()
-            return _HOPELESS
-
-    optimiser = nlopt.opt(nlopt.LD_MMA, start.size)
-    optimiser.set_min_objective(guarded)
-    optimiser.set_maxeval(evaluations)
     bound = np.full(start.size, np.inf)
     bound[count:] = np.float32(genome.sigma_max)  # as the genome's own check rounds it
-    optimiser.set_lower_bounds(-bound)
-    optimiser.set_upper_bounds(bound)
-    try:
-        optimiser.optimize(start)
-    except Exception:  # NLopt's own types, one for each reason it got no further
-        if not tried and raised is None:
-            raise
-    if raised is not None:
-        raise raised
-    return *code(best), tried
+    least = minimise(value, start, algorithm="mma", most=evaluations, lower=-bound, upper=bound)
+    return *code(least.point), tried

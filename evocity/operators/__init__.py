@@ -14,6 +14,7 @@ mutation           any nucleotide of one parent
 gene_copy          genes of one parent copied to other places
 gene_exchange      genes of one parent exchanged
 height_scaling     buildings of one parent raised and lowered by whole storeys
+height_field       street blocks of one parent raised and lowered, as a field of numbers tells
 block_exchange     macro-blocks of one parent exchanged
 relocation         groups of lifs of one parent moved, their domains with them
 repair             collage repair, used by all of them
@@ -21,6 +22,8 @@ crossing           what they share: drafts, and how a draft becomes a child
 grid               the cells that crossings follow, sizes in metres
 groups, footings   groups of cells, and what stands on them
 turning            cells laid turned and mirrored
+heights            what operators of heights share
+fields             few numbers over a map, smooth in between
 refitting          lifs fitted to a changed map, domain blocks as they are
 storeys            by how many storeys buildings may rise or fall
 street_blocks      what streets enclose, what fits into it, how it is filled
@@ -45,6 +48,7 @@ from evocity.operators.crossing import Draft, Drafting
 from evocity.operators.direct_fusion import DirectFusion
 from evocity.operators.gene_copy import GeneCopy
 from evocity.operators.gene_exchange import GeneExchange
+from evocity.operators.height_field import HeightField
 from evocity.operators.height_scaling import HeightScaling
 from evocity.operators.interpolation import Interpolation
 from evocity.operators.lambda_crossover import LambdaCrossover
@@ -95,6 +99,7 @@ OPERATORS: Mapping[str, type[Operator]] = {
         GeneCopy,
         GeneExchange,
         HeightScaling,
+        HeightField,
         BlockExchange,
         Relocation,
     )
@@ -191,9 +196,11 @@ __all__ = [
     "Drafting",
     "GeneCopy",
     "GeneExchange",
+    "HeightField",
     "HeightScaling",
     "Interpolation",
     "LambdaCrossover",
+    "LambdaField",
     "Mutation",
     "Operator",
     "PavementFusion",

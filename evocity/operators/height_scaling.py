@@ -8,19 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from evocity.citymap import STOREY
-from evocity.coding.decoded import decoded
 from evocity.genome import Genome
-from evocity.operators.crossing import Draft, Drafting, raw_heights
-from evocity.operators.grid import common_grid
+from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.heights import Heights, height_checks
 from evocity.operators.parameters import Check
-from evocity.operators.refitting import refitted
-from evocity.operators.storeys import Storeys
-from evocity.operators.street_blocks import street_blocks
-from evocity.views.buildings import CRUMB
 
 _WHAT = ("buildings", "quarters")
-#: The largest factor, and the highest storey and roof, that are one.
-_MOST = 10.0, 1000.0
+#: The largest factor.
+MOST_FACTOR = 10.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +66,7 @@ class HeightScaling(Drafting):
     parents = (1, 1)
 
     def _checks(self) -> dict[str, Check]:
-        factor, metres = _MOST
+        factor = MOST_FACTOR
         return {
             "what": (lambda what: what in _WHAT, " or ".join(_WHAT)),
             "share": (lambda share: 0 <= share <= 1, "0…1"),
@@ -79,57 +74,18 @@ class HeightScaling(Drafting):
                 lambda pair: len(pair) == 2 and 1 / factor <= pair[0] <= pair[1] <= factor,
                 f"two numbers {1 / factor:g}…{factor:g}, the least and the largest",
             ),
-            "storey": (lambda storey: 2 <= storey <= metres, f"2…{metres:g} m"),
-            "highest": (lambda roof: 0 <= roof <= metres, f"0…{metres:g} m"),
+            **height_checks(),
         }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         (parent,) = parents
-        city, raw = decoded(parent).city, raw_heights(parent)
-        labels = city.building_labels
-        pixels = np.bincount(labels.ravel())
-        total = np.bincount(labels.ravel(), city.heights.ravel())
-        roofs = total / np.maximum(pixels, 1)
-        storeys = Storeys(raw, labels, roofs, self.storey, self.highest)
-        groups = self._groups(parent, city, pixels)
+        heights = Heights(parent, self.storey, self.highest)
+        groups = heights.groups(self.what, self.name)
         wanted = max(math.ceil(self.share), round(self.share * len(groups)))
         factors = np.exp(rng.uniform(*np.log(self.factors), len(groups)))
         scaled = 0
         for number in rng.permutation(len(groups)):
             if scaled == wanted:
                 break
-            scaled += factors[number] != 1 and storeys.scale(groups[number], factors[number])
-        intended = storeys.laid()
-        attractor = decoded(parent).attractor
-        child = refitted(parent, attractor, attractor + (intended - raw)) if scaled else parent
-        change, gained = storeys.change, (intended - raw).mean(dtype=float)
-        made = {
-            "what": self.what,
-            "scaled": scaled,
-            "buildings": int(np.count_nonzero(change)),
-            "raised": int(change[change > 0].sum()),
-            "lowered": int(-change[change < 0].sum()),
-            "fsi_change": round(float(gained) / STOREY, 4),
-        }
-        return Draft(child, intended, made)
-
-    def _groups(self, parent: Genome, city, pixels: np.ndarray) -> list[np.ndarray]:
-        """Numbers of the buildings, of ``pixels`` each, that may change, those that change
-        together in one array."""
-        labels, locked = city.building_labels, np.zeros(pixels.size, bool)
-        if parent.condensation is not None:
-            locked[labels[parent.condensation.mask]] = True
-        large = pixels * city.metres_per_pixel**2 >= CRUMB
-        large[0] = False
-        if self.what == "buildings":
-            return [np.array([one]) for one in np.flatnonzero(large & ~locked)]
-        grid = common_grid(self.name, [parent], 0.0)
-        quarter = np.zeros(pixels.size, np.int64)
-        blocks = street_blocks(city, grid).labels
-        quarter[labels.ravel()] = grid.raster(blocks.ravel()).ravel()  # one of each building
-        held = np.zeros(int(blocks.max()) + 1, bool)
-        held[quarter[1:][locked[1:]]] = True
-        mine = np.flatnonzero(large & ~held[quarter])
-        order = np.argsort(quarter[mine], kind="stable")
-        numbers, first = np.unique(quarter[mine][order], return_index=True)
-        return np.split(mine[order], first[1:]) if numbers.size else []
+            scaled += factors[number] != 1 and heights.scale(groups[number], factors[number])
+        return heights.draft({"what": self.what, "scaled": scaled})

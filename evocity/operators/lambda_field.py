@@ -10,16 +10,13 @@ import numpy as np
 
 from evocity.genome import PROVENANCE, Genome
 from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.fields import DIGITS, MOST_SIDE, field_weights
 from evocity.operators.grid import common_grid
 from evocity.operators.parameters import Check, at_fault
 from evocity.operators.quarter_fusion import filling_checks
 from evocity.operators.street_blocks import Filling, Fit
 from evocity.pavement import Pavement
 
-#: The most values a side that a field may have.
-MOST_SIDE = 64
-#: Values are kept to so many digits after the point: what is logged is what was laid.
-DIGITS = 4
 #: Of so many sets of parents it is remembered what fits where; the latest.
 _REMEMBERED = 4
 
@@ -156,7 +153,7 @@ class _Places:
         first = self._filling()
         self._numbers = first.numbers(area_min)
         labels = first.host.labels
-        self._weights = _weights(labels, self._numbers, side)
+        self._weights = field_weights(labels, self._numbers, side)
         self._fits: list[list[Fit | None]] = []
         self._own: list[np.ndarray] = []
         self._thresholds = np.full((len(parents) - 1, self._numbers.size), np.inf)
@@ -212,29 +209,6 @@ class _Places:
         """How many of the blocks chosen are filled from their own place."""
         filled = np.flatnonzero(chosen)
         return int(sum(self._own[chosen[at] - 1][at] for at in filled.tolist()))
-
-
-def _weights(labels: np.ndarray, numbers: np.ndarray, side: int) -> np.ndarray:
-    """How much each value of a field of ``side`` × ``side`` counts in each of the street blocks
-    ``numbers``: ``(n, side²)``, rows of sum 1. Values lie in the middle of equal squares of the
-    map, linear in between, level beyond the outermost."""
-    rows, columns = (_linear(length, side) for length in labels.shape)
-    at = np.zeros(int(labels.max(initial=0)) + 1, np.int64)
-    at[numbers] = np.arange(1, numbers.size + 1)
-    of = at[labels]
-    found = np.zeros((numbers.size, side * side))
-    for row in range(side):
-        for column in range(side):
-            weight = rows[:, row, None] * columns[None, :, column]
-            total = np.bincount(of.ravel(), weight.ravel(), numbers.size + 1)
-            found[:, row * side + column] = total[1:]
-    return found / np.maximum(found.sum(axis=1, keepdims=True), 1e-300)
-
-
-def _linear(length: int, side: int) -> np.ndarray:
-    """Weights of ``side`` values in each of ``length`` cells, ``(length, side)``."""
-    place = np.clip((np.arange(length) + 0.5) * side / length - 0.5, 0, side - 1)
-    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(side)))
 
 
 def _thresholds(weights: np.ndarray, worse: np.ndarray, there: np.ndarray) -> np.ndarray:

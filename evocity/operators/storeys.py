@@ -71,17 +71,19 @@ class Storeys:
         change = self.change[self._labels]
         return np.where(change == 0, self._heights, self.shifted(self._heights, change))
 
-    def scale(self, buildings: np.ndarray, factor: float) -> bool:
+    def scale(self, buildings: np.ndarray, factor: float, at_least_one: bool = True) -> bool:
         """Change the height of ``buildings``, numbers from 1, to about ``factor`` times what it
-        is, by whole storeys; False if none can change.
+        is, by whole storeys; False if none changes.
 
-        The highest changes by one storey at least. A lone one that would become one with a
-        building beside it changes by another number of storeys, up to one more than it should.
-        Of several, those that would become one change by the same number.
+        The highest changes by one storey if it is to be ``at_least_one``. A lone one that would
+        become one with a building beside it changes by another number of storeys, up to one more
+        than it should. Of several, those that would become one change by the same number.
         """
         wish = (factor - 1) * self._roofs[buildings] / self._storey
         way = 1 if factor > 1 else -1
         if np.abs(wish).max(initial=0) < 0.5:
+            if not at_least_one:
+                return False
             wish = np.full(buildings.size, float(way))
         if buildings.size == 1:
             return self._scale_one(int(buildings[0]), int(np.rint(wish[0])), way)

@@ -21,7 +21,10 @@
 - `observers`: who watches it, its log first
 - `credit`: which operators earn their births
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
-- `resuming`, `keeping`: taking a run up again, with the files of the user's own that it kept
+- `rereading`, `resuming`, `keeping`: what a run was prepared with; taking it up again, with the
+  files of the user's own that it kept
+- `replaying`: how one birth of a run came about
+- `refinement`: one individual made better by an optimiser, by itself or as a step of a search
 - `toolbox`: DEAP's own algorithms on city genomes
 - `judging`: what a log tells of births: values, losses, constraints
 - `archiving`, `binning`: of all births ever, those that no other dominates; the best of each cell
@@ -35,6 +38,7 @@ from evocity.search.individual import Individual
 from evocity.search.observers import Observer
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
+from evocity.search.refinement import refine
 from evocity.search.toolbox import deap_toolbox
 
 __all__ = [
@@ -49,4 +53,5 @@ __all__ = [
     "pick",
     "read_recipe",
     "recipes",
+    "refine",
 ]

@@ -96,7 +96,7 @@ def check(
             faults += recipe.search.faults(
                 len(recipe.goals), recipe.run.population, len(recipe.parents)
             )
-            faults += _undescribed(recipe)
+            faults += _undescribed(recipe) + _of_refine(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that
@@ -187,6 +187,19 @@ def _undescribed(recipe: BaseModel) -> list[tuple[str, str, str]]:
         for name in recipe.search.described
         if name not in own
     ]
+
+
+def _of_refine(recipe: BaseModel) -> list[tuple[str, str, str]]:
+    """Faults of refinement with so many births a generation, and with the algorithm."""
+    refine, population = recipe.refine, recipe.run.population
+    faults = []
+    if refine.births > population:
+        found = f"{refine.births} of {population} births a generation"
+        faults.append(("refine.births", found, f"{population} or fewer"))
+    if refine.births and recipe.search.breeds_by is not None:
+        found = f"{refine.births}, with the algorithm {recipe.search.algorithm!r}"
+        faults.append(("refine.births", found, "0, as it breeds by itself"))
+    return faults
 
 
 def _once(name: str) -> str:

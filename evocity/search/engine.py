@@ -30,6 +30,7 @@ from evocity.search.observers import Observer, Observers
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
+from evocity.search.refinement.step import with_refinements
 from evocity.search.steering import Steering, genomes_of
 from evocity.store import Birth, RunWriter, refuse_existing
 
@@ -383,21 +384,15 @@ class Search:
             self._start(guarded)
         self._pace.begin()
         sources = [source.genome for source in self._prepared.sources]
-        algorithm = self._population.algorithm
+        recipe, population, number = self.recipe, self._population, self._next
+        algorithm = population.algorithm
         if algorithm.breeds_by is not None:
-            return own_population(self.recipe, algorithm, self._next, sources)
-        if self._next == 0:
-            return first_population(self.recipe, sources)
-        population = self._population
-        return next_population(
-            self.recipe,
-            algorithm,
-            self._next,
-            population.living,
-            sources,
-            self._steering.picks,
-            self._weights(),
-        )
+            return own_population(recipe, algorithm, number, sources)
+        if number == 0:
+            return first_population(recipe, sources)
+        living, steered = population.living, (self._steering.picks, self._weights())
+        plans = next_population(recipe, algorithm, number, living, sources, *steered)
+        return with_refinements(plans, recipe, number, population, self._aims)
 
     def _weights(self) -> dict[str, float]:
         """Weights of operators that are not the recipe's: those of commands, and what credit makes

@@ -48,7 +48,7 @@ def _unknown(run: Run, reason: str) -> RunError:
 
 
 def _wanted(noted: dict) -> Wanted:
-    measure = Measure(noted["name"], _uncalled, None, "", (-math.inf, math.inf), "", "", 0)
+    measure = named_alone(noted["name"])
     goal, low, high = (noted.get(key) for key in ("goal", "min", "max"))
     total = noted.get("objective")
     if goal is None and (low, high) == (None, None):
@@ -63,6 +63,11 @@ def _wanted(noted: dict) -> Wanted:
         weight,
         None if total is None else str(total),
     )
+
+
+def named_alone(name: str) -> Measure:
+    """A measure that has a ``name`` and cannot be called."""
+    return Measure(name, _uncalled, None, "", (-math.inf, math.inf), "", "", 0)
 
 
 def _uncalled(city) -> float:

@@ -77,6 +77,11 @@ class Population:
         self.living = self.algorithm.judged([self._individual(born) for born in living])
 
     @property
+    def first_losses(self) -> np.ndarray:
+        """Losses ``(n, goals)`` of the first generation's births that were measured."""
+        return np.array([self._aims.losses(born.values) for born in self._first])
+
+    @property
     def hypervolume(self) -> float:
         """Of those that break no constraint, in units of the first population's ranges, see
         `Hypervolume`; 0 if there are none."""

@@ -37,6 +37,7 @@ from evocity.search.sections import (
     LockedSection,
     MapSection,
     Parent,
+    RefineSection,
     RunSection,
     SearchSection,
 )
@@ -92,6 +93,7 @@ class Recipe(Section):
     locked: LockedSection = LockedSection.model_construct()
     evaluation: EvaluationSection = EvaluationSection()
     search: SearchSection = SearchSection()
+    refine: RefineSection = RefineSection()
 
     _text: str = PrivateAttr("")
     _overrides: dict = PrivateAttr(default_factory=dict)
@@ -182,9 +184,12 @@ class Recipe(Section):
 
     @property
     def breeding(self) -> list[str]:
-        """The operators that may breed: those of the mixture, or the algorithm's own."""
+        """The operators that may breed: those of the mixture, or the algorithm's own, and that of
+        refinement."""
         own = self.search.breeds_by
-        return list(self.operators) if own is None else [own]
+        names = list(self.operators) if own is None else [own]
+        refining = [self.refine.operator] if self.refine.births else []
+        return list(dict.fromkeys(names + refining))
 
     def parent_named(self, name: str) -> Parent | None:
         """The parent whose ``name`` the recipe gives, or the one that is called so after its map

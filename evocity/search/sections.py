@@ -211,6 +211,27 @@ class EvaluationSection(Section):
     max_failures: float = Field(0.5, ge=0, le=1)
 
 
+class RefineSection(Section):
+    """``[refine]``: in every so many generations, that many ``births`` are what an optimiser makes
+    of one of the living in ``budget`` evaluations, see `evocity.search.refinement`; 0 births, the
+    default, refine nobody. ``way``: what it tunes; ``side``: numbers along each side of its field;
+    ``others``: so many others offer their fabric.
+    """
+
+    births: int = Field(0, ge=0, le=1_000_000)
+    every: int = Field(5, ge=1, le=99_999_999)
+    budget: int = Field(40, ge=1, le=100_000)
+    way: Literal["lambda_field", "heights"] = "lambda_field"
+    algorithm: Literal["sbplx", "cobyla", "bobyqa"] = "sbplx"
+    side: int = Field(4, ge=1, le=16)
+    others: int = Field(2, ge=1, le=8)
+
+    @property
+    def operator(self) -> str:
+        """The operator whose numbers are tuned."""
+        return "height_field" if self.way == "heights" else "lambda_field"
+
+
 class SearchSection(BaseModel):
     """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
     ``picks``: the share of births that have a pick for their first parent, while there are picks.

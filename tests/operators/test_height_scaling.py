@@ -19,7 +19,7 @@ from evocity.errors import OperatorError
 from evocity.fitness import fsi
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome
-from evocity.operators import HeightScaling
+from evocity.operators import HeightField, HeightScaling
 from evocity.operators.grid import common_grid
 from evocity.operators.refitting import refitted
 from evocity.operators.storeys import Storeys
@@ -30,6 +30,8 @@ VARIANTS = [
     HeightScaling(what="buildings", share=0.5),
     HeightScaling(share=1.0, factors=(0.3, 3.0), repair=None),
     HeightScaling(what="buildings", share=1.0, storey=2.5, highest=18.0, repair=None),
+    HeightField(),
+    HeightField(side=2, values=(0.5, 2.0, 1.0, 1.5), repair=None),
 ]
 KEPT = ("x", "y", "dx", "dy", "iso", "parent", "source", "turn")
 
@@ -81,7 +83,8 @@ def test_laws(operator, seed):
         up, down = storeys[storeys > 0].sum(), -storeys[storeys < 0].sum()
         assert (child.made["raised"], child.made["lowered"]) == (round(up), round(down))
         assert child.made["buildings"] == np.count_nonzero(storeys)
-        assert 0 < child.made["scaled"] <= max(1, child.made["buildings"])
+        least = operator.name == "height_scaling"  # a field may leave all as it is
+        assert least <= child.made["scaled"] <= max(1, child.made["buildings"])
 
 
 @pytest.mark.parametrize("none", [{"share": 0}, {"factors": (1, 1)}], ids=str)
@@ -276,6 +279,39 @@ def test_ends_well_on_any_map(name, what):
     for share in (0.1, 1.0):
         child = assert_laws(HeightScaling(what=what, share=share), odd_maps()[name], 0)
         assert child.made["scaled"] == 0 or name != "empty"
+
+
+@pytest.mark.parametrize("side", [1, 2, 5])
+def test_a_field_of_ones_changes_nothing(side):
+    for parent in parents():
+        values = [1.0] * side**2
+        child = HeightField(side=side, values=values)([parent], np.random.default_rng(0))
+        assert child == parent
+        assert child.made["values"] == values
+        assert child.made["scaled"] == child.made["fsi_change"] == 0
+
+
+def test_a_field_raises_where_it_is_above_one_and_lowers_where_it_is_below():
+    parent, rng = flat(), np.random.default_rng(0)
+    values = [2.0, 2.0, 0.4, 0.4]
+    child = HeightField(side=2, values=values, repair=None)([parent], rng)
+    change = decode(child).city.heights - decode(parent).city.heights
+    third = change.shape[0] // 4  # beyond the middles of its squares the field is level
+    assert change[:third].min() > -1e-3
+    assert change[:third].max() > 2
+    assert change[-third:].max() < 1e-3
+    assert change[-third:].min() < -2
+    assert child.made["raised"] > 0 < child.made["lowered"]
+    again = HeightField(side=2, values=values, repair=None)([parent], np.random.default_rng(9))
+    assert again == child  # nothing is drawn
+
+
+def test_values_are_as_many_as_the_field_has():
+    with pytest.raises(OperatorError, match=r"values = 3 numbers.*\n.*4, 2 × 2"):
+        HeightField(side=2, values=(1, 1, 1))([flat()], np.random.default_rng(0))
+    with pytest.raises(OperatorError, match=r"0\.1…10"):
+        HeightField(side=1, values=(0,))
+    assert len(HeightField(side=3)([flat()], np.random.default_rng(0)).made["values"]) == 9
 
 
 def test_all_faults_are_told_at_once():

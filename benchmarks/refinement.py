@@ -1,0 +1,135 @@
+"""What refinement gains: python benchmarks/refinement.py [--seeds N] [--births N] [--budget N]
+[--ways NAME …]
+
+For five pairs of cities a search with the demonstration's measures, guard and operators; then its
+birth with the least sum of losses, each over its range in the first generation, is refined: by
+each way and algorithm, and by a (1+1) search, which replaces the birth by a child of the search's
+own operators, parameters drawn, whenever that is no worse. All have the same evaluations.
+"""
+
+import argparse
+import itertools
+import multiprocessing
+import os
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import numpy as np
+from _machine import description
+
+import evocity
+from evocity.search.beginning import pool_of
+from evocity.search.breeding import founders_of
+from evocity.search.refinement.refine import score_of
+from evocity.search.rereading import read_again
+
+PAIRS = (
+    ("lyon-1er", "montpellier-pas-du-loup"),
+    ("new-york-west-village", "cape-town-salt-river"),
+    ("villeurbanne-gratte-ciel", "lyon-1er"),
+    ("montpellier-pas-du-loup", "new-york-west-village"),
+    ("cape-town-salt-river", "villeurbanne-gratte-ciel"),
+)
+POPULATION = 48
+OWN = "(1+1), own operators"
+#: What is compared: a name, and what `evocity.refine` is told.
+WAYS = {
+    "lambda_field, sbplx": {},
+    "lambda_field, cobyla": {"algorithm": "cobyla"},
+    "lambda_field, bobyqa": {"algorithm": "bobyqa"},
+    "lambda_field 6 x 6, sbplx": {"side": 6},
+    "heights, sbplx": {"way": "heights"},
+    "parameters, sbplx": {"way": "parameters"},
+}
+
+
+def main(asked: argparse.Namespace) -> None:
+    print(description())
+    names = [OWN, *(name for name in WAYS if not asked.ways or name in asked.ways)]
+    cases = list(itertools.product(PAIRS, range(asked.seeds)))
+    jobs = [(*case, asked.births, asked.budget, names) for case in cases]
+    with multiprocessing.get_context("spawn").Pool(asked.processes) as pool:
+        found = []
+        for case, one in zip(cases, pool.imap(run_one, jobs), strict=True):
+            found.append(one)
+            told = ", ".join(f"{name} {one[name][0]:.3f}" for name in names)
+            print(f"{' x '.join(case[0])}, seed {case[1]}: {told}", flush=True)
+    print(
+        f"\ngain: by how much the sum of the losses fell in {asked.budget} evaluations, after a "
+        f"search of {asked.births} births, {len(cases)} cases"
+    )
+    print(f"{'':28}{'better':>8}{'mean':>8}{'median':>8}{'worst':>8}{'best':>8}{'s':>8}")
+    for name in names:
+        gains = np.array([one[name][0] for one in found])
+        seconds = np.mean([one[name][1] for one in found])
+        print(
+            f"{name:28}{np.count_nonzero(gains > 0):>5}/{len(gains):<2}{gains.mean():8.3f}"
+            f"{np.median(gains):8.3f}{gains.min():8.3f}{gains.max():8.3f}{seconds:8.1f}"
+        )
+
+
+def run_one(job) -> dict[str, tuple[float, float]]:
+    """Of one case: each way's gain, and how many seconds it took."""
+    pair, seed, births, budget, names = job
+    recipe = evocity.read_recipe("demo")
+    goals = [one.model_dump(exclude_none=True) for one in recipe.fitness]
+    generations = -(-births // POPULATION) - 1
+    recipe = evocity.Recipe(
+        parents=list(pair),
+        fitness=goals,
+        run={"seed": seed, "population": POPULATION, "generations": generations},
+        evaluation={"max_failures": 1.0},
+    )
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        with evocity.Search(recipe, out=Path(folder) / "run", workers=0) as search:
+            for _ in search:
+                pass
+        run = evocity.open_run(Path(folder) / "run")
+        prepared, _ = read_again(run)
+        score = score_of(run, prepared)
+        ids = run.members(run.generations[-1]).column("id").to_pylist()
+        living = run.individuals(ids)
+        best = min(living, key=lambda one: score(one.values))
+        for name in names:
+            start = time.perf_counter()
+            if name == OWN:
+                gain = own_search(prepared, score, best, living, budget, seed)
+            else:
+                refined = evocity.refine(run, best.id, budget=budget, **WAYS[name])
+                gain = refined.score_before - refined.score
+            found[name] = gain, time.perf_counter() - start
+    return found
+
+
+def own_search(prepared, score, best, living, budget: int, seed: int) -> float:
+    """The gain of a (1+1) search from the individual ``best``."""
+    recipe, rng = prepared.recipe, np.random.default_rng([seed, 1])
+    pool = pool_of(prepared, 0, (), print, print)
+    sources = [source.genome for source in prepared.sources]
+    genome, now = best.genome, score(best.values)
+    names = list(recipe.operators)
+    weights = np.array([recipe.operators[name].weight for name in names])
+    for _ in range(budget):
+        name = names[rng.choice(len(names), p=weights / weights.sum())]
+        operator = recipe.operator_drawn(name, rng)
+        others = rng.permutation(len(living))[: operator.parents[0] - 1]
+        parents = [genome, *(living[at].genome for at in others)]
+        parents += [sources[at] for at in founders_of(operator, len(sources))]
+        (outcome,) = pool.run("born", [(operator, parents, rng)])
+        if outcome.status == "ok" and score(outcome.values) <= now:
+            genome, now = outcome.genome, score(outcome.values)
+    return score(best.values)[1] - now[1]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--births", type=int, default=960)
+    parser.add_argument("--budget", type=int, default=200)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--ways", nargs="*", default=[], metavar="NAME")
+    main(parser.parse_args())

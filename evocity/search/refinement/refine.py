@@ -1,0 +1,270 @@
+"""`refine`: one individual of a run made better by an optimiser; the run stays as it is."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow.compute as pc
+
+from evocity.citymap import CityMap
+from evocity.coding.fit import fit_attractor
+from evocity.coding.optimising import WITHOUT_GRADIENTS
+from evocity.errors import EvocityError, RunError, keyword, shown
+from evocity.genome import Genome
+from evocity.search.beginning import pool_of, sides_of
+from evocity.search.compiling import compile_once, needed
+from evocity.search.evaluation import Here
+from evocity.search.judging import judged, measured
+from evocity.search.preparation import Prepared
+from evocity.search.refinement.climbing import climb, rounded
+from evocity.search.refinement.score import Score
+from evocity.search.refinement.tuning import Tuning, of_field, of_heights, of_parameters
+from evocity.search.replaying import plan_of
+from evocity.search.rereading import read_again
+from evocity.search.resuming import standing_of
+from evocity.store import Birth, Run, open_run
+
+#: What may be tuned of an individual.
+WAYS = ("lambda_field", "heights", "parameters", "fit")
+#: The most values along each side of a field, and the most evaluations.
+MOST_SIDE, MOST_BUDGET = 16, 1_000_000
+# Of so many others the fabric is taken unless told.
+_OTHERS = 2
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A ``genome`` and its ``values``, measure -> raw number, beside those ``before``; the
+    ``score`` of both, lower is better: each goal's loss over its range in the run's first
+    generation, summed. ``evaluations``: children that were measured, of which ``failures``
+    failed, the first with ``error``; ``others``: those whose fabric was offered, by id.
+
+    ``better``: whether anything better was found; else the genome is the individual's own.
+    """
+
+    genome: Genome
+    values: Mapping[str, float]
+    before: Mapping[str, float]
+    score: float
+    score_before: float
+    evaluations: int
+    failures: int = 0
+    error: str | None = None
+    others: tuple[int, ...] = ()
+    better: bool = False
+    violation: float = field(default=0.0)
+
+    @property
+    def city(self) -> CityMap:
+        """Its map."""
+        from evocity.coding import decode
+
+        return decode(self.genome).city
+
+
+def refine(
+    run: str | os.PathLike | Run,
+    id: int,
+    *,
+    way: str = "lambda_field",
+    budget: int = 200,
+    algorithm: str = "sbplx",
+    side: int = 4,
+    others: Sequence[int] | None = None,
+    tune: Sequence[str] = (),
+    towards: CityMap | None = None,
+    accept_changes: bool = False,
+    progress: Callable[[int, float], None] | None = None,
+    told: Callable[[str], None] | None = None,
+) -> Refined:
+    """The individual ``id`` of a ``run`` made better, by the run's own goals and constraints.
+
+    Parameters
+    ----------
+    run : a run's folder, or what `evocity.open_run` gives; finished or going on. It is only read.
+    id : an individual that was bred and measured.
+    way : what is tuned.
+        "lambda_field": which street blocks get the fabric of ``others``, see
+        `evocity.operators.LambdaField`; ``side`` × ``side`` numbers for each of these.
+        "heights": the heights of street blocks, see `evocity.operators.HeightField`, by ``side`` ×
+        ``side`` factors.
+        "parameters": the numbers among the parameters of the operator that it was bred by, its
+        making replayed with the same draws; ``tune`` names those to be tuned, all unless told.
+        "fit": σ and β of all lifs, until its map is closest to that of ``towards``, see
+        `evocity.coding.fit.fit_attractor`; the goals are told, and do not count.
+    budget : evaluations at most, 1…1000000; equal children are measured once.
+    algorithm : NLopt's "sbplx", "cobyla" or "bobyqa"; "fit" has its own.
+    side : 1…16; 4 to 8 suits.
+    others : ids whose fabric is offered; unless told, of those who live in the last generation
+        the two that are best by the same score among those bred from other streets or stone.
+    accept_changes : go on though the recipe, a map or a measure has changed since.
+    progress : called with (evaluations, the best score).
+    told : told in a few words what is prepared.
+
+    Returns
+    -------
+    Refined : its genome has ``refined`` in its ``made``.
+
+    Raises
+    ------
+    RunError : the run has no such individual, or it failed, or what it was made of has changed.
+    OperatorError : nothing can be tuned so.
+    EvocityError : a way, an algorithm or a number that is none.
+
+    Failed children are counted, and worse than all others. What else a measure of one's own
+    raises in this process, Ctrl-C too, is raised here.
+    """
+    _check(way, budget, algorithm, side, towards)
+    say = told or (lambda text: None)
+    run = run if isinstance(run, Run) else open_run(run)
+    say("reading the run")
+    prepared, _ = read_again(run, None, accept_changes)
+    (birth,) = _alive(run, [id])
+    compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
+    pool = pool_of(prepared, 0, (), say, say)
+    score = score_of(run, prepared)
+    if way == "fit":
+        return _fitted(run, prepared, birth, towards, budget, score, pool, progress)
+    chosen, tuning = _tuning(run, prepared, birth, way, side, others, tune, score)
+    climbed = climb(
+        birth.genome,
+        birth.values,
+        tuning,
+        score,
+        lambda *job: pool.run("breed", [job])[0],
+        lambda *job: pool.run("evaluate", [job])[0],
+        budget,
+        algorithm,
+        progress,
+    )
+    before = score(birth.values)
+    noted = {
+        "way": way,
+        "id": id,
+        "others": list(chosen),
+        "algorithm": algorithm,
+        "evaluations": climbed.evaluations,
+        "score_before": rounded(before[1]),
+        "score": rounded(climbed.score[1]),
+    }
+    made = {**climbed.genome.made, "refined": noted}
+    return Refined(
+        climbed.genome.replace(made=made),
+        dict(climbed.values),
+        dict(birth.values),
+        climbed.score[1],
+        before[1],
+        climbed.evaluations,
+        climbed.failures,
+        climbed.error,
+        tuple(chosen),
+        climbed.better,
+        climbed.score[0],
+    )
+
+
+def score_of(run: Run, prepared: Prepared) -> Score:
+    """The score that a ``run``'s individuals are refined by, with the weights it has now."""
+    aims = prepared.aims.reweighted(standing_of(run, len(run.generations)).weights)
+    births = measured(run, aims.bounds)
+    first = births.filter(pc.equal(births["generation"], 0))
+    if not len(first):
+        raise RunError(
+            f"{run.path}: no birth of the first generation was measured",
+            "first births, whose ranges are the goals' units",
+            "choose another run",
+        )
+    return Score.of(aims, judged(first, aims)[0])
+
+
+def _check(way: str, budget: int, algorithm: str, side: int, towards) -> None:
+    for key, value, known in (("way", way, WAYS), ("algorithm", algorithm, WITHOUT_GRADIENTS)):
+        if value not in known:
+            allowed = ", ".join(map(shown, known))
+            raise EvocityError(keyword(key, value), f"one of {allowed}", "choose one of these")
+    for key, value, most in (("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE)):
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+            raise EvocityError(keyword(key, value), f"a whole number, 1…{most}", "correct it")
+    if (towards is None) == (way == "fit"):
+        found = "no map to fit to" if towards is None else f"a map to fit to, with way = {way!r}"
+        raise EvocityError(found, "a map with way = 'fit', and none else", "correct one of them")
+
+
+def _alive(run: Run, ids: Sequence[int]) -> list[Birth]:
+    births = run.individuals(ids)
+    for birth in births:
+        if not birth.ok:
+            raise RunError(
+                f"{run.path}: individual {birth.id} failed ({birth.error})",
+                "an individual that was bred and measured",
+                f"choose another, such as `evocity status {run.path}` lists",
+            )
+    return births
+
+
+def _tuning(run, prepared, birth: Birth, way, side, others, tune, score) -> tuple[list, Tuning]:
+    """Whose fabric is offered, and what is tuned."""
+    coding = {key: prepared.recipe.genome.coding[key] for key in ("reach", "domains")}
+    if way == "heights":
+        return [], of_heights(birth.genome, side, coding)
+    if way == "parameters":
+        plan = plan_of(run, prepared, birth.id)
+        return [], of_parameters(plan, prepared.recipe.parameters(plan.name), tune)
+    if others is None:
+        offered = others_of(run, birth, score)
+    else:
+        offered = _alive(run, [one for one in dict.fromkeys(others) if one != birth.id])
+    if not offered:
+        raise RunError(
+            f"{run.path}: nobody but individual {birth.id} to take fabric from",
+            "one other individual or more",
+            "name others, or choose another way, such as heights",
+        )
+    genomes = [one.genome for one in offered]
+    return [one.id for one in offered], of_field(birth.genome, genomes, side, coding)
+
+
+def others_of(run: Run, birth: Birth, score: Score, count: int = _OTHERS) -> list[Birth]:
+    """Whose fabric is offered to an individual: of those who live, and the source cities, the best
+    by ``score`` whose genomes are others."""
+    ids = run.members(run.generations[-1]).column("id").to_pylist()
+    lived = run.individuals([one for one in ids if one != birth.id])
+    lived = [one for one in lived if one.ok and one.genome.digest != birth.genome.digest]
+    return sorted(lived, key=lambda one: (score(one.values), one.id))[:count]
+
+
+def _fitted(
+    run: Run,
+    prepared: Prepared,
+    birth: Birth,
+    towards: CityMap,
+    budget: int,
+    score,
+    pool: Here,
+    tell,
+) -> Refined:
+    before = score(birth.values)
+    on = None if tell is None else (lambda tried, _: tell(tried, before[1]))
+    fitted = fit_attractor(birth.genome, towards, evaluations=budget, progress=on)
+    (outcome,) = pool.run("evaluate", [(fitted, (birth.genome,))])
+    tried = fitted.made.get("fit", {}).get("evaluations", 0)
+    noted = {"way": "fit", "id": birth.id, "evaluations": tried}
+    measured_ = outcome.status == "ok"
+    after = score(outcome.values) if measured_ else (np.inf, np.nan)
+    return Refined(
+        fitted.replace(made={**fitted.made, "refined": noted}),
+        dict(outcome.values),
+        dict(birth.values),
+        after[1],
+        before[1],
+        tried,
+        0 if measured_ else 1,
+        outcome.error,
+        (),
+        fitted is not birth.genome,
+        after[0],
+    )
+
+
+__all__ = ["MOST_SIDE", "WAYS", "Refined", "others_of", "refine", "score_of"]

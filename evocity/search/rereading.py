@@ -1,0 +1,204 @@
+"""What a run was prepared with, from its folder: the recipe, the sources, what is measured."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from evocity import store
+from evocity.citymap import CityMap
+from evocity.errors import RunError, keyword
+from evocity.search.changes import changes_of, folder_of, hash_now, noted_of
+from evocity.search.keeping import replaced
+from evocity.search.parting import part_names, parts_of
+from evocity.search.preparation import (
+    Prepared,
+    aims_of,
+    compared_names,
+    named_cities,
+    references_of,
+)
+from evocity.search.reading import recipe_of
+from evocity.search.recipe import Recipe
+from evocity.store import Run, Source
+
+#: What releases before leaves took where a recipe says nothing of it.
+_BEFORE_LEAVES = {"genome.block": 4, "genome.fit": False, "genome.settle": False}
+#: The mixture of releases that did not note it, where a recipe says nothing of operators.
+_BEFORE_QUARTERS = {
+    "pavement_fusion": 2,
+    "region_fusion": 2,
+    "lambda_crossover": 1,
+    "relocation": 1,
+    "mutation": 1,
+}
+
+
+#: How releases before algorithms selected.
+_BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
+
+
+def read_again(
+    run: Run, generations: int | None = None, accept_changes: bool = False
+) -> tuple[Prepared, list[str]]:
+    """What the ``run`` was prepared with, and in words what changed since. Its own measures are
+    executed, unless they changed and that is not accepted.
+
+    Raises `RunError` as `Search.resume` says.
+    """
+    try:
+        noted = noted_of(run.provenance)
+        copies = replaced(run.path, folder_of(run), noted)
+        changes = changes_of(run, copies)
+        if changes and not accept_changes:
+            raise RunError(
+                f"{run.path}: changed since the run began: {'; '.join(changes)}",
+                "the recipe, maps and measures it began with",
+                f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
+                "the living then keep the values they were given",
+            )
+        recipe = _recipe(run, generations, copies)
+        _refuse_another_run(run, recipe)
+        likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]
+        if changes:  # cities that are not there any more cannot be measured again
+            likes = [one for one in likes if hash_now(recipe.folder, one["like"]) == "missing"]
+        aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
+        sources = _sources(run, recipe)
+        named = _named(run, recipe, sources)
+        cities = [source.city for source in sources]
+        references = references_of(recipe, cities, named)
+        within = parts_of(recipe, cities, _masks(run))
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise RunError(
+            f"{run.path}: provenance.json lacks a part ({error!r})",
+            "a provenance as `evocity run` writes it",
+            "bring the file back from a copy",
+        ) from None
+    prepared = Prepared(
+        recipe,
+        sources,
+        aims,
+        run.header,
+        run.condensation,
+        references=references,
+        named=named,
+        within=within,
+    )
+    return prepared, changes
+
+
+def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Recipe:
+    """The run's recipe; its own measures are executed."""
+    overrides = dict(run.provenance["recipe"]["overrides"])
+    if generations is not None:
+        overrides["run.generations"] = generations
+    mixture = run.provenance["recipe"].get("operators", _BEFORE_QUARTERS)
+    older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
+    selected = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
+    older |= {f"search.{key}": value for key, value in selected.items()}
+    name = f"{run.path}/recipe.toml"
+    return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
+
+
+def _refuse_another_run(run: Run, recipe: Recipe) -> None:
+    """Raise `RunError` for what one run cannot have changed."""
+    header = run.header
+    fixed = {
+        "run.seed": (header.seed, recipe.run.seed),
+        "run.population": (header.population, recipe.run.population),
+        "genome.block": (header.block, recipe.genome.block if header.block else None),
+        "genome.sigma_max": (header.sigma_max, recipe.genome.sigma_max),
+        "genome.settle": (header.settle, recipe.genome.settle),
+        "map.metres_per_pixel": (header.metres_per_pixel, recipe.map.metres_per_pixel),
+        "map.pixels": (header.width, recipe.map.pixels),
+        "parents": (
+            [one["map"] for one in run.provenance["maps"]],
+            [parent.place for parent in recipe.parents],
+        ),
+        "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
+        "search.algorithm": (_algorithm(run), recipe.search.algorithm),
+        "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
+        "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
+    }
+    parts = [one["name"] for one in run.provenance.get("within", [])]
+    fixed["the parts that are measured"] = parts, part_names(recipe)
+    if "references" in run.provenance:
+        before = [one["name"] for one in run.provenance["references"]]
+        fixed["the reference of measures"] = before, compared_names(recipe)
+    for key, (before, now) in fixed.items():
+        if before != now:
+            raise RunError(
+                f"{run.path}: {key} was {before} and is now {now}",
+                f"{key} as the run began: its births would not be comparable",
+                "undo the change, or start a new run with the new recipe",
+            )
+    done = len(run.generations) - 1
+    if recipe.run.generations < done:
+        raise RunError(
+            f"{run.path}: generations = {recipe.run.generations}, but {done} are done",
+            f"{done} or more: a run loses none of its generations",
+            "ask for more, or leave the number out to keep what the run was started with",
+        )
+
+
+def _algorithm(run: Run) -> str:
+    """What the run selects by."""
+    return run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)["algorithm"]
+
+
+def _sources(run: Run, recipe: Recipe) -> list[Source]:
+    """The source cities, if they are those the run began with; `RunError` if not."""
+    sources = run.sources()
+    found = ""
+    if len(sources) != len(recipe.parents):
+        found = f"holds {len(sources)} cities of {len(recipe.parents)}"
+    else:
+        for source, noted in zip(sources, run.provenance["maps"], strict=True):
+            now = store.hash_of_map(source.city), source.genome.digest
+            if now != (noted["hash"], noted.get("genome", now[1])):
+                found = f"holds another map or genome of {source.name}"
+    if found:
+        raise RunError(
+            f"{run.path / 'sources'} {found}",
+            "the source cities as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return sources
+
+
+def _named(run: Run, recipe: Recipe, sources: list[Source]) -> Mapping[str, CityMap]:
+    """The cities that measures compare with, by the recipe's names, as the run keeps them;
+    `RunError` if these are not those it began with. Runs of older releases kept none, and read
+    their files again."""
+    noted = run.provenance.get("references")
+    if noted is None:
+        cities = [source.city for source in sources]
+        return named_cities(recipe, cities, lambda text: None, lambda text: None)
+    others = run.references()
+    left = [one["name"] for one in noted if one["source"] is None]
+    named = dict(zip(left, others, strict=False))
+    named |= {
+        one["name"]: sources[one["source"]].city for one in noted if one["source"] is not None
+    }
+    hashes = {name: store.hash_of_map(city) for name, city in named.items()}
+    if len(left) != len(others) or hashes != {one["name"]: one["hash"] for one in noted}:
+        raise RunError(
+            f"{run.path / 'references'} holds other maps than the run began with",
+            "the cities that measures compare with, as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return named
+
+
+def _masks(run: Run) -> Mapping[str, np.ndarray]:
+    """The parts that measures are taken of, by the recipe's names, as the run keeps them;
+    `RunError` if these are not those it began with."""
+    noted = run.provenance.get("within", [])
+    masks = run.parts()
+    hashes = [store.hash_of_mask(mask) for mask in masks]
+    if hashes != [one["hash"] for one in noted]:
+        raise RunError(
+            f"{run.path / 'within'} holds other parts than the run began with",
+            "the parts of the map that are measured, as the run began with them",
+            "bring the folder back from a copy, or start a new run with the same recipe",
+        )
+    return dict(zip([one["name"] for one in noted], masks, strict=True))
