@@ -4,14 +4,14 @@
 For five pairs of cities a search with the demonstration's measures, guard and operators; then its
 birth with the least sum of losses, each over its range in the first generation, is refined: by
 each way and algorithm, and by a (1+1) search, which replaces the birth by a child of the search's
-own operators, parameters drawn, whenever that is no worse. All have the same evaluations.
+own operators, parameters drawn, whenever that is no worse. All have the same evaluations. Runs are
+kept in runs/refinement; what is there is not bred again.
 """
 
 import argparse
 import itertools
 import multiprocessing
 import os
-import tempfile
 import time
 from pathlib import Path
 
@@ -34,10 +34,13 @@ PAIRS = (
     ("cape-town-salt-river", "villeurbanne-gratte-ciel"),
 )
 POPULATION = 48
+KEPT = Path("runs/refinement")
 OWN = "(1+1), own operators"
 #: What is compared: a name, and what `evocity.refine` is told.
 WAYS = {
     "lambda_field, sbplx": {},
+    "lambda_field, 8 rounds": {"rounds": 8},
+    "lambda_field, one round": {"rounds": 1},
     "lambda_field, cobyla": {"algorithm": "cobyla"},
     "lambda_field, bobyqa": {"algorithm": "bobyqa"},
     "lambda_field 6 x 6, sbplx": {"side": 6},
@@ -83,25 +86,27 @@ def run_one(job) -> dict[str, tuple[float, float]]:
         run={"seed": seed, "population": POPULATION, "generations": generations},
         evaluation={"max_failures": 1.0},
     )
-    found = {}
-    with tempfile.TemporaryDirectory() as folder:
-        with evocity.Search(recipe, out=Path(folder) / "run", workers=0) as search:
+    folder = KEPT / f"{'-x-'.join(pair)}-{seed}-{births}"
+    if not folder.exists():
+        with evocity.Search(recipe, out=folder.with_suffix(".part"), workers=0) as search:
             for _ in search:
                 pass
-        run = evocity.open_run(Path(folder) / "run")
-        prepared, _ = read_again(run)
-        score = score_of(run, prepared)
-        ids = run.members(run.generations[-1]).column("id").to_pylist()
-        living = run.individuals(ids)
-        best = min(living, key=lambda one: score(one.values))
-        for name in names:
-            start = time.perf_counter()
-            if name == OWN:
-                gain = own_search(prepared, score, best, living, budget, seed)
-            else:
-                refined = evocity.refine(run, best.id, budget=budget, **WAYS[name])
-                gain = refined.score_before - refined.score
-            found[name] = gain, time.perf_counter() - start
+        folder.with_suffix(".part").rename(folder)
+    run = evocity.open_run(folder)
+    prepared, _ = read_again(run)
+    score = score_of(run, prepared)
+    ids = run.members(run.generations[-1]).column("id").to_pylist()
+    living = run.individuals(ids)
+    best = min(living, key=lambda one: score(one.values))
+    found = {}
+    for name in names:
+        start = time.perf_counter()
+        if name == OWN:
+            gain = own_search(prepared, score, best, living, budget, seed)
+        else:
+            refined = evocity.refine(run, best.id, budget=budget, **WAYS[name])
+            gain = refined.score_before - refined.score
+        found[name] = gain, time.perf_counter() - start
     return found
 
 

@@ -73,12 +73,27 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
     help="Numbers along each side of the field, of lambda_field and heights.",
 )
 @click.option(
+    "--rounds",
+    type=click.IntRange(1, 1000),
+    default=4,
+    show_default=True,
+    help="Rounds that the budget is spent in, of lambda_field: each goes on from the best of the "
+    "one before, with other fabric.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the draws of those whose fabric is offered.",
+)
+@click.option(
     "--with",
     "others",
     type=click.IntRange(min=0),
     multiple=True,
     metavar="N",
-    show_default="the two best of the others who live",
+    show_default="two of those who live, drawn in each round",
     help="An individual whose fabric is offered, of lambda_field. Give it once for each.",
 )
 @click.option(
@@ -101,8 +116,8 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
 @map_options
 @json_option
 def refine(
-    run: Path, identifier, output, way, budget, algorithm, side, others, tune, towards,
-    accept_changes, reading, as_json,
+    run: Path, identifier, output, way, budget, algorithm, side, rounds, seed, others, tune,
+    towards, accept_changes, reading, as_json,
 ) -> None:  # fmt: skip
     """Make the individual --id of RUN better by an optimiser, as a genome of its own.
 
@@ -126,6 +141,8 @@ def refine(
             budget=budget,
             algorithm=algorithm,
             side=side,
+            rounds=rounds,
+            seed=seed,
             others=others or None,
             tune=tune,
             towards=None if towards is None else _map(towards, opened, reading),

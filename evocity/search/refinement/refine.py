@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow.compute as pc
@@ -11,13 +11,13 @@ from evocity.citymap import CityMap
 from evocity.coding.fit import fit_attractor
 from evocity.coding.optimising import WITHOUT_GRADIENTS
 from evocity.errors import EvocityError, RunError, keyword, shown
-from evocity.genome import Genome
+from evocity.genome import VOID, Genome
 from evocity.search.beginning import pool_of, sides_of
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here
 from evocity.search.judging import judged, measured
 from evocity.search.preparation import Prepared
-from evocity.search.refinement.climbing import climb, rounded
+from evocity.search.refinement.climbing import Climbed, climb, rounded
 from evocity.search.refinement.score import Score
 from evocity.search.refinement.tuning import Tuning, of_field, of_heights, of_parameters
 from evocity.search.replaying import plan_of
@@ -29,7 +29,7 @@ from evocity.store import Birth, Run, open_run
 WAYS = ("lambda_field", "heights", "parameters", "fit")
 #: The most values along each side of a field, and the most evaluations.
 MOST_SIDE, MOST_BUDGET = 16, 1_000_000
-# Of so many others the fabric is taken unless told.
+# So many others offer their fabric in a round unless they are named.
 _OTHERS = 2
 
 
@@ -37,8 +37,9 @@ _OTHERS = 2
 class Refined:
     """A ``genome`` and its ``values``, measure -> raw number, beside those ``before``; the
     ``score`` of both, lower is better: each goal's loss over its range in the run's first
-    generation, summed. ``evaluations``: children that were measured, of which ``failures``
-    failed, the first with ``error``; ``others``: those whose fabric was offered, by id.
+    generation, summed. ``violation``: how far it breaks the constraints, 0 if it keeps them.
+    ``evaluations``: children that were measured, of which ``failures`` failed, the first with
+    ``error``; ``others``: those whose fabric was offered, by id.
 
     ``better``: whether anything better was found; else the genome is the individual's own.
     """
@@ -53,7 +54,7 @@ class Refined:
     error: str | None = None
     others: tuple[int, ...] = ()
     better: bool = False
-    violation: float = field(default=0.0)
+    violation: float = 0.0
 
     @property
     def city(self) -> CityMap:
@@ -71,7 +72,9 @@ def refine(
     budget: int = 200,
     algorithm: str = "sbplx",
     side: int = 4,
+    rounds: int = 4,
     others: Sequence[int] | None = None,
+    seed: int = 0,
     tune: Sequence[str] = (),
     towards: CityMap | None = None,
     accept_changes: bool = False,
@@ -86,7 +89,8 @@ def refine(
     id : an individual that was bred and measured.
     way : what is tuned.
         "lambda_field": which street blocks get the fabric of ``others``, see
-        `evocity.operators.LambdaField`; ``side`` × ``side`` numbers for each of these.
+        `evocity.operators.LambdaField`; ``side`` × ``side`` numbers for each of these. The budget
+        is spent in ``rounds``, each from the best of the round before.
         "heights": the heights of street blocks, see `evocity.operators.HeightField`, by ``side`` ×
         ``side`` factors.
         "parameters": the numbers among the parameters of the operator that it was bred by, its
@@ -96,8 +100,9 @@ def refine(
     budget : evaluations at most, 1…1000000; equal children are measured once.
     algorithm : NLopt's "sbplx", "cobyla" or "bobyqa"; "fit" has its own.
     side : 1…16; 4 to 8 suits.
-    others : ids whose fabric is offered; unless told, of those who live in the last generation
-        the two that are best by the same score among those bred from other streets or stone.
+    rounds : 1…1000.
+    others : ids whose fabric is offered; unless told, in each round two of those who live in the
+        last generation, drawn by ``seed``.
     accept_changes : go on though the recipe, a map or a measure has changed since.
     progress : called with (evaluations, the best score).
     told : told in a few words what is prepared.
@@ -115,29 +120,49 @@ def refine(
     Failed children are counted, and worse than all others. What else a measure of one's own
     raises in this process, Ctrl-C too, is raised here.
     """
-    _check(way, budget, algorithm, side, towards)
+    _check(way, budget, algorithm, side, rounds, towards)
     say = told or (lambda text: None)
     run = run if isinstance(run, Run) else open_run(run)
     say("reading the run")
-    prepared, _ = read_again(run, None, accept_changes)
+    prepared = _with_void(read_again(run, None, accept_changes)[0])
     (birth,) = _alive(run, [id])
     compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
     pool = pool_of(prepared, 0, (), say, say)
     score = score_of(run, prepared)
     if way == "fit":
         return _fitted(run, prepared, birth, towards, budget, score, pool, progress)
-    chosen, tuning = _tuning(run, prepared, birth, way, side, others, tune, score)
-    climbed = climb(
-        birth.genome,
-        birth.values,
-        tuning,
-        score,
-        lambda *job: pool.run("breed", [job])[0],
-        lambda *job: pool.run("evaluate", [job])[0],
-        budget,
-        algorithm,
-        progress,
-    )
+
+    def climb_by(genome, values, tuning: Tuning, most: int, done: int = 0) -> Climbed:
+        return climb(
+            genome,
+            values,
+            tuning,
+            score,
+            lambda *job: pool.run("breed", [job])[0],
+            lambda *job: pool.run("evaluate", [job])[0],
+            most,
+            algorithm,
+            None if progress is None else lambda count, best: progress(done + count, best),
+        )
+
+    coding = {key: prepared.recipe.genome.coding[key] for key in ("reach", "domains")}
+    chosen: dict[int, None] = {}
+    if way == "lambda_field":
+        offered = _Others(run, birth, others, seed)
+
+        def field(genome: Genome) -> Tuning:
+            births = offered.next()
+            chosen.update(dict.fromkeys(one.id for one in births))
+            return of_field(genome, [one.genome for one in births], side, coding)
+
+        climbed = _in_rounds(birth, field, climb_by, budget, rounds)
+    elif way == "heights":
+        tuning = of_heights(birth.genome, side, coding)
+        climbed = climb_by(birth.genome, birth.values, tuning, budget)
+    else:
+        plan = plan_of(run, prepared, birth.id)
+        tuning = of_parameters(plan, prepared.recipe.parameters(plan.name), tune)
+        climbed = climb_by(birth.genome, birth.values, tuning, budget)
     before = score(birth.values)
     noted = {
         "way": way,
@@ -164,6 +189,14 @@ def refine(
     )
 
 
+def _with_void(prepared: Prepared) -> Prepared:
+    """The same, where bare ground may be laid that no city has: what is bred leaves the run."""
+    cities = prepared.header.cities
+    if VOID in cities:
+        return prepared
+    return replace(prepared, header=replace(prepared.header, cities=(*cities, VOID)))
+
+
 def score_of(run: Run, prepared: Prepared) -> Score:
     """The score that a ``run``'s individuals are refined by, with the weights it has now."""
     aims = prepared.aims.reweighted(standing_of(run, len(run.generations)).weights)
@@ -178,12 +211,13 @@ def score_of(run: Run, prepared: Prepared) -> Score:
     return Score.of(aims, judged(first, aims)[0])
 
 
-def _check(way: str, budget: int, algorithm: str, side: int, towards) -> None:
+def _check(way: str, budget: int, algorithm: str, side: int, rounds: int, towards) -> None:
     for key, value, known in (("way", way, WAYS), ("algorithm", algorithm, WITHOUT_GRADIENTS)):
         if value not in known:
             allowed = ", ".join(map(shown, known))
             raise EvocityError(keyword(key, value), f"one of {allowed}", "choose one of these")
-    for key, value, most in (("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE)):
+    numbers = (("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE), ("rounds", rounds, 1000))
+    for key, value, most in numbers:
         if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
             raise EvocityError(keyword(key, value), f"a whole number, 1…{most}", "correct it")
     if (towards is None) == (way == "fit"):
@@ -203,35 +237,50 @@ def _alive(run: Run, ids: Sequence[int]) -> list[Birth]:
     return births
 
 
-def _tuning(run, prepared, birth: Birth, way, side, others, tune, score) -> tuple[list, Tuning]:
-    """Whose fabric is offered, and what is tuned."""
-    coding = {key: prepared.recipe.genome.coding[key] for key in ("reach", "domains")}
-    if way == "heights":
-        return [], of_heights(birth.genome, side, coding)
-    if way == "parameters":
-        plan = plan_of(run, prepared, birth.id)
-        return [], of_parameters(plan, prepared.recipe.parameters(plan.name), tune)
-    if others is None:
-        offered = others_of(run, birth, score)
-    else:
-        offered = _alive(run, [one for one in dict.fromkeys(others) if one != birth.id])
-    if not offered:
-        raise RunError(
-            f"{run.path}: nobody but individual {birth.id} to take fabric from",
-            "one other individual or more",
-            "name others, or choose another way, such as heights",
-        )
-    genomes = [one.genome for one in offered]
-    return [one.id for one in offered], of_field(birth.genome, genomes, side, coding)
+class _Others:
+    """Whose fabric is offered to an individual: those of ``ids`` in each round, or two drawn from
+    all others who live."""
+
+    def __init__(self, run: Run, birth: Birth, ids: Sequence[int] | None, seed: int):
+        self._fixed, self._rng = ids is not None, np.random.default_rng(seed)
+        if ids is None:
+            ids = run.members(run.generations[-1]).column("id").to_pylist()
+        found = _alive(run, [one for one in dict.fromkeys(ids) if one != birth.id])
+        self._all = [one for one in found if one.genome.digest != birth.genome.digest]
+        if not self._all:
+            raise RunError(
+                f"{run.path}: nobody but individual {birth.id} to take fabric from",
+                "one other individual or more",
+                "name others, or choose another way, such as heights",
+            )
+
+    def next(self) -> list[Birth]:
+        if self._fixed:
+            return self._all
+        drawn = self._rng.permutation(len(self._all))[:_OTHERS]
+        return [self._all[at] for at in drawn.tolist()]
 
 
-def others_of(run: Run, birth: Birth, score: Score, count: int = _OTHERS) -> list[Birth]:
-    """Whose fabric is offered to an individual: of those who live, and the source cities, the best
-    by ``score`` whose genomes are others."""
-    ids = run.members(run.generations[-1]).column("id").to_pylist()
-    lived = run.individuals([one for one in ids if one != birth.id])
-    lived = [one for one in lived if one.ok and one.genome.digest != birth.genome.digest]
-    return sorted(lived, key=lambda one: (score(one.values), one.id))[:count]
+def _in_rounds(
+    birth: Birth,
+    field: Callable[[Genome], Tuning],
+    climb_by: Callable[..., Climbed],
+    budget: int,
+    rounds: int,
+) -> Climbed:
+    """The best of several climbs, each from the best of the one before; what a round leaves of the
+    budget, the last have."""
+    each, done, failures, error = -(-budget // rounds), 0, 0, None
+    genome, values, better = birth.genome, birth.values, False
+    for number in range(rounds):
+        if done >= budget:
+            break
+        most = budget - done if number == rounds - 1 else min(each, budget - done)
+        found = climb_by(genome, values, field(genome), most, done)
+        genome, values = found.genome, found.values
+        done, failures = done + found.evaluations, failures + found.failures
+        error, better = error or found.error, better or found.better
+    return replace(found, evaluations=done, failures=failures, error=error, better=better)
 
 
 def _fitted(
@@ -267,4 +316,4 @@ def _fitted(
     )
 
 
-__all__ = ["MOST_SIDE", "WAYS", "Refined", "others_of", "refine", "score_of"]
+__all__ = ["MOST_SIDE", "WAYS", "Refined", "refine", "score_of"]

@@ -1,0 +1,77 @@
+"""`evocity refine`."""
+
+import json
+
+import numpy as np
+import pytest
+from cli_tools import call, contents, refused, write_recipe
+
+import evocity
+from evocity.store import open_run
+
+
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory):
+    """A run that is finished."""
+    folder = tmp_path_factory.mktemp("refined")
+    call("run", write_recipe(folder), "--out", folder / "run")
+    return folder / "run"
+
+
+@pytest.mark.parametrize("way", ["lambda_field", "heights", "parameters"])
+def test_a_genome_is_written_and_the_run_stays_as_it_is(ended, tmp_path, way):
+    before, path = contents(ended), tmp_path / "better.parquet"
+    words = ("refine", ended, "--id", 9, "--way", way, "--budget", 8, "-o", path)
+    told = json.loads(call(*words, "--json").stdout)
+    assert contents(ended) == before
+    assert (told["id"], told["way"], told["failures"]) == (9, way, 0)
+    assert told["evaluations"] <= 8
+    assert set(told["values"]["before"]) == {"alignment", "gsi"}
+    assert (told["score"]["after"] < told["score"]["before"]) == told["better"]
+    genome = evocity.read_genome(path)
+    assert genome.made["refined"]["id"] == 9
+    text = call(*words).output
+    assert f"individual 9: {way}" in text
+    assert "sum of losses" in text
+    assert evocity.read_genome(path) == genome
+
+
+def test_nothing_better_is_told_and_the_individual_written(ended, tmp_path):
+    path = tmp_path / "same.parquet"
+    result = call("refine", ended, "--id", 9, "--way", "parameters", "--budget", 1, "-o", path)
+    if "nothing better was found" in result.stderr:  # the first child is the individual itself
+        assert evocity.read_genome(path) == open_run(ended).individuals([9])[0].genome
+
+
+def test_a_map_is_come_closer_to(ended, tmp_path):
+    path, target = tmp_path / "near.parquet", ended.parent / "left.npy"
+    words = ("refine", ended, "--id", 9, "--way", "fit", "--budget", 5, "-o", path)
+    call(*words, "--towards", target, "--metres-per-pixel", 2)
+    fit = evocity.read_genome(path).made["fit"]
+    assert fit["psnr_after"] > fit["psnr_before"]
+    assert np.isfinite(evocity.decode(evocity.read_genome(path)).city.heights).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--id", 99), "no individual 99"),
+        (("--id", 9, "--with", 99), "no individual 99"),
+        (("--id", 0, "--way", "parameters"), "bred by no operator"),
+        (("--id", 9, "--way", "heights", "--with", 3), "--with with --way heights"),
+        (("--id", 9, "--tune", "fill"), "--tune with --way lambda_field"),
+        (("--id", 9, "--way", "parameters", "--tune", "trees"), "'trees' of"),
+        (("--id", 9, "--way", "fit"), "--way fit without --towards"),
+        (("--id", 9, "--way", "fit", "--towards", "nowhere.tif"), "nowhere.tif"),
+        (("--id", 9, "--pixels", 32), "without --towards"),
+    ],
+)
+def test_what_cannot_be_refined_is_refused(ended, tmp_path, words, says):
+    before = contents(ended)
+    refused(tmp_path, "refine", ended, *words, "-o", tmp_path / "x.parquet", says=says)
+    assert contents(ended) == before
+
+
+def test_no_run_is_told_as_such(tmp_path):
+    words = ("refine", tmp_path, "--id", 1, "-o", tmp_path / "x.parquet")
+    refused(tmp_path, *words, says="no run at")
