@@ -1,6 +1,7 @@
 """What an algorithm is asked, and what those have in common that rank the living."""
 
 from abc import ABC, abstractmethod
+from bisect import insort
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
@@ -168,8 +169,11 @@ class Ranked(Algorithm):
     def parents(
         self, living: Sequence[Individual], count: int, rng: np.random.Generator
     ) -> list[int]:
-        keys = [(one.rank, *(-one.marks[mark] for mark in self.marks), one.id) for one in living]
-        return tournament(keys, count, rng)
+        def key(at: int) -> tuple:
+            one = living[at]
+            return (one.rank, *(-one.marks[mark] for mark in self.marks), one.id)
+
+        return tournament(len(living), key, count, rng)
 
     def _best_first(
         self, losses: np.ndarray, violations: np.ndarray, rng: np.random.Generator
@@ -189,16 +193,25 @@ def _told(individuals: Sequence[Individual]) -> tuple[np.ndarray, np.ndarray]:
     return losses, np.array([one.violation for one in individuals], np.float64)
 
 
-def tournament(keys: Sequence[tuple], count: int, rng: np.random.Generator) -> list[int]:
-    """Indices of ``count`` of the ``keys``, each the lesser of two drawn; all different while
-    possible."""
+def tournament(
+    size: int, key: Callable[[int], tuple], count: int, rng: np.random.Generator
+) -> list[int]:
+    """Indices of ``count`` of ``size`` individuals, each the one of two drawn whose ``key`` is
+    less; all different while possible."""
     chosen: list[int] = []
-    left = list(range(len(keys)))
+    gone: list[int] = []  # in order
     for _ in range(count):
-        if not left:
-            left = list(range(len(keys)))
-        two = rng.integers(len(left), size=2)
-        best = min(left[two[0]], left[two[1]], key=keys.__getitem__)
+        if len(gone) == size:
+            gone = []
+        two = rng.integers(size - len(gone), size=2).tolist()
+        best = min((_left(one, gone) for one in two), key=key)
         chosen.append(best)
-        left.remove(best)
+        insort(gone, best)
     return chosen
+
+
+def _left(number: int, gone: Sequence[int]) -> int:
+    """The individual of a ``number`` among those who are not ``gone``."""
+    for one in gone:
+        number += one <= number
+    return number

@@ -7,13 +7,16 @@ import numpy as np
 from pydantic import Field
 
 from evocity.search.algorithms.algorithm import Algorithm, Look, tournament
-from evocity.search.algorithms.hypervolume import MOST
 from evocity.search.borrowed.deap import Covariances
 from evocity.search.borrowed.moocore import contributions
 from evocity.search.fronts import Scale, crowding_of, ranks_of
 from evocity.search.individual import Individual
 from evocity.search.values import Section
 
+#: Of so many losses, contributions of so many individuals are measured at most: anew for each
+#: that is dropped, so for fewer than `HypervolumeContribution` measures them. Crowding stands for
+#: them beyond.
+MOST = {1: 10_000, 2: 1000, 3: 300, 4: 100, 5: 50}
 #: Values that a field may have, all parents together.
 MOST_VALUES = 256
 # Losses are below that; those who break a constraint are beyond.
@@ -113,7 +116,7 @@ class Cma(Algorithm):
     def parents(
         self, living: Sequence[Individual], count: int, rng: np.random.Generator
     ) -> list[int]:
-        return tournament([(one.rank, one.id) for one in living], count, rng)
+        return tournament(len(living), lambda at: (living[at].rank, living[at].id), count, rng)
 
 
 def _told(one: Individual | None, goals: int) -> list[float]:

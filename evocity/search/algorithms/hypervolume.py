@@ -8,7 +8,7 @@ from evocity.search.fronts import Scale, crowding_of, ranks_of
 
 #: Of so many losses, contributions of so many individuals are measured at most, which takes some
 #: seconds a generation; crowding stands for them beyond.
-MOST = {1: 100_000, 2: 4000, 3: 4000, 4: 2000, 5: 600, 6: 120, 7: 50}
+MOST = {1: 100_000, 2: 4000, 3: 4000, 4: 800, 5: 200, 6: 120, 7: 50}
 
 
 class HypervolumeContribution(Ranked):

@@ -49,7 +49,7 @@ class Nsga3(Ranked):
     ) -> list[int]:
         places = rng.permutation(len(living)).tolist()
         keys = [(one.violation, place) for one, place in zip(living, places, strict=True)]
-        return tournament(keys, count, rng)
+        return tournament(len(keys), keys.__getitem__, count, rng)
 
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
         ranks, distances = ranks_of(losses, violations), np.zeros(len(losses))
