@@ -1,0 +1,51 @@
+"""Runs of the release of algorithms, 2026-11-23: survival by hypervolume contribution, steered
+and with refinements (schema 5), and MAP-Elites (schema 6).
+`tests/old/expected-algorithms.json` has what that release made of them, and what it bred next."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import evocity
+from evocity.report import write_report
+from evocity.search import Search
+
+OLD = Path(__file__).parent / "old"
+EXPECTED = json.loads((OLD / "expected-algorithms.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(params=["run-5", "run-6"])
+def name(request):
+    return request.param
+
+
+def test_its_births_are_those_written(name):
+    run, expected = evocity.open_run(OLD / name), EXPECTED[name]
+    assert run.header.schema_version == int(name[-1])
+    assert run.header.marks == {"run-5": ("contribution",), "run-6": ("cell",)}[name]
+    assert run.births(columns=list(expected["births"][0])).to_pylist() == expected["births"]
+    assert run.members(3).to_pylist() == expected["living"]
+    assert run.history()[-1] == expected["history"]
+    for identifier, told in expected["decoded"].items():
+        genome = run.genome(int(identifier))
+        city = evocity.decode(genome).city
+        heights = hashlib.blake2b(city.heights.tobytes(), digest_size=8).hexdigest()
+        found = {"digest": genome.digest, "heights": heights, "shape": list(city.shape)}
+        assert found == told
+
+
+def test_it_goes_on_as_it_would_have(name, tmp_path):
+    shutil.copytree(OLD / name, tmp_path / name)
+    shutil.copy(OLD / name / "recipe.toml", tmp_path / f"{name}.toml")
+    with Search.resume(tmp_path / name, generations=4, workers=0, accept_changes=True) as search:
+        list(search)
+    run = evocity.open_run(tmp_path / name)
+    bred = run.births(4).to_pylist()
+    told = [[one["id"], one["parents"], one["operator"], one["genome"]] for one in bred]
+    assert told == EXPECTED[name]["next"]
+    page = write_report(tmp_path / name).read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") > 3
+    assert len(evocity.archive(run).births) > 0
