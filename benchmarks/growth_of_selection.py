@@ -77,7 +77,6 @@ def theirs(which: str, size: int, goals: int):
 
     problem = Problem(n_var=1, n_obj=goals, xl=0, xu=1)
     everybody = Population.new(F=losses_of(2 * size, goals), G=np.zeros((2 * size, 0)))
-    everybody.set("CV", np.zeros((2 * size, 1)), "feas", np.ones((2 * size, 1), bool))
     for one in everybody:
         one.evaluated.update(("F", "G", "H"))
     if which == "crowding":
