@@ -106,7 +106,7 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
 @click.option(
     "--towards",
     metavar="MAP",
-    help="The map to come close to, of fit; read as the run's maps are.",
+    help="The map to come close to, of fit; read at the run's window and pixel size.",
 )
 @click.option(
     "--accept-changes",
@@ -129,10 +129,16 @@ def refine(
     JSON keys: id, way, better, evaluations, failures, others, score and values, each with before
     and after.
     """
+    opened = evocity.open_run(run)
     check_output(output, str(run))
+    if run.resolve() in output.resolve().parents:
+        raise EvocityError(
+            f"{str(output)!r} in the folder of the run",
+            "a file elsewhere: the run stays as it is",
+            "choose another name after -o",
+        )
     _refuse_strange(way, others, tune, towards, reading)
     note_compiling()
-    opened = evocity.open_run(run)
     with quiet_stdout(), progress_bar(f"refining {identifier}") as bar:
         found = evocity.refine(
             opened,

@@ -98,7 +98,9 @@ def minimise(
     if upper is not None:
         optimiser.set_upper_bounds(upper)
     if step is not None:
-        optimiser.set_initial_step(np.broadcast_to(step, start.shape).astype(np.float64))
+        most_step = np.inf if lower is None or upper is None else (upper - lower) / 2
+        steps = np.minimum(np.broadcast_to(step, start.shape).astype(np.float64), most_step)
+        optimiser.set_initial_step(steps)
     try:
         optimiser.optimize(start)
     except Exception:  # NLopt's own types, one for each reason it got no further

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from evocity.genome import PROVENANCE, Genome
-from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.crossing import Draft, Drafting, check_call
 from evocity.operators.fields import DIGITS, MOST_SIDE, field_weights
 from evocity.operators.grid import common_grid
 from evocity.operators.parameters import Check, at_fault
@@ -87,7 +87,7 @@ class LambdaField(Drafting):
 
         Raises `OperatorError` unless ``values`` are told, as many as are needed.
         """
-        self.check_count(len(parents))
+        check_call(self, parents, np.random.default_rng(0))
         if self.values is None:
             raise at_fault(self.name, {"values": ("none", "numbers of 0…1")})
         return self._places(parents).chosen(self._rounded(self.values, len(parents)))

@@ -61,7 +61,7 @@ def born(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
     lost = [
         at
         for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True))
-        if plan.operator and one.status in ("timeout", "died")
+        if plan.operator and one.status in ("timeout", "died") and not _measures(plan)
     ]
     again = dict(zip(lost, pool.run("breed", [jobs[at] for at in lost]), strict=True))
     found = []
@@ -74,6 +74,11 @@ def born(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
         else:
             found.append(Born(plan, Outcome("ok", genome=first.genome), one))
     return found
+
+
+def _measures(plan: Plan) -> bool:
+    """Whether it measures while it breeds: to breed it again would take as long once more."""
+    return hasattr(plan.operator, "bred_within")
 
 
 def _founder(plan: Plan) -> Outcome:

@@ -203,7 +203,7 @@ class Search:
             self._start(True)
 
     def ask(self) -> list[Genome]:
-        """Breed the next generation: the genomes to evaluate, in order.
+        """Breed the next generation: the genomes to evaluate, in order. Nobody is refined.
 
         Births whose operator failed are not among them; they are logged by `tell`. Raises
         `RunError` out of turn, after the last generation and after `close`. Which constraints the
@@ -392,6 +392,8 @@ class Search:
             return first_population(recipe, sources)
         living, steered = population.living, (self._steering.picks, self._weights())
         plans = next_population(recipe, algorithm, number, living, sources, *steered)
+        if not guarded:  # those who measure elsewhere are not measured for here
+            return plans
         return with_refinements(plans, recipe, number, population, self._aims)
 
     def _weights(self) -> dict[str, float]:

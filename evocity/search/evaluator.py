@@ -108,8 +108,8 @@ class Evaluator:
         """The child's genome in ``.genome``, in the terms of the run's header."""
         start = time.perf_counter()
         try:
-            if hasattr(operator, "within"):  # it measures while it breeds
-                operator = operator.within(self)
+            if hasattr(operator, "bred_within"):  # it measures while it breeds
+                operator = operator.bred_within(self)
             genome = admitted(operator(parents, rng), self.header, self.condensation)
         except KeyboardInterrupt:  # the user's own, when everything runs in one process
             raise

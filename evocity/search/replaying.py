@@ -19,8 +19,22 @@ def plan_of(run: Run, prepared: Prepared, identifier: int) -> Plan:
     for it, its parents, and its generator, as it was before it was bred.
 
     ``prepared`` is of `evocity.search.rereading.read_again`. Raises `RunError` where the algorithm
-    breeds by itself, from what it has learnt: what the operator was told stands in ``made``.
+    breeds by itself, from what it has learnt: what the operator was told stands in ``made``; and
+    where the log tells of another operator or other parents, as of a run of another release.
     """
+    plan = _drawn(run, prepared, identifier)
+    (birth,) = run.individuals([identifier])
+    if (plan.name, tuple(plan.parents)) != (birth.operator, tuple(birth.parents)):
+        raise RunError(
+            f"{run.path}: individual {identifier}, bred by {birth.operator} from "
+            f"{list(birth.parents)}, is drawn again by {plan.name} from {list(plan.parents)}",
+            "a run of this release whose births were all bred by the search",
+            "choose another individual",
+        )
+    return plan
+
+
+def _drawn(run: Run, prepared: Prepared, identifier: int) -> Plan:
     recipe = prepared.recipe
     generation, slot = divmod(identifier, recipe.run.population)
     sources = [source.genome for source in prepared.sources]
@@ -58,7 +72,7 @@ def _picks(standing: Standing, picked: Mapping[int, Genome], share: float) -> Pi
 def _weights(run: Run, names, standing: Standing, generation: int) -> dict[str, float]:
     """Weights of operators other than the recipe's: those of commands, or what credit made of
     them."""
-    for event in run.events():
+    for event in reversed(run.events()):  # one that was stopped before it was bred tells twice
         if event.get("event") == "weights" and event.get("generation") == generation:
             return event["weights"]
     return {name: weight for name, weight in standing.weights.items() if name in names}

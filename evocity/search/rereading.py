@@ -68,11 +68,7 @@ def read_again(
         references = references_of(recipe, cities, named)
         within = parts_of(recipe, cities, _masks(run))
     except (LookupError, TypeError, AttributeError, ValueError) as error:
-        raise RunError(
-            f"{run.path}: provenance.json lacks a part ({error!r})",
-            "a provenance as `evocity run` writes it",
-            "bring the file back from a copy",
-        ) from None
+        raise lacking(run, error) from None
     prepared = Prepared(
         recipe,
         sources,
@@ -84,6 +80,15 @@ def read_again(
         within=within,
     )
     return prepared, changes
+
+
+def lacking(run: Run, error: Exception) -> RunError:
+    """What is told of a provenance that lacks a part."""
+    return RunError(
+        f"{run.path}: provenance.json lacks a part ({error!r})",
+        "a provenance as `evocity run` writes it",
+        "bring the file back from a copy",
+    )
 
 
 def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Recipe:

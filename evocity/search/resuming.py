@@ -21,7 +21,7 @@ from evocity.search.noting import provenance_of
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
-from evocity.search.rereading import read_again
+from evocity.search.rereading import lacking, read_again
 from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, RunWriter, open_run
 
@@ -69,8 +69,10 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     run = open_run(path)
     prepared, changes = read_again(run, generations, accept_changes)
     recipe = prepared.recipe
-    notes = _notes(run, recipe)
-    edited = _edited(run)
+    try:
+        notes, edited = _notes(run, recipe), _edited(run)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise lacking(run, error) from None
     writer = RunWriter.reopen(path)
     try:
         _record(run, prepared, writer, changes)

@@ -38,9 +38,19 @@ def test_a_genome_is_written_and_the_run_stays_as_it_is(ended, tmp_path, way):
 
 def test_nothing_better_is_told_and_the_individual_written(ended, tmp_path):
     path = tmp_path / "same.parquet"
-    result = call("refine", ended, "--id", 9, "--way", "parameters", "--budget", 1, "-o", path)
-    if "nothing better was found" in result.stderr:  # the first child is the individual itself
-        assert evocity.read_genome(path) == open_run(ended).individuals([9])[0].genome
+    words = ("--way", "fit", "--towards", tmp_path / "own.npy", "--metres-per-pixel", 2)
+    genome = open_run(ended).individuals([9])[0].genome
+    np.save(tmp_path / "own.npy", evocity.decode(genome).city.heights)  # as near as can be
+    result = call("refine", ended, "--id", 9, *words, "--budget", 1, "-o", path)
+    assert "nothing better was found" in result.stderr
+    assert evocity.read_genome(path) == genome
+
+
+def test_nothing_is_written_into_the_run(ended):
+    before = contents(ended)
+    words = ("refine", ended, "--id", 9, "-o", ended / "recipe.toml")
+    refused(ended, *words, says="in the folder of the run")
+    assert contents(ended) == before
 
 
 def test_a_map_is_come_closer_to(ended, tmp_path):
@@ -57,7 +67,7 @@ def test_a_map_is_come_closer_to(ended, tmp_path):
     [
         (("--id", 99), "no individual 99"),
         (("--id", 9, "--with", 99), "no individual 99"),
-        (("--id", 0, "--way", "parameters"), "bred by no operator"),
+        (("--id", 0, "--way", "parameters"), "which is a source"),
         (("--id", 9, "--way", "heights", "--with", 3), "--with with --way heights"),
         (("--id", 9, "--tune", "fill"), "--tune with --way lambda_field"),
         (("--id", 9, "--way", "parameters", "--tune", "trees"), "'trees' of"),
@@ -73,5 +83,5 @@ def test_what_cannot_be_refined_is_refused(ended, tmp_path, words, says):
 
 
 def test_no_run_is_told_as_such(tmp_path):
-    words = ("refine", tmp_path, "--id", 1, "-o", tmp_path / "x.parquet")
+    words = ("refine", tmp_path / "none", "--id", 1, "-o", tmp_path / "x.parquet")
     refused(tmp_path, *words, says="no run at")

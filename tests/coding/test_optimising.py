@@ -93,3 +93,10 @@ def test_bobyqa_takes_one_number():
         upper=np.ones(1),
     )
     assert found.point[0] == pytest.approx(0.25, abs=1e-3)
+
+
+@pytest.mark.parametrize("algorithm", WITHOUT_GRADIENTS)
+def test_steps_beyond_the_bounds_are_shortened(algorithm):
+    narrow = {"lower": np.zeros(3), "upper": np.full(3, 0.1)}
+    found = minimise(bowl, np.full(3, 0.05), algorithm=algorithm, most=80, step=1.0, **narrow)
+    assert found.point == pytest.approx(np.full(3, 0.1), abs=1e-2)

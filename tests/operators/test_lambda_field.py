@@ -155,3 +155,13 @@ def test_faults_of_values(genomes):
         LambdaField(side=0)
     with pytest.raises(OperatorError, match="values"):
         LambdaField().choice(genomes[:2])
+
+
+def test_a_choice_between_other_windows_is_refused(genomes):
+    small = uniformly(lots(5, side=120)).genome
+    fine = uniformly(lots(6, pixel=1.0)).genome
+    for other in (small, fine):
+        with pytest.raises(OperatorError):
+            chosen([genomes[0], other], [1] * 4)
+        with pytest.raises(OperatorError):
+            laid([genomes[0], other], [1] * 4)

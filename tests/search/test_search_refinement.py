@@ -1,6 +1,7 @@
 """Refinement: of one individual of a run, and as births of a search; and replaying one birth."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from test_search_run import rows, run
 import evocity
 from evocity.errors import EvocityError, OperatorError, RecipeError, RunError
 from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, fsi, gsi
+from evocity.operators import make
 from evocity.search import Search, read_recipe, refine
 from evocity.search.commands import Pick, Reweight
+from evocity.search.evaluator import Evaluator
 from evocity.search.refinement.climbing import climb
 from evocity.search.refinement.score import Score
 from evocity.search.refinement.tuning import Tuning, of_heights, of_parameters
@@ -80,8 +83,7 @@ def test_the_better_is_found_and_the_run_stays_as_it_is(bred, way):
     assert json.loads(json.dumps(told)) == told
     if way == "heights":
         assert found.better
-    if not found.better:
-        assert found.genome == birth.genome
+    assert (found.genome == birth.genome) == (not found.better)
     measured = evocity.fitness.fsi(found.city)
     assert float(measured) == pytest.approx(found.values["fsi"], abs=1e-6)
 
@@ -114,7 +116,7 @@ def test_what_cannot_be_refined_is_refused(bred, tmp_path):
         refine(bred, 9, others=[999])
     with pytest.raises(RunError, match="nobody but individual 9"):
         refine(bred, 9, others=[9])
-    with pytest.raises(OperatorError, match="bred by no operator"):
+    with pytest.raises(OperatorError, match="which is a source"):
         refine(bred, 0, way="parameters")
     child = next(b for b in open_run(bred).births().to_pylist() if b["operator"] != "source")
     with pytest.raises(OperatorError, match="'size' of"):
@@ -168,7 +170,7 @@ class Outcome:
         self.status, self.values, self.genome, self.error = status, values, genome, error
 
 
-def climbed(values_of, budget=60, algorithm="sbplx", bound=10.0):
+def climbed(values_of, budget=60, algorithm="sbplx", bound=10.0, start=None):
     """A climb over two numbers that children are; ``values_of`` them, or raises."""
     tuning = Tuning(
         [], np.zeros(2), np.zeros(2), np.ones(2), np.full(2, 0.5), tuple, np.random.default_rng(0)
@@ -181,10 +183,11 @@ def climbed(values_of, budget=60, algorithm="sbplx", bound=10.0):
         return Outcome(genome=child)
 
     def measure(child, parents):
-        return Outcome(values=values_of(*points[child.digest]))
+        values = values_of(*points[child.digest])
+        return Outcome("error" if values is None else "ok", values)
 
     score = Score.of(aims(bound), np.array([[0.0], [2.0]]))
-    start = {"fsi": 3.0, "gsi": 0.5}
+    start = start or {"fsi": 3.0, "gsi": 0.5}
     return climb(Child("start"), start, tuning, score, breed, measure, budget, algorithm)
 
 
@@ -257,6 +260,73 @@ def picky(city):
     assert found.values["picky"] <= found.before["picky"] or not found.better
 
 
+def test_a_lambda_field_finds_what_another_has(bred):
+    """Floor space as wanted: some blocks of a higher town."""
+    opened = open_run(bred)
+    births = [one for one in opened.individuals(opened.births()["id"].to_pylist()) if one.ok]
+    births.sort(key=lambda one: one.values["crumbs"])
+    found = [refine(bred, one.id, budget=30, side=2, rounds=3) for one in births[:6]]
+    assert any(one.better for one in found)
+    assert all(one.score < one.score_before for one in found if one.better)
+    assert all(set(one.others) <= {birth.id for birth in births} for one in found)
+
+
+@pytest.mark.parametrize("algorithm", ["sbplx", "cobyla", "bobyqa"])
+def test_children_that_fail_are_no_way_out_of_a_broken_bound(algorithm):
+    def fails_afar(x, y):
+        if x > 0.3:
+            raise ArithmeticError
+        return {"fsi": 1.0, "gsi": 50.0 - 10 * x - 30 * y}
+
+    def safely(x, y):
+        try:
+            return fails_afar(x, y)
+        except ArithmeticError:
+            return None
+
+    found = climbed(safely, 100, algorithm, bound=0.02, start={"fsi": 1.0, "gsi": 60.0})
+    assert found.better
+    assert found.failures < found.evaluations / 2
+
+
+def test_parameters_that_do_not_go_together_cost_a_child_alone(bred, monkeypatch):
+    def refuse(name, **parameters):
+        raise OperatorError("these", "others", "change them")
+
+    found = refine(bred, 29, way="parameters", budget=4)
+    assert found.failures == 0
+    tuning = Tuning(
+        [], np.zeros(1), np.zeros(1), np.ones(1), np.full(1, 0.5), refuse, np.random.default_rng(0)
+    )
+    score = Score.of(aims(), np.array([[0.0], [2.0]]))
+    values = {"fsi": 3.0, "gsi": 0.5}
+    told = climb(Child("a"), values, tuning, score, None, None, 3, "sbplx")
+    assert (told.better, told.failures, told.evaluations) == (False, 3, 3)
+    assert "these" in told.error
+
+
+def test_a_lone_individual_is_left_as_it_is(toy, tmp_path):
+    lines = REFINE.replace("heights", "lambda_field") + "[search]\nalgorithm = 'single'\n"
+    recipe = toy(recipe=lines, generations=2, population=2)
+    text = recipe.read_text().replace(
+        '[[fitness]]\nfile = "toys.py"', '[[fitness]]\nname = "gsi"\ntarget = 0.3'
+    )
+    recipe.write_text(text)
+    run(recipe, tmp_path / "run", workers=0)
+    assert open_run(tmp_path / "run").births()["status"].to_pylist() == ["ok"] * 6
+
+
+def test_those_who_measure_elsewhere_are_not_measured_for(toy):
+    recipe = read_recipe(toy(recipe=WANTED + REFINE, generations=2))
+    with Search(recipe, workers=0) as search:
+        for _ in range(3):
+            asked = search.ask()
+            known = {"spread": 1.0, "roof": 2.0, "fsi": 1.0, "gsi": 0.5}
+            generation = search.tell([known | {"spread": float(k)} for k in range(len(asked))])
+        assert generation.births == 24
+        assert search.finished
+
+
 # -- what is tuned ---------------------------------------------------------------------------------
 
 
@@ -280,7 +350,10 @@ def replayed(path):
         assert (plan.id, plan.name, plan.parents) == (birth.id, birth.operator, birth.parents)
         if plan.operator is None:
             assert plan.genomes[0] == birth.genome
-        elif not hasattr(plan.operator, "within"):
+        elif hasattr(plan.operator, "bred_within"):
+            here = Evaluator(prepared.setup)
+            assert here.breed(plan.operator, plan.genomes, plan.rng).genome == birth.genome
+        else:
             assert plan.operator(plan.genomes, plan.rng).digest == birth.genome.digest
 
 
@@ -305,7 +378,7 @@ def test_parameters_begin_as_they_were_and_stay_within_their_ranges(bred):
 
 def test_the_field_of_heights_begins_with_the_individual(bred):
     (birth,) = open_run(bred).individuals([9])
-    tuning = of_heights(birth.genome, 3, {"reach": 24, "domains": (2,)})
+    tuning = of_heights(birth.genome, 3, partial(make, "height_field"))
     child = tuning.operator(tuning.start)(tuning.parents, tuning.generator)
     assert child.digest == birth.genome.digest
 

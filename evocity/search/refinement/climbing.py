@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity.coding.optimising import Enough, minimise
+from evocity.errors import OperatorError
 from evocity.genome import Genome
 from evocity.search.evaluator import Outcome
 from evocity.search.refinement.score import Score
@@ -14,10 +15,10 @@ from evocity.search.refinement.tuning import Tuning
 
 #: Children that are bred at most for each that is measured: many points give the same child.
 _BRED = 4
-#: What an optimiser is told of a broken constraint: so much worse, for each whole one.
-_PENALTY = 10.0
-#: And of a child that failed.
-_FAILED = 100.0
+#: By so much worse, at most, an optimiser is told that a broken constraint is.
+_PENALTY = 20.0
+#: And a child that failed, than the worst that did not.
+_FAILED = 10.0
 
 #: Breeds a child: an operator, its parents, a generator.
 Breed = Callable[[object, object, np.random.Generator], Outcome]
@@ -61,14 +62,15 @@ def climb(
     start = score(values)
     best, evaluated, failures, bred = (start, genome, values), 0, 0, 0
     error: str | None = None
-    known = {genome.digest: start[1] + _PENALTY * start[0]}
+    known = {genome.digest: start[1] + _penalty(start[0])}
+    worst = known[genome.digest]
 
     def told(point: np.ndarray, _) -> float:
-        nonlocal best, evaluated, failures, bred, error
+        nonlocal best, evaluated, failures, bred, error, worst
         if evaluated == budget or bred == _BRED * budget:
             raise Enough
         bred += 1
-        outcome = breed(tuning.operator(point), tuning.parents, tuning.generator)
+        outcome = _child(breed, tuning, point)
         child = outcome.genome
         if child is not None and child.digest in known:
             return known[child.digest]
@@ -78,14 +80,16 @@ def climb(
         if outcome.status != "ok":
             failures += 1
             error = error or outcome.error or outcome.status
-            value = start[1] + _FAILED
+            value = worst + _FAILED
         else:
             found = score(outcome.values)
             value = found[1]
             if found[0]:  # no better than where it began, and worse the more it breaks
-                value = max(value, start[1]) + _PENALTY * min(found[0], 1e6)
+                value = max(value, start[1]) + _penalty(found[0])
             if found < best[0]:
                 best = found, child, outcome.values
+        if outcome.status == "ok":
+            worst = max(worst, value)
         if child is not None:
             known[child.digest] = value
         if tell is not None:
@@ -98,6 +102,20 @@ def climb(
     found, child, measured = best
     better = child is not genome
     return Climbed(child, measured, found, evaluated, failures, error, better)
+
+
+def _child(breed: Breed, tuning: Tuning, point: np.ndarray) -> Outcome:
+    """What is bred at a ``point``; parameters that do not go together make a child that failed."""
+    try:
+        operator = tuning.operator(point)
+    except OperatorError as error:
+        return Outcome("error", str(error))
+    return breed(operator, tuning.parents, tuning.generator)
+
+
+def _penalty(violation: float) -> float:
+    """Grows with how far constraints are broken, and has an end: some are undefined."""
+    return _PENALTY * violation / (1 + violation) if violation < 1e300 else _PENALTY
 
 
 def rounded(number: float) -> float | None:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pyarrow.compute as pc
@@ -15,6 +16,7 @@ from evocity.genome import VOID, Genome
 from evocity.search.beginning import pool_of, sides_of
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here
+from evocity.search.evaluator import Outcome
 from evocity.search.judging import judged, measured
 from evocity.search.preparation import Prepared
 from evocity.search.refinement.climbing import Climbed, climb, rounded
@@ -124,8 +126,8 @@ def refine(
     say = told or (lambda text: None)
     run = run if isinstance(run, Run) else open_run(run)
     say("reading the run")
-    prepared = _with_void(read_again(run, None, accept_changes)[0])
     (birth,) = _alive(run, [id])
+    prepared = _with_void(read_again(run, None, accept_changes)[0])
     compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
     pool = pool_of(prepared, 0, (), say, say)
     score = score_of(run, prepared)
@@ -139,13 +141,16 @@ def refine(
             tuning,
             score,
             lambda *job: pool.run("breed", [job])[0],
-            lambda *job: pool.run("evaluate", [job])[0],
+            lambda child, _: pool.run("evaluate", [(child, own)])[0],
             most,
             algorithm,
             None if progress is None else lambda count, best: progress(done + count, best),
         )
 
-    coding = {key: prepared.recipe.genome.coding[key] for key in ("reach", "domains")}
+    recipe, own = prepared.recipe, (birth.genome,)
+    if way != "parameters" and any("parents" in one.takes for one in recipe.measures):
+        (again,) = pool.run("evaluate", [(birth.genome, own)])  # as its children are
+        birth = replace(birth, values=again.values)
     chosen: dict[int, None] = {}
     if way == "lambda_field":
         offered = _Others(run, birth, others, seed)
@@ -153,15 +158,16 @@ def refine(
         def field(genome: Genome) -> Tuning:
             births = offered.next()
             chosen.update(dict.fromkeys(one.id for one in births))
-            return of_field(genome, [one.genome for one in births], side, coding)
+            genomes = [one.genome for one in births]
+            return of_field(genome, genomes, side, partial(recipe.operator, "lambda_field"))
 
         climbed = _in_rounds(birth, field, climb_by, budget, rounds)
     elif way == "heights":
-        tuning = of_heights(birth.genome, side, coding)
+        tuning = of_heights(birth.genome, side, partial(recipe.operator, "height_field"))
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     else:
         plan = plan_of(run, prepared, birth.id)
-        tuning = of_parameters(plan, prepared.recipe.parameters(plan.name), tune)
+        tuning, own = of_parameters(plan, recipe.parameters(plan.name), tune), plan.genomes
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     before = score(birth.values)
     noted = {
@@ -294,10 +300,19 @@ def _fitted(
     tell,
 ) -> Refined:
     before = score(birth.values)
-    on = None if tell is None else (lambda tried, _: tell(tried, before[1]))
-    fitted = fit_attractor(birth.genome, towards, evaluations=budget, progress=on)
-    (outcome,) = pool.run("evaluate", [(fitted, (birth.genome,))])
-    tried = fitted.made.get("fit", {}).get("evaluations", 0)
+    tried = 0
+
+    def counted(done: int, _: int) -> None:
+        nonlocal tried
+        tried = done
+        if tell is not None:
+            tell(done, before[1])
+
+    fitted = fit_attractor(birth.genome, towards, evaluations=budget, progress=counted)
+    if fitted is birth.genome:
+        outcome = Outcome("ok", values=birth.values)
+    else:
+        (outcome,) = pool.run("evaluate", [(fitted, (birth.genome,))])
     noted = {"way": "fit", "id": birth.id, "evaluations": tried}
     measured_ = outcome.status == "ok"
     after = score(outcome.values) if measured_ else (np.inf, np.nan)

@@ -1,7 +1,8 @@
 """The memetic step of a search: some births are the best that an optimiser finds."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from evocity.genome import Genome
 from evocity.search.breeding import Plan, generator
 from evocity.search.evaluator import Evaluator
 from evocity.search.individual import Individual
+from evocity.search.mixture import operator_of
 from evocity.search.population import Population
 from evocity.search.recipe import Recipe
 from evocity.search.refinement.climbing import climb, rounded
@@ -22,11 +24,11 @@ from evocity.search.refinement.tuning import of_field, of_heights
 class Refinement:
     """Breeds what an optimiser makes of the first parent: of its street blocks' fabric, of which
     the other parents offer theirs, or of its heights. It measures children to find out, so it is
-    bred where births are measured, `within` an evaluator.
+    bred where births are measured, by what `bred_within` makes of it.
 
     values : those of the first parent, measure -> raw number.
     score : what is minimised.
-    reach, domains : of repair.
+    make : gives the operator of a field, of its ``side`` and ``values``.
 
     ``made`` tells, under ``refined``, how many ``evaluations`` it took and the scores.
     """
@@ -37,13 +39,12 @@ class Refinement:
     side: int
     score: Score
     values: dict
-    reach: int | None
-    domains: tuple[int, ...]
+    make: Callable
 
     name: ClassVar[str] = "refinement"
     parents: ClassVar[tuple[int, int | None]] = (1, None)
 
-    def within(self, evaluator: Evaluator) -> "_Within":
+    def bred_within(self, evaluator: Evaluator) -> "_Within":
         return _Within(self, evaluator)
 
 
@@ -56,11 +57,10 @@ class _Within:
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         step, first = self.step, parents[0]
-        coding = {"reach": step.reach, "domains": step.domains}
         tuning = (
-            of_heights(first, step.side, coding)
+            of_heights(first, step.side, step.make)
             if step.way == "heights"
-            else of_field(first, parents[1:], step.side, coding)
+            else of_field(first, parents[1:], step.side, step.make)
         )
         climbed = climb(
             first,
@@ -95,6 +95,8 @@ def with_refinements(
     section = recipe.refine
     if not section.births or generation == 0 or generation % section.every:
         return list(plans)
+    if section.way == "lambda_field" and len(population.living) < 2:  # nobody offers any fabric
+        return list(plans)
     score = Score.of(aims, population.first_losses)
     kept = list(plans[: len(plans) - section.births])
     for plan in plans[len(kept) :]:
@@ -109,7 +111,7 @@ def _refinement(
     living: Sequence[Individual], score: Score, recipe: Recipe, rng: np.random.Generator
 ) -> tuple[Refinement, list[Individual]]:
     """The refinement of one birth, and its parents."""
-    section, coding = recipe.refine, recipe.genome.coding
+    section, name = recipe.refine, recipe.refine.operator
     weights = rng.dirichlet(np.ones(len(score.weights))) * len(score.weights)
     score = replace(score, weights=tuple(weights.tolist()))
     best = min(living, key=lambda one: (score(one.values), one.id))
@@ -125,8 +127,7 @@ def _refinement(
         section.side,
         score,
         dict(best.values),
-        coding["reach"],
-        tuple(coding["domains"]),
+        partial(operator_of, name, recipe.parameters(name), recipe.genome.coding),
     )
     return told, parents
 

@@ -39,25 +39,25 @@ class Tuning:
         return other
 
 
-def of_field(genome: Genome, others: Sequence[Genome], side: int, coding: Mapping) -> Tuning:
+def of_field(genome: Genome, others: Sequence[Genome], side: int, make: Callable) -> Tuning:
     """The λ-field that fills street blocks of ``genome`` with the fabric of ``others``, from 0,
-    which is the genome itself."""
+    which is the genome itself. ``make(side=…, values=…)`` gives the operator."""
     count = len(others) * side**2
 
     def operator(point: np.ndarray):
-        return operators.make("lambda_field", side=side, values=point, **coding)
+        return make(side=side, values=point)
 
     ends = np.zeros(count), np.ones(count)
     start, step = np.zeros(count), np.full(count, 0.5)
     return Tuning([genome, *others], start, *ends, step, operator, np.random.default_rng(0))
 
 
-def of_heights(genome: Genome, side: int, coding: Mapping) -> Tuning:
+def of_heights(genome: Genome, side: int, make: Callable) -> Tuning:
     """The field of factors that heights of street blocks are multiplied by, from 1; the numbers
-    are their logarithms."""
+    are their logarithms. ``make(side=…, values=…)`` gives the operator."""
 
     def operator(point: np.ndarray):
-        return operators.make("height_field", side=side, values=np.exp(point), **coding)
+        return make(side=side, values=np.exp(point))
 
     low, high = np.log(FACTORS)
     ends = np.full(side**2, low), np.full(side**2, high)
@@ -80,8 +80,8 @@ def of_parameters(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[str]
     kind = operators.operators().get(name)
     if kind is None:
         raise OperatorError(
-            f"individual {plan.id}, which was bred by no operator",
-            "an individual with parents",
+            f"individual {plan.id}, which is a {plan.name}",
+            "an individual that an operator of the recipe bred",
             "choose another, or another way, such as heights",
         )
     own, fixed = _told(plan.operator)
@@ -149,7 +149,7 @@ def _around(name: str, fixed: Mapping, key: str, value: float) -> tuple[float, f
 
 
 def _allowed(name: str, fixed: Mapping, key: str, value: float) -> bool:
-    told = round(value) if isinstance(fixed[key], int) else value
+    told = round(value) if number_of(operators.operators()[name], key) is int else value
     try:
         operators.make(name, **{**fixed, key: told})
     except OperatorError:
