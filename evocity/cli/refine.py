@@ -106,6 +106,7 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
 @click.option(
     "--towards",
     metavar="MAP",
+    show_default="none",
     help="The map to come close to, of fit; read at the run's window and pixel size.",
 )
 @click.option(

@@ -43,6 +43,7 @@ def test_the_commands_are_these():
         "pick",
         "reweight",
         "stop",
+        "refine",
         "status",
         "report",
         "encode",
