@@ -1,6 +1,7 @@
 """Parents that were bred before: a genome in a file, or an individual of another run."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from evocity.errors import GenomeError, RunError
 from evocity.genome import Genome, read_genome
 from evocity.search.recipe import Recipe
 from evocity.search.sections import Parent
-from evocity.store import open_run
+from evocity.store import Birth, Run, open_run
 
 
 def founder_of(recipe: Recipe, parent: Parent) -> tuple[CityMap, Genome]:
@@ -36,14 +37,21 @@ def founder_of(recipe: Recipe, parent: Parent) -> tuple[CityMap, Genome]:
 
 
 def _of_run(path: str | os.PathLike, identifier: int) -> Genome:
-    (birth,) = open_run(path).individuals([identifier])
-    if not birth.ok:
-        raise RunError(
-            f"{path}: individual {identifier} failed ({birth.error})",
-            "an individual that was bred and measured",
-            f"choose another, such as `evocity status {path}` lists",
-        )
+    (birth,) = alive(open_run(path), [identifier])
     return birth.genome
+
+
+def alive(run: Run, ids: Sequence[int]) -> list[Birth]:
+    """The individuals ``ids`` of a ``run``. Raises `RunError` if it has no such, or one failed."""
+    births = run.individuals(ids)
+    for birth in births:
+        if not birth.ok:
+            raise RunError(
+                f"{run.path}: individual {birth.id} failed ({birth.error})",
+                "an individual that was bred and measured",
+                f"choose another, such as `evocity status {run.path}` lists",
+            )
+    return births
 
 
 def _refuse_others(genome: Genome, recipe: Recipe, parent: Parent) -> None:
@@ -71,4 +79,4 @@ def _refuse_others(genome: Genome, recipe: Recipe, parent: Parent) -> None:
         )
 
 
-__all__ = ["founder_of"]
+__all__ = ["alive", "founder_of"]

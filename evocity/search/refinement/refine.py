@@ -17,6 +17,7 @@ from evocity.search.beginning import pool_of, sides_of
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here
 from evocity.search.evaluator import Outcome
+from evocity.search.founding import alive
 from evocity.search.judging import judged, measured
 from evocity.search.preparation import Prepared
 from evocity.search.refinement.climbing import Climbed, climb, rounded
@@ -126,13 +127,13 @@ def refine(
     say = told or (lambda text: None)
     run = run if isinstance(run, Run) else open_run(run)
     say("reading the run")
-    (birth,) = _alive(run, [id])
+    (birth,) = alive(run, [id])
     prepared = _with_void(read_again(run, None, accept_changes)[0])
     compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
     pool = pool_of(prepared, 0, (), say, say)
     score = score_of(run, prepared)
     if way == "fit":
-        return _fitted(run, prepared, birth, towards, budget, score, pool, progress)
+        return _fitted(birth, towards, budget, score, pool, progress)
 
     def climb_by(genome, values, tuning: Tuning, most: int, done: int = 0) -> Climbed:
         return climb(
@@ -150,7 +151,8 @@ def refine(
     recipe, own = prepared.recipe, (birth.genome,)
     if way != "parameters" and any("parents" in one.takes for one in recipe.measures):
         (again,) = pool.run("evaluate", [(birth.genome, own)])  # as its children are
-        birth = replace(birth, values=again.values)
+        if again.status == "ok":
+            birth = replace(birth, values=again.values)
     chosen: dict[int, None] = {}
     if way == "lambda_field":
         offered = _Others(run, birth, others, seed)
@@ -231,18 +233,6 @@ def _check(way: str, budget: int, algorithm: str, side: int, rounds: int, toward
         raise EvocityError(found, "a map with way = 'fit', and none else", "correct one of them")
 
 
-def _alive(run: Run, ids: Sequence[int]) -> list[Birth]:
-    births = run.individuals(ids)
-    for birth in births:
-        if not birth.ok:
-            raise RunError(
-                f"{run.path}: individual {birth.id} failed ({birth.error})",
-                "an individual that was bred and measured",
-                f"choose another, such as `evocity status {run.path}` lists",
-            )
-    return births
-
-
 class _Others:
     """Whose fabric is offered to an individual: those of ``ids`` in each round, or two drawn from
     all others who live."""
@@ -251,7 +241,7 @@ class _Others:
         self._fixed, self._rng = ids is not None, np.random.default_rng(seed)
         if ids is None:
             ids = run.members(run.generations[-1]).column("id").to_pylist()
-        found = _alive(run, [one for one in dict.fromkeys(ids) if one != birth.id])
+        found = alive(run, [one for one in dict.fromkeys(ids) if one != birth.id])
         self._all = [one for one in found if one.genome.digest != birth.genome.digest]
         if not self._all:
             raise RunError(
@@ -290,8 +280,6 @@ def _in_rounds(
 
 
 def _fitted(
-    run: Run,
-    prepared: Prepared,
     birth: Birth,
     towards: CityMap,
     budget: int,

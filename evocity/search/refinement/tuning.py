@@ -84,11 +84,11 @@ def of_parameters(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[str]
             "an individual that an operator of the recipe bred",
             "choose another, or another way, such as heights",
         )
-    own, fixed = _told(plan.operator)
+    fixed = _told(plan.operator)
     ranges = parted(kind, parameters)[1]
     known = {
         key: value
-        for key, value in own.items()
+        for key, value in fixed.items()
         if number_of(kind, key) is not None and _is_number(value) and key not in repair_checks()
     }
     for key in keys:
@@ -125,14 +125,13 @@ def of_parameters(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[str]
     return Tuning(plan.genomes, start, lower, upper, step, operator, plan.rng)
 
 
-def _told(operator) -> tuple[dict[str, Any], dict[str, Any]]:
-    """All parameters of one birth's operator, and those that it was made with."""
+def _told(operator) -> dict[str, Any]:
+    """All parameters of one birth's operator."""
     if isinstance(operator, Drawn):
         made = {**operator.parameters, **operator.drawn}
         operator = operators.make(operator.name, **made)
     accepted = operators.parameters_of(type(operator))
-    told = {key: getattr(operator, key) for key in accepted if hasattr(operator, key)}
-    return told, told
+    return {key: getattr(operator, key) for key in accepted if hasattr(operator, key)}
 
 
 def _is_number(value: object) -> bool:
