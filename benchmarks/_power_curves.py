@@ -1,5 +1,7 @@
 """Arithmetic of `search_power.py`: what births reach together, as they come."""
 
+from collections.abc import Sequence
+
 import moocore
 import numpy as np
 
@@ -7,19 +9,25 @@ import numpy as np
 class Unit:
     """One measure of length for all methods of a case.
 
-    first : losses ``(n, m)`` whose ranges are the unit; NaN for what failed.
-    parents : losses ``(p, m)`` of the parents' codes: the reference point lies a tenth of the
-        range beyond the worst of them.
+    worst : of each goal, the greatest loss of the parents' codes. The reference point lies a tenth
+        of the range beyond it.
+    ranges : of each goal, the range of its losses among the first births.
     """
 
-    def __init__(self, first: np.ndarray, parents: np.ndarray):
+    def __init__(self, worst: Sequence[float], ranges: Sequence[float]):
+        self.worst, self.ranges = list(worst), list(ranges)
+
+    @classmethod
+    def of(cls, first: np.ndarray, parents: np.ndarray) -> "Unit":
+        """From the losses ``(n, m)`` of the first births, NaN for what failed, and ``(p, m)`` of
+        the parents' codes."""
         ranges = np.nanmax(first, axis=0) - np.nanmin(first, axis=0)
-        self._ranges = np.where(ranges > 0, ranges, 1.0)
-        self._worst = np.nanmax(parents, axis=0)
+        ranges = np.where(ranges > 0, ranges, 1.0)
+        return cls(np.nanmax(parents, axis=0).tolist(), ranges.tolist())
 
     def __call__(self, losses: np.ndarray) -> np.ndarray:
         """``(n, m)``: 0 at the worst parent, −1 a range below; the reference is at .1."""
-        return (losses - self._worst) / self._ranges
+        return (losses - self.worst) / self.ranges
 
 
 #: The reference point, in units.
@@ -42,7 +50,7 @@ def curve(unit: Unit, losses: np.ndarray, counted: np.ndarray, step: int) -> np.
     return np.array(found)
 
 
-def passed(own: np.ndarray, value: float) -> float:
+def passed(own: Sequence[float], value: float) -> float:
     """After which share of a curve it exceeds a ``value``; infinite if it never does."""
-    above = np.flatnonzero(own > value)
+    above = np.flatnonzero(np.asarray(own) > value)
     return (above[0] + 1) / len(own) if len(above) else np.inf

@@ -81,10 +81,12 @@ def by_recipe(guarded: bool = True, **sections) -> Method:
     return method
 
 
+#: The default mixture, as a recipe in Python has it.
 MIXTURE = {
-    "quarter_fusion": {"weight": 4, "fill": {"from": 0.1, "to": 0.6}},
-    "quarter_refill": {"weight": 3, "street_blocks": {"from": 2, "to": 8}},
-    "height_scaling": {"weight": 1},
+    name: entry.model_dump(exclude_none=True)
+    for name, entry in evocity.Recipe.model_fields["operators"]
+    .get_default(call_default_factory=True)
+    .items()
 }
 
 
@@ -93,12 +95,19 @@ def without(name: str) -> Method:
     return by_recipe(operators={key: one for key, one in MIXTURE.items() if key != name})
 
 
+def halfway(value):
+    """The middle of a range, whole where its ends are; anything else as it is."""
+    if not isinstance(value, dict):
+        return value
+    middle = (value["from"] + value["to"]) / 2
+    return round(middle) if isinstance(value["from"], int) else middle
+
+
 def fixed() -> Method:
     """evocity's own search with the middles of the ranges that births draw from."""
     middle = {
-        "quarter_fusion": {"weight": 4, "fill": 0.35},
-        "quarter_refill": {"weight": 3, "street_blocks": 5},
-        "height_scaling": {"weight": 1},
+        name: {key: one if key == "weight" else halfway(one) for key, one in entry.items()}
+        for name, entry in MIXTURE.items()
     }
     return by_recipe(operators=middle)
 

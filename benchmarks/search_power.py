@@ -7,9 +7,10 @@ that choose between the parents, with evocity's repair. All have the same parent
 and guard, calibrated on them as `evocity recipe new` does. --ablations takes parts of the default
 away in place of that.
 
-What is bred is kept in runs/power: with --run, whatever is missing there is bred, until it is all
-there or --minutes are over; without, the tables are printed of what is there, which takes no time.
---curves FILE.png draws them.
+What each method reached is kept in benchmarks/power, a file a case: with --run, whatever is missing
+there is bred, until it is all there or --minutes are over; without, the tables of what is there are
+printed, which takes no time. A method that is taken out of a file is bred again. --curves FILE.png
+draws them.
 """
 
 import argparse
@@ -31,7 +32,7 @@ from evocity import fitness
 from evocity.search.calibration import begun
 from evocity.search.recipe_text import Goal, Words
 
-KEPT = Path("runs/power")
+KEPT = Path(__file__).parent / "power"
 PAIRS = (
     ("lyon-1er", "montpellier-pas-du-loup"),
     ("new-york-west-village", "cape-town-salt-river"),
@@ -54,43 +55,82 @@ def main(asked: argparse.Namespace) -> None:
     pairs = [tuple(pair) for pair in asked.pair] or list(PAIRS)
     methods = ABLATIONS if asked.ablations else METHODS
     names = [name for name in methods if not asked.methods or name in asked.methods]
+    names = ["default", *(name for name in names if name != "default")]
     goals = [name for name in GOALS if asked.goals in (None, name)]
     if asked.run:
         until = time.monotonic() + 60 * asked.minutes
-        cells = itertools.product(range(asked.seeds), goals, pairs, ["default", *names])
-        for seed, which, pair, name in dict.fromkeys(cells):
-            breed(pair, seed, which, name, {**METHODS, **ABLATIONS}[name], asked, until)
+        for seed, which, pair, name in itertools.product(range(asked.seeds), goals, pairs, names):
             if time.monotonic() > until:
                 print("the minutes are over; the same command goes on", file=sys.stderr)
                 break
+            kept = Kept(pair, seed, asked.evaluations)
+            if which not in kept.told.get("curves", {}).get(name, {}):
+                breed(kept, which, name, until)
     for which in goals:
-        show(pairs, which, ["default", *(n for n in names if n != "default")], asked)
+        show([Kept(*one, asked.evaluations) for one in cases(pairs, asked.seeds)], which, names)
+        if asked.curves:
+            draw(pairs, which, names, asked)
 
 
-def place(pair: tuple[str, str], seed: int, goals: str, name: str, evaluations: int) -> Path:
-    goals = "any" if name in BLIND else goals
-    word = "".join(c if c.isalnum() else "-" for c in name)
-    return KEPT / "-x-".join(pair) / f"{goals}-{word}-{seed}-{evaluations}.npz"
+def cases(pairs, seeds: int):
+    return itertools.product(pairs, range(seeds))
 
 
-def guard_of(pair: tuple[str, str]) -> dict[str, dict[str, float]]:
-    """Bounds of the guard, calibrated once."""
-    path = KEPT / "-x-".join(pair) / "guard.json"
-    if not path.exists():
-        words = Words("power", [{"map": one} for one in pair])
+class Kept:
+    """What is known of a case: ``told``, as its file has it, a mapping of its guard, its unit
+    of hypervolume, and of each method and set of goals the curves and what they cost."""
+
+    def __init__(self, pair: tuple[str, str], seed: int, evaluations: int):
+        self.pair, self.seed, self.evaluations = pair, seed, evaluations
+        folder = KEPT / "-x-".join(Path(one).stem for one in pair)
+        self.path = folder / f"seed-{seed}-{evaluations}.json"
+        self.told = json.loads(self.path.read_text()) if self.path.exists() else {}
+
+    def write(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = self.path.with_suffix(".part")
+        temporary.write_text(json.dumps(self.told, indent=1) + "\n")
+        temporary.rename(self.path)
+
+    def begin(self) -> None:
+        """Bounds of the guard, and the unit, which no later default changes."""
+        words = Words("power", [{"map": one} for one in self.pair])
         found = begun(words, [Goal(fitness.get("crumbs"))], Path("power.toml"), lambda text: None)
-        bounds = {one.measure.name: one.keys for one in found.bounds}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(bounds))
-    return json.loads(path.read_text())
+        self.told["guard"] = {one.measure.name: one.keys for one in found.bounds}
+        parts = []
+        METHODS["default"](self.case("four"), POPULATION, parts.append)
+        first = self.losses(np.vstack(parts), "four")[0]
+        unit = Unit.of(first, first[: len(self.pair)])
+        self.told["unit"] = {
+            name: {"worst": worst, "range": width}
+            for name, worst, width in zip(GOALS["four"], unit.worst, unit.ranges, strict=True)
+        }
+        self.told["curves"] = {}
+
+    def case(self, goals: str) -> Case:
+        return Case(self.pair, GOALS[goals], self.told["guard"], self.seed)
+
+    def losses(self, values: np.ndarray, goals: str) -> tuple[np.ndarray, np.ndarray]:
+        """Losses ``(n, goals)``, NaN for what failed, and who keeps the guard; of ``values``
+        (n, measures) of a case with these goals."""
+        signs = [-1 if fitness.get(name).goal == "max" else 1 for name in GOALS[goals]]
+        losses = values[:, : len(signs)] * signs
+        keeps = ~np.isnan(losses).any(axis=1)
+        for bound, of in zip(self.told["guard"].values(), values[:, len(signs) :].T, strict=True):
+            keeps &= (of >= bound.get("min", -np.inf)) & (of <= bound.get("max", np.inf))
+        return losses, keeps
+
+    def unit(self, goals: str) -> Unit:
+        found = [self.told["unit"][name] for name in GOALS[goals]]
+        return Unit([one["worst"] for one in found], [one["range"] for one in found])
 
 
-def breed(pair, seed, goals, name, method, asked, until) -> None:
-    path = place(pair, seed, goals, name, asked.evaluations)
-    if path.exists() or time.monotonic() > until:
-        return
-    every = GOALS["four"] if name in BLIND else GOALS[goals]
-    case = Case(pair, every, guard_of(pair), seed)
+def breed(kept: Kept, goals: str, name: str, until: float) -> None:
+    """The births of a method, and their curves into the file of the case. Blind methods are bred
+    once, with all the goals there are."""
+    if not kept.told:
+        kept.begin()
+    bred = "four" if name in BLIND else goals
     parts, start = [], time.perf_counter()
 
     def told(values: np.ndarray) -> None:
@@ -99,100 +139,87 @@ def breed(pair, seed, goals, name, method, asked, until) -> None:
             raise Over
 
     try:
-        method(case, asked.evaluations, told)
+        {**METHODS, **ABLATIONS}[name](kept.case(bred), kept.evaluations, told)
     except Over:
         return
     spent = time.perf_counter() - start
-    values = np.vstack(parts)[: asked.evaluations]
-    temporary = path.with_suffix(".part.npz")
-    np.savez(temporary, values=values, measures=case.measures, seconds=spent)
-    temporary.rename(path)
-    what = f"{' x '.join(pair)}, {goals}, seed {seed}, {name}"
+    values = np.vstack(parts)[: kept.evaluations]
+    losses, keeps = kept.losses(values, bred)
+    for which in GOALS if name in BLIND else [goals]:
+        chosen = [GOALS[bred].index(one) for one in GOALS[which]]
+        counted = {"keeping": keeps, "all": ~np.isnan(losses).any(axis=1)}
+        curves = {
+            key: curve(kept.unit(which), losses[:, chosen], of, POPULATION)
+            for key, of in counted.items()
+        }
+        kept.told["curves"].setdefault(name, {})[which] = {
+            "seconds": round(spent),
+            "share keeping the guard": round(float(keeps.mean()), 3),
+            **{key: [float(f"{one:.5g}") for one in of] for key, of in curves.items()},
+        }
+    kept.write()
+    what = f"{' x '.join(kept.pair)}, {goals}, seed {kept.seed}, {name}"
     print(f"{what}: {len(values)} births in {spent:.0f} s", file=sys.stderr, flush=True)
 
 
-def losses_of(path: Path, pair, goals: str) -> tuple[np.ndarray, np.ndarray]:
-    """Losses ``(n, goals)``, NaN for what failed, and who keeps the guard."""
-    with np.load(path) as kept:
-        values, measures = kept["values"], kept["measures"].tolist()
-    sought = [measures.index(name) for name in GOALS[goals]]
-    signs = np.array([-1 if fitness.get(name).goal == "max" else 1 for name in GOALS[goals]])
-    keeps = ~np.isnan(values[:, sought]).any(axis=1)
-    for name, bound in guard_of(pair).items():
-        of = values[:, measures.index(name)]
-        keeps &= (of >= bound.get("min", -np.inf)) & (of <= bound.get("max", np.inf))
-    return values[:, sought] * signs, keeps
+def curves_of(kept: Kept, goals: str, name: str) -> dict | None:
+    return kept.told.get("curves", {}).get(name, {}).get(goals)
 
 
-def show(pairs, goals: str, names: list[str], asked) -> None:
+def show(cases: list[Kept], goals: str, names: list[str]) -> None:
     """Tables of what is there."""
-    found: dict[str, list] = {name: [] for name in names}
-    cases = 0
-    for pair, seed in itertools.product(pairs, range(asked.seeds)):
-        paths = {name: place(pair, seed, goals, name, asked.evaluations) for name in names}
-        if not paths["default"].exists():
-            continue
-        cases += 1
-        first, _ = losses_of(paths["default"], pair, goals)
-        unit = Unit(first[:POPULATION], first[: len(pair)])
-        for name, path in paths.items():
-            if path.exists():
-                losses, keeps = losses_of(path, pair, goals)
-                kept = curve(unit, losses, keeps, POPULATION)
-                every = curve(unit, losses, ~np.isnan(losses).any(axis=1), POPULATION)
-                found[name].append(((pair, seed), kept, every))
-            else:
-                found[name].append(None)
-    print(f"\n{', '.join(GOALS[goals])}: {cases} cases of {len(pairs) * asked.seeds}")
+    begun = [one for one in cases if curves_of(one, goals, "default")]
+    print(f"\n{', '.join(GOALS[goals])}: {len(begun)} cases of {len(cases)}")
     print(DEFINED)
-    if not cases:
+    if not begun:
         print("nothing is kept yet: --run")
         return
     head = "cases   keeping the guard   (lowest … highest)     of all"
     print(f"\n{'':34}{head}   default leads")
-    base = found["default"]
     for name in names:
-        done = [one for one in found[name] if one is not None]
-        if not done:
+        both = [(curves_of(one, goals, "default"), curves_of(one, goals, name)) for one in begun]
+        both = [(ours, theirs) for ours, theirs in both if theirs]
+        if not both:
             continue
-        kept = np.array([one[1][-1] for one in done])
-        every = np.array([one[2][-1] for one in done])
-        both = [(a, b) for a, b in zip(base, found[name], strict=True) if b is not None]
-        wins = sum(a[1][-1] > b[1][-1] for a, b in both)
+        last = np.array([theirs["keeping"][-1] for _, theirs in both])
+        every = np.array([theirs["all"][-1] for _, theirs in both])
+        wins = sum(ours["keeping"][-1] > theirs["keeping"][-1] for ours, theirs in both)
         lead = "" if name == "default" else f"{wins:9} of {len(both)}"
         print(
-            f"{name:34}{len(done):5}{np.median(kept):16.4f}      ({kept.min():.4f} … "
-            f"{kept.max():.4f}){np.median(every):12.4f}{lead}"
+            f"{name:34}{len(both):5}{np.median(last):16.4g}      ({last.min():.4g} … "
+            f"{last.max():.4g}){np.median(every):12.4g}{lead}"
         )
     shares = []
-    for number, case in enumerate(base):
-        others = [found[n][number] for n in names if n != "default" and found[n][number]]
-        if len(others) == len(names) - 1 and others:
-            shares.append(passed(case[1], max(one[1][-1] for one in others)))
+    for one in begun:
+        others = [curves_of(one, goals, name) for name in names if name != "default"]
+        if others and all(others):
+            best = max(other["keeping"][-1] for other in others)
+            shares.append(passed(curves_of(one, goals, "default")["keeping"], best))
     if shares:
         told = ", ".join("never" if np.isinf(one) else f"{one:.0%}" for one in shares)
         print(
             f"\nthe default passes the runner-up's last value after {np.median(shares):.0%} of its "
             f"evaluations (median of {len(shares)}: {told})"
         )
-    if asked.curves:
-        draw(found, goals, asked)
 
 
-def draw(found, goals: str, asked) -> None:
+def draw(pairs, goals: str, names: list[str], asked) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    found = [Kept(*one, asked.evaluations) for one in cases(pairs, asked.seeds)]
     figure, axes = pyplot.subplots(figsize=(8, 5), layout="constrained")
-    for name, cases in found.items():
-        done = [one for one in cases if one is not None]
-        if not done:
-            continue
+    for name in names:
         # each case in units of what the default has at its end
-        ends = {one[0]: one[1][-1] for one in found["default"]}
-        curves = [one[1] / ends[one[0]] for one in done if ends[one[0]] > 0]
+        curves = [
+            np.array(own["keeping"]) / ours["keeping"][-1]
+            for ours, own in (
+                (curves_of(k, goals, "default"), curves_of(k, goals, name)) for k in found
+            )
+            if ours and own and ours["keeping"][-1] > 0
+        ]
         if not curves:
             continue
         curves = np.array(curves)

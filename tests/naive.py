@@ -1131,3 +1131,69 @@ def most_distinct(looks, apart):
             if all(pairs[pair] for pair in itertools.combinations(some, 2)):
                 return count
     return min(len(looks), 1)
+
+
+# -- walls ----------------------------------------------------------------------------------------
+
+
+def pieces(values):
+    """Int32 labels of pixels of one value, over 0, that touch by sides."""
+    labels, count = np.zeros(values.shape, np.int32), 0
+    for value in np.unique(values[values > 0]):
+        found, more = ndimage.label(values == value)
+        labels[found > 0] = found[found > 0] + count
+        count += more
+    return labels
+
+
+def framed(labels):
+    return np.pad(labels, 1, constant_values=-1)
+
+
+def touches_itself(labels):
+    """Whether a label over 0 meets itself at a pixel's corner alone."""
+    inside = framed(labels)
+    for y, x in np.ndindex(inside.shape[0] - 1, inside.shape[1] - 1):
+        (a, b), (c, d) = inside[y : y + 2, x : x + 2]
+        if (a == d > 0 and a not in (b, c)) or (b == c > 0 and b not in (a, d)):
+            return True
+    return False
+
+
+def edge_between(labels, one, other):
+    """The labels left and right of the pixel's edge from vertex ``one`` to ``other``, (x, y)."""
+    inside = framed(labels)
+    (x, y), (dx, dy) = one, (other[0] - one[0], other[1] - one[1])
+    # the pixel whose middle lies half a pixel to the side of the edge's middle
+    middle = np.array([x + dx / 2, y + dy / 2])
+    left, right = middle + np.array([dy, -dx]) / 2, middle + np.array([-dy, dx]) / 2
+    return tuple(
+        int(inside[int(np.floor(p[1])) + 1, int(np.floor(p[0])) + 1]) for p in (left, right)
+    )
+
+
+def wall_edges(labels):
+    """The pixels' edges between two labels of which one is over 0, as pairs of vertices (x, y)."""
+    inside, edges = framed(labels), set()
+    height, width = labels.shape
+    for y, x in itertools.product(range(height + 1), range(width + 1)):
+        for dx, dy, a, b in (
+            (1, 0, (y, x + 1), (y + 1, x + 1)),
+            (0, 1, (y + 1, x), (y + 1, x + 1)),
+        ):
+            if x + dx <= width and y + dy <= height:
+                first, second = inside[a], inside[b]
+                if first != second and max(first, second) > 0:
+                    edges.add(frozenset([(x, y), (x + dx, y + dy)]))
+    return edges
+
+
+def party_walls(labels, least):
+    """Pairs of labels over 0 that share ``least`` pixels' edges and more."""
+    counts = {}
+    for one, other in ((labels[1:], labels[:-1]), (labels[:, 1:], labels[:, :-1])):
+        for a, b in zip(one.ravel().tolist(), other.ravel().tolist(), strict=True):
+            if a != b and min(a, b) > 0:
+                pair = min(a, b), max(a, b)
+                counts[pair] = counts.get(pair, 0) + 1
+    return [pair for pair, count in counts.items() if count >= least]

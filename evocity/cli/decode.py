@@ -25,7 +25,8 @@ Examples:
   evocity decode lyon.parquet -o simpler.png --low-pass 10
   evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
-  evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg"""
+  evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg
+  evocity decode lyon.parquet -o staircases.gpkg --raw"""
 )
 @click.argument("genome", metavar="GENOME|RUN")
 @output_option(
@@ -58,17 +59,25 @@ Examples:
     "flat. With --low-pass it leaves a band.",
 )
 @count_option
-def decode(genome: str, output: Path, identifier, zoom: float, low_pass, high_pass, count) -> None:
+@click.option(
+    "--raw",
+    is_flag=True,
+    help="Footprints along the edges of their pixels, in place of straight walls.",
+)
+def decode(
+    genome: str, output: Path, identifier, zoom: float, low_pass, high_pass, count, raw
+) -> None:
     """Write the map that a genome stands for, its attractor.
 
     The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
 
     Footprints are a polygon a building, with id, height (the mean of its pixels, metres) and area
-    (m²). A map that lies nowhere on Earth is written as .gpkg, in local metres, not as .geojson.
+    (m²). Their walls are straight lines fitted to the pixels, and none overlaps another. A map that
+    lies nowhere on Earth is written as .gpkg, in local metres, not as .geojson.
     """
-    from evocity.io import WRITERS
+    from evocity.io import RAW_WRITERS, WRITERS
 
-    check_output(output, genome, WRITERS)
+    check_output(output, genome, RAW_WRITERS if raw else WRITERS)
     filters = {"low-pass": low_pass, "high-pass": high_pass}
     filters = {name: f_c for name, f_c in filters.items() if f_c is not None}
     if count is not None and not filters:
@@ -94,7 +103,7 @@ def decode(genome: str, output: Path, identifier, zoom: float, low_pass, high_pa
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
     name = decoded_name(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
-    evocity.write_map(city, output)
+    evocity.write_map(city, output, raw=raw)
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
         click.echo(line)
     click.echo(f"wrote {output}")

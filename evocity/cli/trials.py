@@ -7,8 +7,7 @@ import evocity
 
 #: Bred together, as in the demonstration; the first is the typical one.
 PARENTS = ("lyon-1er", "montpellier-pas-du-loup")
-#: Operators of their children: the default mixture, which leaves buildings whole, and two that cut
-#: them.
+#: Operators of their children: three that leave buildings whole, and two that cut them.
 OPERATORS = (
     "quarter_fusion",
     "quarter_refill",

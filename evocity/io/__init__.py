@@ -20,6 +20,7 @@ from evocity.io.sources import Footprints, Grid, Reader, Request
 from evocity.io.writing import (
     FIELD_WRITERS,
     LEAVES_WRITERS,
+    RAW_WRITERS,
     SHARES_WRITERS,
     WINDOW_WRITERS,
     WRITERS,
@@ -33,6 +34,7 @@ from evocity.io.writing import (
 __all__ = [
     "FIELD_WRITERS",
     "LEAVES_WRITERS",
+    "RAW_WRITERS",
     "READERS",
     "SHARES_WRITERS",
     "WINDOW_WRITERS",

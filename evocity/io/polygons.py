@@ -1,7 +1,8 @@
 """Maps written as footprints with heights: GeoPackage and GeoJSON, a polygon a building.
 
-The buildings are those of `CityMap.buildings`, their outlines `CityMap.outline`. What a reader
-needs to lay the same window about them is written beside them.
+The buildings are those of `CityMap.buildings`, with the straight walls of `CityMap.walls`, or, raw,
+the pixels' edges of `CityMap.outline`. What a reader needs to lay the same window about them is
+written beside them.
 """
 
 import json
@@ -38,9 +39,9 @@ _NOWHERE = (
 _DIGITS = 7
 
 
-def write_geopackage(city: CityMap, path: Path) -> None:
+def write_geopackage(city: CityMap, path: Path, raw: bool = False) -> None:
     """A GeoPackage of one layer, `LAYER`, in the map's reference system; in metres from its
-    south-west corner if it has none."""
+    south-west corner if it has none. ``raw``: pixels' edges in place of straight walls."""
     crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
     x, y = _middle(city)
     if is_placed(city):
@@ -48,14 +49,14 @@ def write_geopackage(city: CityMap, path: Path) -> None:
         crs = code_of(own)
         x, y = moved(x, y, own, WGS84)
     tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
-    numbers, heights, areas = _attributes(city)
+    polygons, *columns = _footprints(city, raw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GDAL's, of an empty layer
         pyogrio.raw.write(
             path,
-            geometry=shapely.to_wkb(_oriented(np.array(city.outline, dtype=object))),
-            field_data=[numbers, heights, areas],
-            fields=["id", "height", "area"],
+            geometry=shapely.to_wkb(_oriented(polygons)),
+            field_data=columns,
+            fields=list(_FIELDS),
             layer=LAYER,
             driver="GPKG",
             geometry_type="Polygon",
@@ -65,13 +66,14 @@ def write_geopackage(city: CityMap, path: Path) -> None:
         )
 
 
-def write_geojson(city: CityMap, path: Path) -> None:
-    """GeoJSON after RFC 7946, in WGS84; `MapError` if the map has no place on Earth."""
+def write_geojson(city: CityMap, path: Path, raw: bool = False) -> None:
+    """GeoJSON after RFC 7946, in WGS84; `MapError` if the map has no place on Earth. ``raw``:
+    pixels' edges in place of straight walls."""
     if not is_placed(city):
         raise no_geojson(city.name)
     crs = _system(city, path.name)
-    polygons = moved_polygons(np.array(city.outline, dtype=object), crs, WGS84)
-    polygons = _rounded(polygons, city.name)
+    polygons, *columns = _footprints(city, raw)
+    polygons = _rounded(moved_polygons(polygons, crs, WGS84), city.name)
     head = {
         "type": "FeatureCollection",
         "name": city.name,
@@ -81,13 +83,12 @@ def write_geojson(city: CityMap, path: Path) -> None:
     }
     if len(polygons):
         head["bbox"] = shapely.total_bounds(polygons).tolist()
-    names = ("id", "height", "area")
-    rows = zip(*(column.tolist() for column in _attributes(city)), strict=True)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
     features = (
         _dumped(
             {
                 "type": "Feature",
-                "properties": dict(zip(names, row, strict=True)),
+                "properties": dict(zip(_FIELDS, row, strict=True)),
                 "geometry": shapely.geometry.mapping(polygon),
             }
         )
@@ -114,13 +115,24 @@ def no_geojson(name: str) -> MapError:
     )
 
 
-def _attributes(city: CityMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers, heights in m and areas in m² of the buildings."""
+#: What is told of each polygon.
+_FIELDS = ("id", "height", "area")
+
+
+def _footprints(city: CityMap, raw: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Polygons of the buildings, and the columns of `_FIELDS`: numbers, heights in m, areas in
+    m²."""
     buildings = city.buildings
+    if raw:
+        polygons, areas = np.array(city.outline, dtype=object), buildings.area
+        numbers, heights = np.arange(1, len(buildings) + 1, dtype=np.int32), buildings.height
+    else:
+        polygons = np.array(city.walls.polygons, dtype=object)
+        numbers, heights = city.walls.buildings, city.walls.heights
+        areas = np.round(shapely.area(polygons), 3)
     # as short as float32, which the map's own heights are, can be told: 9.2, not 9.199999809
-    heights = [float(str(height)) for height in buildings.height.astype(np.float32)]
-    numbers = np.arange(1, len(buildings) + 1, dtype=np.int32)
-    return numbers, np.array(heights, dtype=float), buildings.area
+    short = [float(str(height)) for height in heights.astype(np.float32)]
+    return polygons, numbers, np.array(short, dtype=float), areas
 
 
 def _corner(city: CityMap) -> tuple[float, float]:

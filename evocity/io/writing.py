@@ -42,20 +42,21 @@ _TROUBLE = (
 _TILE, _CACHE = 256, 64 << 20
 
 
-def write_map(city: CityMap, path: str | os.PathLike) -> None:
+def write_map(city: CityMap, path: str | os.PathLike, *, raw: bool = False) -> None:
     """Write a map; the suffix of ``path`` chooses the format.
 
     ``.tif``: float32 heights with reference system, unit and attribution; read back, the
     heights are the same bit for bit. ``.png``: a picture with a colour scale in metres and
     the attribution. ``.npy``: the bare array, metres.
 
-    ``.gpkg``, ``.geojson``: footprints, a polygon a building of `CityMap.buildings` along its
-    pixels' edges, courtyards as holes, with ``id`` (its label there), ``height`` (m, the mean of
-    its pixels) and ``area`` (m²), and the attribution. A GeoPackage has one layer, ``buildings``,
-    in the map's reference system; in metres from the map's south-west corner, which GIS call an
-    undefined Cartesian system, if the map lies nowhere on Earth. GeoJSON is in longitude and
-    latitude (RFC 7946). Read back with the same ``pixels`` and ``metres_per_pixel``, the same
-    pixels are built, each as high as its building.
+    ``.gpkg``, ``.geojson``: footprints, a polygon a building of `CityMap.buildings`, courtyards as
+    holes, with ``id`` (its label there), ``height`` (m, the mean of its pixels) and ``area`` (m²),
+    and the attribution. They have the straight walls of `CityMap.walls`, and are a valid coverage;
+    ``raw``, the edges of their pixels (`CityMap.outline`): read back with the same ``pixels`` and
+    ``metres_per_pixel``, the same pixels are then built, each as high as its building. A GeoPackage
+    has one layer, ``buildings``, in the map's reference system; in metres from the map's south-west
+    corner, which GIS call an undefined Cartesian system, if the map lies nowhere on Earth. GeoJSON
+    is in longitude and latitude (RFC 7946).
 
     Raises
     ------
@@ -63,7 +64,7 @@ def write_map(city: CityMap, path: str | os.PathLike) -> None:
         of a map that lies nowhere on Earth, or across the 180th meridian. Nothing half-written
         is left, and a file that was there stays as it was.
     """
-    _write(city, path, WRITERS)
+    _write(city, path, WRITERS | RAW_WRITERS if raw else WRITERS)
 
 
 def write_field(field: Field, path: str | os.PathLike) -> None:
@@ -294,6 +295,12 @@ WRITERS = {
     ".geojson": write_geojson,
 }
 
+#: Those of footprints along the pixels' edges.
+RAW_WRITERS = {
+    ".gpkg": functools.partial(write_geopackage, raw=True),
+    ".geojson": functools.partial(write_geojson, raw=True),
+}
+
 #: The same of maps written by windows.
 WINDOW_WRITERS = {
     ".tif": _write_windows_geotiff,
@@ -318,6 +325,7 @@ LEAVES_WRITERS = {".png": _write_leaves_png}
 __all__ = [
     "FIELD_WRITERS",
     "LEAVES_WRITERS",
+    "RAW_WRITERS",
     "SHARES_WRITERS",
     "WINDOW_WRITERS",
     "WRITERS",

@@ -83,9 +83,11 @@ class Recipe(Section):
         Annotated[OperatorEntry, BeforeValidator(entry_of)],
     ] = Field(
         default_factory=lambda: {
-            "quarter_fusion": OperatorEntry(weight=4, fill={"from": 0.1, "to": 0.6}),
+            "quarter_fusion": OperatorEntry(weight=2, fill={"from": 0.05, "to": 0.6}),
             "quarter_refill": OperatorEntry(weight=3, street_blocks={"from": 2, "to": 8}),
-            "height_scaling": OperatorEntry(weight=1),
+            "height_scaling": OperatorEntry(weight=2),
+            "relocation": OperatorEntry(weight=1.5),
+            "region_fusion": OperatorEntry(weight=1.5, cut=0.0),
         },
         min_length=1,
     )

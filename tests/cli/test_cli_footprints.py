@@ -31,6 +31,10 @@ def test_a_decoded_map_as_footprints(tmp_path, placed, suffix):
     path = tmp_path / f"lyon{suffix}"
     assert call("decode", placed, "-o", path).stdout.endswith(f"wrote {path}\n")
     city = evocity.decode(evocity.read_genome(placed)).city
+    assert features(path) == len(city.walls)
+    straight = path.read_bytes()
+    call("decode", placed, "--raw", "-o", path)
+    assert path.read_bytes() != straight
     assert features(path) == len(city.buildings)
     back = evocity.read_map(path, pixels=64)
     np.testing.assert_array_equal(back.built, city.built)
@@ -38,7 +42,7 @@ def test_a_decoded_map_as_footprints(tmp_path, placed, suffix):
 
 
 def test_what_lies_nowhere_becomes_a_geopackage(tmp_path, nowhere):
-    call("decode", nowhere, "-o", tmp_path / "a.gpkg")
+    call("decode", nowhere, "--raw", "-o", tmp_path / "a.gpkg")
     city = evocity.decode(evocity.read_genome(nowhere)).city
     back = evocity.read_map(tmp_path / "a.gpkg", pixels=64)
     np.testing.assert_array_equal(back.built, city.built)
@@ -57,3 +61,8 @@ def test_what_lies_nowhere_is_no_geojson(tmp_path, nowhere):
     ):
         told = refused(tmp_path, *words, "-o", path, says="no place on Earth")
         assert "write a .gpkg instead" in told
+
+
+def test_only_footprints_have_pixels_edges_or_walls(tmp_path, placed):
+    told = refused(tmp_path, "decode", placed, "--raw", "-o", tmp_path / "a.tif", says="tif")
+    assert ".gpkg" in told

@@ -48,7 +48,7 @@ def test_bundled_cities_come_back_pixel_for_pixel(tmp_path, name, decoded):
     if decoded:
         city = decode(uniformly(city).genome).city
     for suffix in SUFFIXES:
-        write_map(city, tmp_path / f"a{suffix}")
+        write_map(city, tmp_path / f"a{suffix}", raw=True)
         back = read_map(tmp_path / f"a{suffix}")
         np.testing.assert_array_equal(back.heights, levelled(city))
         assert back.attribution == attribution_of(name)
@@ -56,6 +56,29 @@ def test_bundled_cities_come_back_pixel_for_pixel(tmp_path, name, decoded):
         assert back.height_rules == {"height": len(city.buildings)}
         center = json.loads(path_of(name).read_text(encoding="utf-8"))["window"]["center"]
         assert center_in(tmp_path / f"a{suffix}") == pytest.approx(center, abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("name", ["lyon-1er", "montpellier-pas-du-loup"])
+def test_straight_walls_are_written_and_come_back(tmp_path, name, suffix):
+    city = read_map(name)
+    write_map(city, tmp_path / f"a{suffix}")
+    table = geopandas.read_file(tmp_path / f"a{suffix}")
+    walls = city.walls
+    assert table.id.tolist() == walls.buildings.tolist()
+    np.testing.assert_allclose(table.height, walls.heights, rtol=1e-6)
+    np.testing.assert_allclose(table["area"], shapely.area(walls.polygons), atol=1e-3)
+    assert table.is_valid.all()
+    metres = table.to_crs(city.crs).geometry.to_numpy()
+    assert shapely.hausdorff_distance(metres, np.array(walls.polygons)).max() < 0.01
+    if suffix == ".gpkg":
+        assert shapely.coverage_is_valid(metres)
+    for polygon in table.geometry:
+        assert polygon.exterior.is_ccw
+        assert not any(hole.is_ccw for hole in polygon.interiors)
+    back = read_map(tmp_path / f"a{suffix}")
+    assert (back.built == city.built).mean() > 0.985
+    assert back.origin == pytest.approx(city.origin, abs=1e-3)
 
 
 def center_in(path):
@@ -76,7 +99,7 @@ def center_in(path):
 def test_any_map_comes_back_within_its_window(tmp_path_factory, seed, shape, side, placed, suffix):
     city = town(seed, shape, side, placed or suffix == ".geojson")
     path = tmp_path_factory.mktemp("polygons") / f"a{suffix}"
-    write_map(city, path)
+    write_map(city, path, raw=True)
     assert [p.name for p in path.parent.iterdir()] == [path.name]
     most = max(shape)
     if not city.built.any():
@@ -100,7 +123,7 @@ def test_any_map_comes_back_within_its_window(tmp_path_factory, seed, shape, sid
 def test_polygons_are_the_buildings_and_as_ogc_wants_them(tmp_path, suffix):
     city = town(shape=(60, 50))
     assert (city.buildings.courtyards > 0).any()
-    write_map(city, tmp_path / f"a{suffix}")
+    write_map(city, tmp_path / f"a{suffix}", raw=True)
     table = geopandas.read_file(tmp_path / f"a{suffix}")
     buildings = city.buildings
     assert list(table.columns) == ["id", "height", "area", "geometry"]
@@ -235,14 +258,14 @@ def test_across_the_180th_meridian_geojson_is_refused(tmp_path):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_failed_write_leaves_the_old_file(tmp_path, suffix, monkeypatch):
     (tmp_path / f"a{suffix}").write_bytes(b"old")
-    monkeypatch.setattr("evocity.io.polygons._attributes", fail)
+    monkeypatch.setattr("evocity.io.polygons._footprints", fail)
     with pytest.raises(MapError, match="No space left"):
         write_map(town(), tmp_path / f"a{suffix}")
     assert [p.name for p in tmp_path.iterdir()] == [f"a{suffix}"]
     assert (tmp_path / f"a{suffix}").read_bytes() == b"old"
 
 
-def fail(city):
+def fail(city, raw):
     raise OSError("No space left on device")
 
 
@@ -259,7 +282,7 @@ def test_only_metres_that_hold_are_written(tmp_path, town):
 
 def test_an_origin_without_a_system_is_kept(tmp_path, town):
     city = CityMap(town.heights, 2.0, name="afloat", origin=(10.0, 20.0))
-    write_map(city, tmp_path / "afloat.gpkg")
+    write_map(city, tmp_path / "afloat.gpkg", raw=True)
     side = max(city.shape)
     again = read_map(tmp_path / "afloat.gpkg", pixels=side, metres_per_pixel=2.0)
     assert np.array_equal(again.heights > 0, city.buildings.labels > 0)

@@ -16,12 +16,14 @@ ALL = np.ones(3, bool)
 
 
 def test_the_unit_is_the_range_of_the_first_births_and_the_zero_the_worst_parent():
-    unit = Unit(FIRST, PARENTS)
+    unit = Unit.of(FIRST, PARENTS)
+    assert unit.worst == [2, 20]
+    assert unit.ranges == [2, 10]
     assert unit(np.array([[2.0, 20.0], [0.0, 10.0]])).tolist() == [[0, 0], [-1, -1]]
 
 
 def test_a_curve_grows_by_what_is_counted():
-    unit = Unit(FIRST, PARENTS)
+    unit = Unit([2, 20], [2, 10])
     losses = np.array([[2.0, 20.0], [0.0, 10.0], [1.0, 15.0]])
     found = curve(unit, losses, ALL, 1)
     assert found == pytest.approx([REFERENCE**2, 1.1**2, 1.1**2])

@@ -348,7 +348,7 @@ def test_a_run_keeps_the_mixture_it_began_with(tmp_path, noted):
     with Search(read_recipe(recipe), out=out, workers=0) as search:
         next(iter(search))
     about = json.loads((out / "provenance.json").read_text())
-    assert about["recipe"]["operators"]["quarter_fusion"]["fill"] == {"from": 0.1, "to": 0.6}
+    assert about["recipe"]["operators"]["quarter_fusion"]["fill"] == {"from": 0.05, "to": 0.6}
     if noted is None:
         del about["recipe"]["operators"]
     else:

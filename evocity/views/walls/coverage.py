@@ -1,0 +1,240 @@
+"""Which polygons do the walls bound? A valid coverage, whatever the map is like."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.views.walls import _kernels
+from evocity.views.walls.arcs import Arcs
+from evocity.views.walls.lines import TOLERANCE, Lines, meeting
+
+#: No node moves farther from where three labels meet, px, and no corner from where runs part.
+_MOST = 2.0
+#: What an arc is drawn by.
+FITTED, SIMPLIFIED, STAIRS = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Polygons of labels.
+
+    polygons : objects ``(n,)``, valid shapely polygons that overlap nowhere; what two share, both
+        have alike.
+    labels : int32 ``(n,)``: whose each is.
+    levels : uint8, of each arc: 0 fitted, 1 simplified by Douglas and Peucker, 2 pixels' edges.
+    """
+
+    polygons: np.ndarray
+    labels: np.ndarray
+    levels: np.ndarray
+
+
+def covered(
+    arcs: Arcs, lines: Lines, metres_per_pixel: float, corner: tuple[float, float]
+) -> Coverage:
+    """Polygons of all labels over 0, in metres; ``corner``: (x, y) of the north-west one.
+
+    Where fitted walls cross, or a polygon is invalid, its arcs fall back to what Douglas and
+    Peucker leave of them, then to the pixels' edges, of which any map's polygons are valid.
+    """
+    import shapely  # slow to load
+
+    if not len(arcs):
+        return Coverage(np.empty(0, object), np.empty(0, np.int32), np.empty(0, np.uint8))
+    nodes = _nodes(arcs, lines)
+    rings = _Rings(arcs)
+    fixed = arcs.beyond
+    # what is closed by less than three lines is a pixel or two
+    small = arcs.closed & (np.diff(lines.begins) < 3)
+    levels = np.where(fixed | small, STAIRS, FITTED).astype(np.uint8)
+    while True:
+        still = np.zeros(len(arcs.nodes), bool)
+        stairs = (levels == STAIRS) & ~fixed & ~arcs.closed
+        still[arcs.ends[stairs].ravel()] = True
+        at = np.where(still[:, None], arcs.nodes, nodes)
+        points, starts = _laid(arcs, lines, at, levels)
+        points *= metres_per_pixel, -metres_per_pixel
+        points += corner
+        polygons, labels, flat = rings.polygons(points, starts)
+        if (flat & (levels < STAIRS)).any():
+            levels[flat & (levels < STAIRS)] += 1
+            continue
+        bad = ~shapely.is_valid(polygons)
+        edges = shapely.coverage_invalid_edges(polygons)
+        bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
+        if not bad.any():
+            return Coverage(polygons, labels, levels)
+        wrong = np.unique(labels[bad])
+        beside = (np.isin(arcs.left, wrong) | np.isin(arcs.right, wrong)) & (levels < STAIRS)
+        crossing = _crossing(points, starts, beside)
+        if not crossing.any():
+            crossing = beside
+        if not crossing.any():  # about these all is as the pixels are: what touches it gives way
+            crossing = levels < STAIRS
+        levels[crossing] += 1
+
+
+def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:
+    """Where the nodes go: float64 ``(m, 2)``."""
+    nodes = arcs.nodes.astype(np.float64)
+    height, width = arcs.labels.shape
+    sides = np.zeros(len(nodes), np.int8)
+    beyond = np.unique(arcs.ends[arcs.beyond])
+    sides[beyond[beyond >= 0]] = 3
+    x, y = arcs.nodes.T
+    along_x, along_y = (y == 0) | (y == height), (x == 0) | (x == width)
+    # on the border of a map that is a rectangle they slide
+    if not arcs.part:
+        sides[along_x & ~along_y] = 1
+        sides[along_y & ~along_x] = 2
+    which, begins = meeting(arcs, lines.begins)
+    _kernels.place_nodes(nodes, which, begins, lines.lines, lines.line, sides, _MOST)
+    nodes[:, 0] = np.clip(nodes[:, 0], 0, width)
+    nodes[:, 1] = np.clip(nodes[:, 1], 0, height)
+    return nodes
+
+
+def _laid(arcs: Arcs, lines: Lines, nodes, levels) -> tuple[np.ndarray, np.ndarray]:
+    points = np.empty((2 * len(arcs.vertices) + 2 * len(arcs), 2))
+    starts = np.empty(len(arcs) + 1, np.int64)
+    _kernels.lay_arcs(
+        arcs.vertices,
+        arcs.starts,
+        arcs.ends,
+        nodes,
+        levels,
+        lines.runs,
+        lines.begins,
+        lines.lines,
+        lines.line,
+        _MOST,
+        TOLERANCE[0],
+        points,
+        starts,
+    )
+    height, width = arcs.labels.shape
+    points = points[: starts[-1]]
+    np.clip(points, 0, (width, height), out=points)
+    return points, starts
+
+
+def _crossing(points: np.ndarray, starts: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Bool ``(n,)``: which arcs ``among`` these cross another of them, or themselves, but where
+    they end."""
+    import shapely
+
+    arc = np.repeat(np.arange(len(among)), np.diff(starts))
+    begins = np.flatnonzero((arc[:-1] == arc[1:]) & among[arc[:-1]])
+    found = np.zeros(len(among), bool)
+    if not len(begins):
+        return found
+    ends = np.stack([points[begins], points[begins + 1]], axis=1)
+    segments = shapely.linestrings(ends)
+    one, other = shapely.STRtree(segments).query(segments, predicate="intersects")
+    one, other = one[one < other], other[one < other]
+    a, b = ends[one], ends[other]
+    # that share an end, and go apart from there
+    shared = np.zeros(len(one), bool)
+    for i in range(2):
+        for j in range(2):
+            same = (a[:, i] == b[:, j]).all(axis=1)
+            u, v = a[:, 1 - i] - a[:, i], b[:, 1 - j] - b[:, j]
+            cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+            apart = (np.abs(cross) > 1e-9) | ((u * v).sum(axis=1) < 0)
+            shared |= same & apart
+    found[arc[begins[one[~shared]]]] = True
+    found[arc[begins[other[~shared]]]] = True
+    return found & among
+
+
+class _Rings:
+    """How half arcs follow each other about each label: 2a as arc a runs, its left label on the
+    left; 2a + 1 backwards."""
+
+    def __init__(self, arcs: Arcs):
+        count = len(arcs)
+        label = np.stack([arcs.left, arcs.right], axis=1).ravel()
+        begin, end = np.empty((2, 2 * count), np.int64)
+        begin[0::2], begin[1::2] = arcs.ends[:, 0], arcs.ends[:, 1]
+        end[0::2], end[1::2] = arcs.ends[:, 1], arcs.ends[:, 0]
+        after = np.arange(2 * count)  # what is closed follows itself
+        halves = np.flatnonzero((begin >= 0) & (label > 0))
+        base = int(label.max(initial=0)) + 1
+        keys = begin[halves] * base + label[halves]
+        order = np.argsort(keys)
+        place = np.searchsorted(keys[order], end[halves] * base + label[halves])
+        after[halves] = halves[order][place]
+        ring_of, order = np.empty((2, 2 * count), np.int64)
+        rings = _kernels.follow(after, label, ring_of, order)
+        self._order, self._ring_of = order, ring_of
+        self._count = int(np.count_nonzero(ring_of >= 0))
+        self._labels = np.zeros(rings, np.int32)
+        self._labels[ring_of[ring_of >= 0]] = label[ring_of >= 0]
+        # as the pixels have them: shells are left of their arcs, holes right
+        corners = arcs.vertices.astype(np.float64)
+        corners[:, 1] *= -1
+        points, at = self._points(corners, arcs.starts)
+        self._shell = _areas(points, at, rings) > 0
+
+    def _points(self, points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        most = 2 * len(points) + len(self._labels)
+        out, at = np.empty((most, 2)), np.empty(most, np.int64)
+        size = _kernels.lay_rings(self._order, self._count, self._ring_of, points, starts, out, at)
+        return out[:size], at[:size]
+
+    def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Polygons, their labels, and bool ``(arcs,)``: those of rings that turned over, or fell
+        together."""
+        import shapely
+
+        out, at = self._points(points, starts)
+        count = len(self._labels)
+        areas = _areas(out, at, count)
+        few = np.bincount(at, minlength=count) < 4
+        flat = few | (np.where(self._shell, areas, -areas) <= 1e-9)
+        if few.any():  # a ring needs three corners: these are told as turned
+            out = np.concatenate([out, np.repeat(out[-1:] * 0, 4 * few.sum(), axis=0)])
+            at = np.concatenate([np.where(few[at], -1, at), np.repeat(np.flatnonzero(few), 4)])
+            keep = at >= 0
+            out, at = out[keep], at[keep]
+            order = np.argsort(at, kind="stable")
+            out, at = out[order], at[order]
+        rings = shapely.linearrings(out, indices=at)
+        shells, holes = np.flatnonzero(self._shell), np.flatnonzero(~self._shell)
+        polygons = shapely.polygons(rings[shells])
+        owner = self._owners(shells, holes, polygons, rings)
+        if len(holes):
+            order = np.argsort(owner, kind="stable")
+            having, first = np.unique(owner[order], return_index=True)
+            parts = np.split(rings[holes][order], first[1:])
+            for one, inner in zip(having, parts, strict=True):
+                polygons[one] = shapely.polygons(rings[shells[one]], inner)
+        of_flat = (self._ring_of >= 0) & flat[self._ring_of]
+        return polygons, self._labels[shells], of_flat.reshape(-1, 2).any(axis=1)
+
+    def _owners(self, shells, holes, polygons, rings) -> np.ndarray:
+        """Which of the ``shells`` each of the ``holes`` is in."""
+        import shapely
+
+        labels, counts = np.unique(self._labels[shells], return_counts=True)
+        of_label = np.full(int(labels.max(initial=0)) + 1, -1)
+        of_label[self._labels[shells]] = np.arange(len(shells))
+        owner = of_label[self._labels[holes]]
+        for label in labels[counts > 1]:  # cut in parts where it met itself
+            own = np.flatnonzero(self._labels[shells] == label)
+            for hole in np.flatnonzero(self._labels[holes] == label):
+                inside = shapely.Polygon(rings[holes[hole]]).representative_point()
+                areas = [
+                    polygons[one].area if polygons[one].covers(inside) else np.inf for one in own
+                ]
+                owner[hole] = own[int(np.argmin(areas))]
+        return owner
+
+
+def _areas(points: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
+    """Signed area of each ring, over 0 if it runs against the clock."""
+    if len(points) < 2:
+        return np.zeros(count)
+    same = at[1:] == at[:-1]
+    twice = points[:-1, 0] * points[1:, 1] - points[1:, 0] * points[:-1, 1]
+    return 0.5 * np.bincount(at[:-1][same], twice[same], count)
