@@ -239,6 +239,7 @@ class CityMap:
         return walls_of(
             self.building_labels,
             self.buildings.height,
+            self.buildings.direction,
             self.metres_per_pixel,
             self._north_west,
             site=self.site,

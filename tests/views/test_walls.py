@@ -236,7 +236,7 @@ def test_heights_are_whole_storeys_if_wished():
 
 def test_walls_do_not_depend_on_the_unit():
     city = read_map("montpellier-pas-du-loup")
-    given = city.building_labels, city.buildings.height
+    given = city.building_labels, city.buildings.height, city.buildings.direction
     fine = walls_of(*given, 2.0, (0, 0), detail=3.0)
     coarse = walls_of(*given, 4.0, (0, 0), detail=6.0)
     for a, b in zip(fine.polygons, coarse.polygons, strict=True):

@@ -400,6 +400,55 @@ def split_arcs(vertices, starts, ends, fixed, details, runs, begins):
 
 
 @kernel
+def box_small(vertices, starts, able, directions, most, shape, box_of, boxes):
+    """Lay rectangles for what goes about with ``most`` edges at most, and is as good as one.
+
+    able : bool (arcs,), which may be one, closed arcs all.
+    directions : float64 (arcs,), of the walls of each, radians from east to south; NaN for none.
+    shape : a rectangle of the same second moments may be so many times as large; its corners then
+        bound the same area.
+    box_of : int64 (arcs,), filled with −1 or a row of ``boxes``, float64 (arcs, 5, 2), which is
+        filled with corners in the order of the arc, the first again at the end.
+    Returns how many.
+    """
+    count = 0
+    for arc in range(able.size):
+        box_of[arc] = -1
+        first, last = starts[arc], starts[arc + 1]
+        if not able[arc] or last - 1 - first > most or np.isnan(directions[arc]):
+            continue
+        x0, y0 = vertices[first]
+        area, sx, sy, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(first, last - 1):
+            x, y = vertices[k, 0] - x0, vertices[k, 1] - y0
+            u, v = vertices[k + 1, 0] - x0, vertices[k + 1, 1] - y0
+            cross = x * v - u * y
+            area += cross / 2
+            sx += (x + u) * cross / 6
+            sy += (y + v) * cross / 6
+            sxx += (x * x + x * u + u * u) * cross / 12
+            syy += (y * y + y * v + v * v) * cross / 12
+            sxy += (x * v + 2 * x * y + 2 * u * v + u * y) * cross / 24
+        x, y = sx / area, sy / area
+        xx, xy, yy = sxx / area - x * x, sxy / area - x * y, syy / area - y * y
+        cos, sin = np.cos(directions[arc]), np.sin(directions[arc])
+        long = np.sqrt(12 * (cos * cos * xx + 2 * cos * sin * xy + sin * sin * yy))
+        wide = np.sqrt(12 * (sin * sin * xx - 2 * cos * sin * xy + cos * cos * yy))
+        if long * wide > shape * abs(area):
+            continue
+        scale = np.sqrt(abs(area) / (long * wide)) / 2
+        for k in range(5):
+            turn = k % 4 if area > 0 else (4 - k) % 4
+            along = long * scale * (1 if turn == 1 or turn == 2 else -1)
+            across = wide * scale * (1 if turn >= 2 else -1)
+            boxes[count, k, 0] = x0 + x + along * cos - across * sin
+            boxes[count, k, 1] = y0 + y + along * sin + across * cos
+        box_of[arc] = count
+        count += 1
+    return count
+
+
+@kernel
 def moments(vertices, runs, sums):
     """Of the middles of the edges of each run: n, x, y, xx, xy, yy about ``sums[:, 6:]``, the
     run's first vertex."""
@@ -617,12 +666,26 @@ def _corners(vertices, runs, first, last, ends, nodes, lines, line, most, points
 
 @kernel
 def lay_arcs(
-    vertices, starts, ends, nodes, levels, runs, begins, lines, line, most, tolerance, points, at
+    vertices,
+    starts,
+    ends,
+    nodes,
+    levels,
+    runs,
+    begins,
+    lines,
+    line,
+    most,
+    tolerance,
+    box_of,
+    boxes,
+    points,
+    at,
 ):
     """The points of each arc, from node to node; of a closed one the first again at the end.
 
-    levels : uint8 (arcs,): 0 the corners in which the lines of its runs cross, 1 what Douglas and
-        Peucker leave with a ``tolerance``, 2 the pixels' edges.
+    levels : uint8 (arcs,): 0 its box, or the corners in which the lines of its runs cross, 1 what
+        Douglas and Peucker leave with a ``tolerance``, 2 the pixels' edges.
     nodes : float64 (n, 2). lines : float64 (k, 4), a point and a direction; line : int64 (runs,).
     most : a crossing farther than this from where two runs part is none; a step joins them then.
     points : float64 (at least 2 × vertices, 2), filled. at : int64 (arcs + 1,), filled with where
@@ -632,7 +695,10 @@ def lay_arcs(
     for arc in range(levels.size):
         at[arc] = place
         first, last = starts[arc], starts[arc + 1]
-        if levels[arc] == 0:
+        if levels[arc] == 0 and box_of[arc] >= 0:
+            points[place : place + 5] = boxes[box_of[arc]]
+            place += 5
+        elif levels[arc] == 0:
             place = _corners(
                 vertices,
                 runs,

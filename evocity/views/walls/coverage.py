@@ -45,7 +45,7 @@ def covered(
     rings = _Rings(arcs)
     fixed = arcs.beyond
     # what is closed by less than three lines is a pixel or two
-    small = arcs.closed & (np.diff(lines.begins) < 3)
+    small = arcs.closed & (np.diff(lines.begins) < 3) & (lines.box_of < 0)
     levels = np.where(fixed | small, STAIRS, FITTED).astype(np.uint8)
     while True:
         still = np.zeros(len(arcs.nodes), bool)
@@ -109,6 +109,8 @@ def _laid(arcs: Arcs, lines: Lines, nodes, levels) -> tuple[np.ndarray, np.ndarr
         lines.line,
         _MOST,
         TOLERANCE[0],
+        lines.box_of,
+        lines.boxes,
         points,
         starts,
     )

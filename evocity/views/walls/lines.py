@@ -15,6 +15,9 @@ ONE_LINE = 0.6, 0.5
 #: Lines that go on over a node are one if their points lie within this of it, px (root mean
 #: square), and they differ by no more than these angles: in all, and over the shorter's length.
 SPREAD, TURN, TURN_LENGTH = 0.45, 0.1, 1.0
+#: A courtyard, or a building to which no four lines were fitted, of no more edges, px, is a
+#: rectangle if that of its second moments is no more than so many times as large.
+SMALL, RECTANGLE = 28, 1.2
 #: Turning a line moves its ends by this at most, px.
 ENDS = 1.0
 #: The second direction of a building: at least this share of its walls, so far from the first.
@@ -29,15 +32,19 @@ class Lines:
     begins : int64 ``(n + 1,)``: arc a has runs ``begins[a]`` to ``begins[a + 1] − 1``.
     line : int64 ``(r,)``: which line is each run's; runs that go on straight over a node share one.
     lines : float64 ``(k, 4)``: x, y of a point on each, and its direction.
+    box_of : int64 ``(n,)``: −1, or which of the ``boxes`` stands for an arc, small and closed.
+    boxes : float64 ``(b, 5, 2)``, corners of rectangles, the first again at the end.
     """
 
     runs: np.ndarray
     begins: np.ndarray
     line: np.ndarray
     lines: np.ndarray
+    box_of: np.ndarray
+    boxes: np.ndarray
 
 
-def fitted(arcs: Arcs, details: np.ndarray, squared: bool) -> Lines:
+def fitted(arcs: Arcs, details: np.ndarray, squared: bool, directions: np.ndarray) -> Lines:
     """Lines of the walls.
 
     Parameters
@@ -45,6 +52,8 @@ def fitted(arcs: Arcs, details: np.ndarray, squared: bool) -> Lines:
     arcs : their vertices are turned: a closed one begins at a corner from now on.
     details : float64 ``(n,)``: of each arc, how long a run must be to count, px.
     squared : whether lines are turned to the one or two directions of their buildings.
+    directions : float64 ``(labels,)``: of the walls of each building, radians from east to south,
+        NaN where unknown: what is too small to fit lines to is a rectangle that lies so.
     """
     runs = np.empty((len(arcs.vertices), 2), np.int64)
     begins = np.empty(len(arcs) + 1, np.int64)
@@ -61,7 +70,13 @@ def fitted(arcs: Arcs, details: np.ndarray, squared: bool) -> Lines:
     _kernels.lines_of(sums[roots], lines)
     if squared and len(lines):
         _square(arcs, begins, line, sums[roots, 0], lines)
-    return Lines(runs, begins, line, lines)
+    inner = np.append(directions, [np.nan, np.nan])  # of ground, and beyond, none
+    of_arc = inner[np.where(arcs.left > 0, arcs.left, 0) - 1]
+    of_arc = np.where(np.isnan(of_arc), inner[np.where(arcs.right > 0, arcs.right, 0) - 1], of_arc)
+    box_of, boxes = np.empty(len(arcs), np.int64), np.empty((int(arcs.closed.sum()), 5, 2))
+    able = arcs.closed & ((arcs.right == 0) | (np.diff(begins) < 4))  # inside is right
+    _kernels.box_small(arcs.vertices, arcs.starts, able, of_arc, SMALL, RECTANGLE, box_of, boxes)
+    return Lines(runs, begins, line, lines, box_of, boxes)
 
 
 def meeting(arcs: Arcs, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

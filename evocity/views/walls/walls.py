@@ -24,8 +24,8 @@ class Walls:
 
     polygons : n valid shapely polygons. None overlaps another; of a party wall both have the same
         points; courtyards are holes.
-    buildings : int32 ``(n,)``: the building each is, its label in `CityMap.buildings`. One that met
-        itself at a pixel's corner, and could not be filled there, is two polygons.
+    buildings : int32 ``(n,)``, rising: the building each is, its label in `CityMap.buildings`. One
+        that met itself at a pixel's corner, and could not be filled there, is two polygons.
     heights : float64 ``(n,)``, metres.
     fitted, simplified, stairs : how many walls, each between two nodes, are straight lines, what
         Douglas and Peucker leave of the pixels' edges, and these edges themselves, for lines would
@@ -50,6 +50,7 @@ class Walls:
 def walls_of(
     labels: np.ndarray,
     heights: np.ndarray,
+    directions: np.ndarray,
     metres_per_pixel: float,
     corner: tuple[float, float],
     *,
@@ -66,13 +67,15 @@ def walls_of(
     pixels' edges are parted into straight runs (Douglas and Peucker on their middles, each break
     then moved to where it leaves the least error), a line is fitted to each (total least squares),
     façades that go on straight over a party wall become one line, and corners lie where lines
-    cross. What crosses, or bounds no valid polygon, falls back.
+    cross. A courtyard of some pixels is a rectangle along its building's walls, if it is nearly
+    one. What crosses, or bounds no valid polygon, falls back.
 
     Parameters
     ----------
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on the buildings, each of pixels that touch by
         sides (`Buildings.labels`).
-    heights : float64 ``(n,)``, metres, of each building.
+    heights, directions : float64 ``(n,)``, metres, and degrees counter-clockwise from east, NaN for
+        none, of each building (`Buildings.height`, `Buildings.direction`).
     metres_per_pixel : side of a pixel, metres.
     corner : (x, y) of the north-west corner, x to the east, y to the north, metres.
     detail : shorter runs are left out, metres, 0 or more. What is under a pixel cannot be seen.
@@ -103,15 +106,18 @@ def walls_of(
     count = int(labels.max(initial=0))
     kept, dropped = _without_specks(labels, count, least_area / pixel**2)
     arcs = traced(kept, site)
-    lines = fitted(arcs, _details(arcs, detail / pixel, relative), squared)
+    turned = -np.radians(directions)
+    lines = fitted(arcs, _details(arcs, detail / pixel, relative), squared, turned)
     found = covered(arcs, lines, pixel, corner)
-    own = heights[found.labels - 1].astype(np.float64)
+    order = np.argsort(found.labels, kind="stable")
+    buildings = found.labels[order]
+    own = heights[buildings - 1].astype(np.float64)
     if storeys is not None:
         own = np.maximum(np.round(own / storeys), 1) * storeys
     levels = np.bincount(found.levels[~arcs.beyond], minlength=3).tolist()
     own.setflags(write=False)
-    found.labels.setflags(write=False)
-    return Walls(tuple(found.polygons), found.labels, own, *levels, arcs.changed, dropped)
+    buildings.setflags(write=False)
+    return Walls(tuple(found.polygons[order]), buildings, own, *levels, arcs.changed, dropped)
 
 
 def _check(name: str, value: object, low: float, high: float, wanted: str) -> None:
