@@ -86,7 +86,11 @@ class Kept:
         self.path = folder / f"seed-{seed}-{evaluations}.json"
         self.told = json.loads(self.path.read_text()) if self.path.exists() else {}
 
-    def write(self) -> None:
+    def add(self, name: str, goals: str, found: dict) -> None:
+        """What a method reached, into the file, and whatever another process wrote there since."""
+        if self.path.exists():
+            self.told = json.loads(self.path.read_text())
+        self.told["curves"].setdefault(name, {})[goals] = found
         self.path.parent.mkdir(parents=True, exist_ok=True)
         temporary = self.path.with_suffix(".part")
         temporary.write_text(json.dumps(self.told, indent=1) + "\n")
@@ -152,12 +156,10 @@ def breed(kept: Kept, goals: str, name: str, until: float) -> None:
             key: curve(kept.unit(which), losses[:, chosen], of, POPULATION)
             for key, of in counted.items()
         }
-        kept.told["curves"].setdefault(name, {})[which] = {
-            "seconds": round(spent),
-            "share keeping the guard": round(float(keeps.mean()), 3),
-            **{key: [float(f"{one:.5g}") for one in of] for key, of in curves.items()},
-        }
-    kept.write()
+        short = {key: [float(f"{one:.5g}") for one in of] for key, of in curves.items()}
+        share = round(float(keeps.mean()), 3)
+        told_of = {"seconds": round(spent), "share keeping the guard": share, **short}
+        kept.add(name, which, told_of)
     what = f"{' x '.join(kept.pair)}, {goals}, seed {kept.seed}, {name}"
     print(f"{what}: {len(values)} births in {spent:.0f} s", file=sys.stderr, flush=True)
 

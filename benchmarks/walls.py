@@ -19,6 +19,10 @@ from _walls import Originals, originals, told
 WAYS = {}
 
 
+def _valid(polygons: np.ndarray) -> np.ndarray:
+    return shapely.make_valid(polygons, method="structure", keep_collapsed=False)
+
+
 def way(function):
     WAYS[function.__name__.replace("_", " ")] = function
     return function
@@ -32,7 +36,7 @@ def staircase(source: Originals) -> np.ndarray:
 @way
 def douglas_peucker_each(source: Originals) -> np.ndarray:
     outlines = np.array(source.city.outline)
-    return shapely.make_valid(shapely.simplify(outlines, source.city.metres_per_pixel))
+    return _valid(shapely.simplify(outlines, source.city.metres_per_pixel))
 
 
 @way
@@ -49,7 +53,7 @@ def topojson(source: Originals) -> np.ndarray:
     table = geopandas.GeoDataFrame(geometry=list(source.city.outline))
     topology = Topology(table, prequantize=False)
     simple = topology.toposimplify(source.city.metres_per_pixel).to_gdf()
-    return shapely.make_valid(simple.geometry.to_numpy())
+    return _valid(simple.geometry.to_numpy())
 
 
 @way
@@ -65,7 +69,7 @@ def buildingregulariser(source: Originals) -> np.ndarray:
     regular = regularize_geodataframe(
         table, simplify_tolerance=source.city.metres_per_pixel, num_cores=1
     )
-    return shapely.make_valid(regular.sort_values("id").geometry.to_numpy())
+    return _valid(regular.sort_values("id").geometry.to_numpy())
 
 
 @way

@@ -18,8 +18,8 @@ SPREAD, TURN, TURN_LENGTH = 0.45, 0.1, 1.0
 #: A courtyard, or a building to which no four lines were fitted, of no more edges, px, is a
 #: rectangle if that of its second moments is no more than so many times as large.
 SMALL, RECTANGLE = 28, 1.2
-#: Turning a line moves its ends by this at most, px.
-ENDS = 1.0
+#: Lines are turned to common angles by this at most, radians, and no end moves farther, px.
+STEEP, ENDS = 0.45, 1.25
 #: The second direction of a building: at least this share of its walls, so far from the first.
 SECOND, APART = 0.25, np.radians(10.0)
 
@@ -116,8 +116,7 @@ def _square(
     order = np.argsort(-np.abs(by), kind="stable")  # the nearest is written last
     turn = np.zeros(len(lines))
     turn[np.repeat(which, 2)[order]] = by[order]
-    # its ends move by no more than a pixel
-    turn[np.abs(turn) > np.minimum(TURN + TURN_LENGTH / length, 2 * ENDS / length)] = 0
+    turn[np.abs(turn) > np.minimum(STEEP, 2 * ENDS / length)] = 0
     lines[:, 2], lines[:, 3] = np.cos(angle + turn), np.sin(angle + turn)
 
 
