@@ -18,7 +18,7 @@ demo: .venv/installed  ## breed Lyon x Montpellier for a minute or two; leaves a
 	$(BIN)/evocity run
 
 # A process a core; more than eight wait for the longest file anyway.
-test: .venv/installed-dev  ## formatter, linter and the tests, in under ten minutes
+test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tests, in under ten minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile
@@ -52,6 +52,14 @@ clean:  ## remove .venv and the caches; runs stay
 .venv/installed-dev: .venv/installed
 	@echo "Installing the tools for tests into .venv (once) ..."
 	@$(PIP) install --editable '.[dev]'
+	@touch $@
+
+# What checks .glb files lives in node; without npm, or where it cannot be had, its tests are skipped.
+.venv/installed-node: .venv/installed-dev
+	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator into .venv (once) ..."; \
+		npm install --silent --no-fund --no-audit --no-save --no-package-lock \
+		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 \
+		|| echo "gltf-validator could not be had; its tests are skipped" >&2; fi
 	@touch $@
 
 .venv/installed-bench: .venv/installed-dev

@@ -23,12 +23,13 @@ _ROOMS = {
     "store": ["open_run"],
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
-__all__ = [*_HOME, "fitness"]  # evocity.fitness is a module and, called, the decorator
+_CALLED = ("fitness", "scene")  # modules, and, called, the decorator and the function
+__all__ = [*_HOME, *_CALLED]
 
 
 def __getattr__(name: str):  # each name loads its room when first used: `--help` stays quick
-    if name == "fitness":
-        return import_module("evocity.fitness")
+    if name in _CALLED:
+        return import_module(f"evocity.{name}")
     if name in _HOME:
         return getattr(import_module(f"evocity.{_HOME[name]}"), name)
     raise AttributeError(f"module 'evocity' has no attribute {name!r}")

@@ -7,6 +7,7 @@
 - `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
+- `scene`: a map or genome in three dimensions
 - `pattern`: a town drawn by a rule
 - `cities`, `operators`, `readers`: what there is
 - `fitness`: the measures there are; `fitness_new`, `fitness_check`, `fitness_bench`: one's own;
@@ -38,6 +39,7 @@ from evocity.cli.refine import refine
 from evocity.cli.report import report
 from evocity.cli.resume import resume
 from evocity.cli.run import run
+from evocity.cli.scene import scene
 from evocity.cli.score import score
 from evocity.cli.show import show
 from evocity.cli.status import status
@@ -76,6 +78,7 @@ for _command in (
     score,
     autosimilarity,
     show,
+    scene,
     pattern,
     cities,
     fitness,

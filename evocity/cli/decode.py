@@ -93,7 +93,7 @@ def decode(
             )
     note_compiling()
     code = genome_of(genome, identifier)
-    _check_size(code.pavement, zoom)
+    check_zoom(code.pavement, zoom)
     told = []
     for name, f_c in filters.items():
         code, share = _filtered(code, name, f_c, count or "pixels")
@@ -118,7 +118,8 @@ def _filtered(code, name: str, f_c: float, count: str) -> tuple:
     return filtered, (kept[1] - kept[0]) / (code.pavement.height * code.pavement.width)
 
 
-def _check_size(pavement, zoom: float) -> None:
+def check_zoom(pavement, zoom: float) -> None:
+    """Raise if a genome of this ``pavement``, decoded at ``zoom``, is a map too large."""
     from evocity.citymap import MAX_PIXELS
 
     pixels = pavement.height * pavement.width * zoom**2

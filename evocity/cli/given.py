@@ -129,10 +129,10 @@ def measures_of(word: str) -> list:
         raise
 
 
-def decoded(genome, source: str, identifier: int | None):
+def decoded(genome, source: str, identifier: int | None, zoom: float = 1.0):
     """The map that a ``genome`` from ``source`` stands for, called what it is."""
     name = source if identifier is None else f"{source} --id {identifier}"
-    city = converged(evocity.decode(genome), name).city
+    city = converged(evocity.decode(genome, zoom=zoom), name).city
     return city.replace(city.heights, name=decoded_name(city.name, genome, source, identifier))
 
 

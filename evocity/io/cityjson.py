@@ -5,14 +5,17 @@ geometry; all faces of its lowest level of detail, seen from above. A building's
 as buildings of their own and inherit its attributes.
 """
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import shapely
+from pyproj import CRS
 
 from evocity.errors import MapError
-from evocity.io.projection import crs_named, plane
+from evocity.formats.cityjson import PLACE
+from evocity.io.projection import WGS84, crs_named, is_metric, moved, plane
 from evocity.io.sources import Footprints
 
 _KINDS = ("Building", "BuildingPart", "BuildingUnit")
@@ -30,7 +33,9 @@ _DEPTH = {
 def read_cityjson(path: Path, document: dict) -> Footprints:
     """The buildings of a CityJSON document, each with ``solid_height`` among its tags."""
     try:
-        crs = _crs(path, document)
+        told = _own(document.get("CityObjects") or {})
+        crs = _crs(path, document, told)
+        window = _window(told, crs)
         vertices = _vertices(document)
         objects = document["CityObjects"]
         polygons, tags = [], []
@@ -53,15 +58,42 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
             "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
             "check it with a CityJSON validator, or export it again",
         ) from error
-    return Footprints(np.array(polygons, dtype=object), tags, crs)
+    return Footprints(np.array(polygons, dtype=object), tags, crs, **window)
 
 
-def _crs(path: Path, document: dict):
+def _own(objects: dict) -> dict:
+    """The attributes by which evocity finds the map of a scene again, {} if it is not its own."""
+    for found in objects.values():  # the first has them
+        attributes = found.get("attributes") or {}
+        return attributes if PLACE[1] in attributes else {}
+    return {}
+
+
+def _crs(path: Path, document: dict, told: dict):
     """The system it names; else metres that lie nowhere on Earth, as 3D models often are in."""
     named = document.get("metadata", {}).get("referenceSystem")
-    if named is None:
-        return plane()
-    return crs_named(named, f"{path.name}, metadata.referenceSystem")
+    if named is not None:
+        return crs_named(named, f"{path.name}, metadata.referenceSystem")
+    if PLACE[0] in told:
+        return crs_named(told[PLACE[0]], f"{path.name}, {PLACE[0]}")
+    return plane()
+
+
+def _window(told: dict, crs: CRS) -> dict:
+    """What `Footprints` says of the window of evocity's own scene."""
+    if not told:
+        return {}
+    x, y = (float(number) for number in told[PLACE[1]])
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"{PLACE[1]} is not finite")
+    if not crs.is_engineering:
+        x, y = moved(x, y, crs, WGS84)
+    placed = {"projection": crs} if is_metric(crs) else {}
+    attribution = told.get("attribution", "")
+    return {
+        "center": (float(x), float(y)),
+        "attribution": attribution if isinstance(attribution, str) else "",
+    } | placed
 
 
 def _vertices(document: dict) -> np.ndarray:

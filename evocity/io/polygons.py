@@ -17,7 +17,7 @@ from pyproj import CRS
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io.burning import crs_of
-from evocity.io.projection import WGS84, code_of, crs_named, is_metric, moved, moved_polygons
+from evocity.io.projection import WGS84, code_of, is_metric, moved, moved_polygons, plainly
 
 #: Name of the layer of a GeoPackage.
 LAYER = "buildings"
@@ -106,6 +106,12 @@ def is_placed(about) -> bool:
     return about.crs is not None and about.origin is not None
 
 
+def placing(city: CityMap) -> tuple[str | None, tuple[float, float]]:
+    """By what code or PROJ string a map's reference system is found again, None if by none; and
+    (x, y) of the middle of its window there."""
+    return (plainly(crs_of(city, city.name)) if is_placed(city) else None), _middle(city)
+
+
 def no_geojson(name: str) -> MapError:
     """Why a map that lies nowhere on Earth is not written as GeoJSON."""
     return MapError(
@@ -179,16 +185,8 @@ def _window(city: CityMap, crs: CRS) -> dict[str, object]:
     lon, lat = moved(*_middle(city), crs, WGS84)
     window = {"center": [float(lon), float(lat)]}
     window["side_m"] = max(city.shape) * city.metres_per_pixel
-    told = code_of(crs)
-    if told.startswith("PROJCRS"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that a PROJ string may tell less
-            told = crs.to_proj4().removesuffix(" +type=crs")
-    try:
-        if is_metric(crs_named(told, "window")):
-            window["projection"] = told
-    except MapError:
-        pass  # not every system has a plain name; a local one is then chosen
+    if told := plainly(crs):
+        window["projection"] = told  # else a local one is chosen
     return window
 
 
@@ -226,6 +224,7 @@ __all__ = [
     "LAYER",
     "is_placed",
     "no_geojson",
+    "placing",
     "write_geojson",
     "write_geopackage",
 ]

@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -70,6 +71,20 @@ def code_of(crs: CRS) -> str:
     return f"{told['authority']}:{told['code']}" if told else crs.to_wkt()
 
 
+def plainly(crs: CRS) -> str | None:
+    """The code or plain PROJ string by which `crs_named` finds a reference system in metres again;
+    None if it has none."""
+    told = code_of(crs)
+    if told.startswith("PROJCRS"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a PROJ string may tell less
+            told = crs.to_proj4().removesuffix(" +type=crs")
+    try:
+        return told if is_metric(crs_named(told, "plainly")) else None
+    except MapError:
+        return None
+
+
 def is_metric(crs: CRS) -> bool:
     """Whether x and y are lengths in metres (not whether the lengths are true)."""
     return crs.is_projected and all(
@@ -121,5 +136,6 @@ __all__ = [
     "local_metres",
     "moved",
     "moved_polygons",
+    "plainly",
     "plane",
 ]

@@ -53,6 +53,7 @@ def test_the_commands_are_these():
         "score",
         "autosimilarity",
         "show",
+        "scene",
         "pattern",
         "cities",
         "fitness new",

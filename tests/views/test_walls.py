@@ -171,7 +171,7 @@ def test_a_row_of_houses_has_one_facade():
     walls = drawn(*houses).walls
     assert len(walls) == 4
     union = shapely.union_all(walls.polygons)
-    assert len(union.simplify(1e-6).exterior.coords) == 5
+    assert len(union.simplify(2e-3).exterior.coords) == 5
     facade = [p for p in shapely.get_coordinates(union) if p[1] < 64]
     assert len(facade) >= 4  # the nodes lie on it
     for house in houses:
@@ -240,7 +240,8 @@ def test_walls_do_not_depend_on_the_unit():
     fine = walls_of(*given, 2.0, (0, 0), detail=3.0)
     coarse = walls_of(*given, 4.0, (0, 0), detail=6.0)
     for a, b in zip(fine.polygons, coarse.polygons, strict=True):
-        assert np.allclose(2 * shapely.get_coordinates(a), shapely.get_coordinates(b))
+        apart = 2 * shapely.get_coordinates(a) - shapely.get_coordinates(b)
+        assert np.abs(apart).max() < 2e-3  # both are on a grid of millimetres
 
 
 def test_walls_of_a_part_end_where_it_ends():

@@ -10,6 +10,9 @@ from evocity.views.walls.lines import TOLERANCE, Lines, meeting
 
 #: No node moves farther from where three labels meet, px, and no corner from where runs part.
 _MOST = 2.0
+#: Corners are whole multiples of a millimetre from the map's south-west corner, or of a thousandth
+#: of a pixel where that is less: files that keep no more hold the same valid polygons.
+GRAIN = 1e-3
 #: What an arc is drawn by.
 FITTED, SIMPLIFIED, STAIRS = 0, 1, 2
 
@@ -53,8 +56,7 @@ def covered(
         still[arcs.ends[stairs].ravel()] = True
         at = np.where(still[:, None], arcs.nodes, nodes)
         points, starts = _laid(arcs, lines, at, levels)
-        points *= metres_per_pixel, -metres_per_pixel
-        points += corner
+        points = _grained(points, metres_per_pixel, len(arcs.labels), corner)
         polygons, labels, flat = rings.polygons(points, starts)
         if (flat & (levels < STAIRS)).any():
             levels[flat & (levels < STAIRS)] += 1
@@ -62,8 +64,9 @@ def covered(
         bad = ~shapely.is_valid(polygons)
         edges = shapely.coverage_invalid_edges(polygons)
         bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
+        bad |= _pinched(polygons)
         if not bad.any():
-            return Coverage(polygons, labels, levels)
+            return Coverage(shapely.remove_repeated_points(polygons), labels, levels)
         wrong = np.unique(labels[bad])
         beside = (np.isin(arcs.left, wrong) | np.isin(arcs.right, wrong)) & (levels < STAIRS)
         crossing = _crossing(points, starts, beside)
@@ -72,6 +75,34 @@ def covered(
         if not crossing.any():  # about these all is as the pixels are: what touches it gives way
             crossing = levels < STAIRS
         levels[crossing] += 1
+
+
+def _grained(
+    points: np.ndarray, metres_per_pixel: float, rows: int, corner: tuple[float, float]
+) -> np.ndarray:
+    """Pixels' ``points`` in metres, x to the east, y to the north, on the grid of `GRAIN`."""
+    grain = min(1.0, metres_per_pixel) * GRAIN
+    deep = rows * metres_per_pixel
+    local = np.column_stack([points[:, 0], rows - points[:, 1]]) * metres_per_pixel
+    return np.round(local / grain) * grain + (corner[0], corner[1] - deep)
+
+
+def _pinched(polygons: np.ndarray) -> np.ndarray:
+    """Bool ``(n,)``: which polygons come to one point twice; as solids they had an edge of four
+    walls."""
+    import shapely
+
+    plain = shapely.remove_repeated_points(polygons)
+    rings, owner = shapely.get_rings(plain, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    last = np.r_[ring[1:] != ring[:-1], True]
+    points, owner = points[~last], owner[ring[~last]]
+    order = np.lexsort((points[:, 1], points[:, 0], owner))
+    points, owner = points[order], owner[order]
+    twice = (points[1:] == points[:-1]).all(axis=1) & (owner[1:] == owner[:-1])
+    found = np.zeros(len(polygons), bool)
+    found[owner[1:][twice]] = True
+    return found
 
 
 def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:

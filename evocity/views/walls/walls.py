@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword, setting
 from evocity.views.walls.arcs import Arcs, traced
 from evocity.views.walls.coverage import covered
 from evocity.views.walls.lines import fitted
@@ -122,7 +122,9 @@ def walls_of(
 
 def _check(name: str, value: object, low: float, high: float, wanted: str) -> None:
     if not (isinstance(value, Real) and low <= value <= high and np.isfinite(value)):
-        raise MapError(f"{name} = {value!r}", wanted, f"leave {name} out for the default")
+        raise MapError(
+            setting(name, value), wanted, f"correct {keyword(name)}, or leave it out"
+        )
 
 
 def _details(arcs: Arcs, detail: float, relative: float) -> np.ndarray:

@@ -1,0 +1,188 @@
+"""`evocity scene`: a map, a genome or one individual of a run in three dimensions."""
+
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.common import (
+    check_output,
+    describe,
+    json_option,
+    map_options,
+    note_compiling,
+    output_option,
+    print_json,
+)
+from evocity.cli.given import city_of, decoded, genome_of, id_option, is_genome, is_run
+from evocity.errors import EvocityError
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity scene lyon-1er -o lyon.city.json
+  evocity scene lyon.parquet -o lyon.glb
+  evocity scene runs/lyon-x-montpellier --id 97 -o bred.glb --angles square --storeys 3
+  evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2"""
+)
+@click.argument("what", metavar="MAP|GENOME|RUN")
+@output_option(
+    "FILE",
+    "Scene to write: .city.json (CityJSON 2.0, for GIS), .glb (glTF 2.0, for Blender and "
+    "browsers), .obj (for Rhino), .wrl (VRML97) or .x3d; overwritten if it exists.",
+)
+@id_option
+@click.option(
+    "--tolerance",
+    "detail",
+    type=float,
+    metavar="METRES",
+    default=2.0,
+    show_default=True,
+    help="Significant detail: shorter pieces of wall are left out.",
+)
+@click.option(
+    "--angles",
+    type=click.Choice(["none", "square"]),
+    default="none",
+    show_default=True,
+    help="Turn walls to the one or two directions of their building, where they are near.",
+)
+@click.option(
+    "--storeys",
+    type=float,
+    metavar="METRES",
+    show_default="heights as they are",
+    help="Height of a storey, to whole numbers of which heights are rounded.",
+)
+@click.option(
+    "--least-area",
+    type=float,
+    metavar="M2",
+    default=0.0,
+    show_default=True,
+    help="A smaller building joins its neighbour, or is dropped if it has none.",
+)
+@click.option(
+    "--zoom",
+    type=float,
+    multiple=True,
+    metavar="Z",
+    show_default="1",
+    help="Of a genome: level of detail by fractal zoom, above 1 finer, below 1 simpler. Given "
+    "several times, a file each: level.glb becomes level-z0.5.glb, level-z1.glb and so on.",
+)
+@map_options
+@json_option
+def scene(
+    what: str,
+    output: Path,
+    identifier,
+    detail,
+    angles,
+    storeys,
+    least_area,
+    zoom,
+    reading,
+    as_json,
+) -> None:
+    """Write a map in three dimensions: solids with floors, walls and flat roofs, on their ground.
+
+    The map is that of a file or a bundled name, the one a GENOME decodes to, or that of one
+    individual of a RUN folder, named by --id. Walls are straight lines fitted to the pixels.
+
+    Coordinates are metres from the map's south-west corner; the file keeps where that corner lies,
+    the reference system and the attribution. `evocity` reads its own .city.json again.
+    """
+    from evocity.scene import check_suffix
+
+    check_suffix(output)
+    check_output(output, what)
+    note_compiling()
+    how = {
+        "detail": detail,
+        "squared": angles == "square",
+        "storeys": storeys,
+        "least_area": least_area,
+    }
+    measures = _measures(what, identifier)
+    found = []
+    for path, city in _levels(what, reading, identifier, zoom, output):
+        made = evocity.scene(city, measures=measures, **how)
+        made.write(path)
+        found.append((path, made))
+        if not as_json:
+            click.echo(describe(city))
+            click.echo(_told(made))
+            click.echo(f"wrote {path}")
+    if as_json:
+        print_json({"scenes": [_facts(path, made) for path, made in found]})
+
+
+def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Path):
+    """A path and a map for each level of detail."""
+    if not zooms:
+        yield output, city_of(what, reading, identifier)
+        return
+    if not (is_genome(what) or is_run(what)):
+        raise EvocityError(
+            f"--zoom with the map {what}",
+            "a genome: the code makes the detail",
+            f"encode it first: evocity encode {what} -o GENOME.parquet",
+        )
+    from evocity.cli.decode import check_zoom
+    from evocity.cli.given import refuse_reading
+    from evocity.scene import suffix_of
+
+    refuse_reading(f"the genome {what}", reading)
+    genome = genome_of(what, identifier)
+    for zoom in zooms:
+        check_zoom(genome.pavement, zoom)
+    ending = len(suffix_of(output))
+    stem, suffix = output.name[:-ending], output.name[-ending:]
+    for zoom in sorted(set(zooms)):
+        several = len(set(zooms)) > 1
+        path = output.with_name(f"{stem}-z{zoom:g}{suffix}") if several else output
+        yield path, decoded(genome, what, identifier, zoom)
+
+
+def _measures(what: str, identifier: int | None) -> dict[str, float]:
+    """What a run measured of its individual."""
+    if identifier is None or not is_run(what):
+        return {}
+    return dict(evocity.open_run(what).individuals([identifier])[0].values)
+
+
+def _told(made) -> str:
+    walls = made.walls
+    triangles = sum(len(group.mesh.triangles) for group in made.groups)
+    left = []
+    if walls.simplified:
+        left.append(f"{walls.simplified} walls only simplified")
+    if walls.stairs:
+        left.append(f"{walls.stairs} left as the pixels are")
+    if walls.dropped:
+        left.append(f"{walls.dropped} specks dropped")
+    return ", ".join([f"{len(walls)} buildings, {triangles} triangles", *left])
+
+
+def _facts(path: Path, made) -> dict:
+    walls, about = made.walls, made.about
+    return {
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "name": about.name,
+        "attribution": about.attribution,
+        "crs": about.crs,
+        "offset": list(about.offset),
+        "buildings": len(walls),
+        "triangles": {group.name: len(group.mesh.triangles) for group in made.groups},
+        "volume": float(sum(group.volume for group in made.groups)),
+        "walls": {
+            "fitted": walls.fitted,
+            "simplified": walls.simplified,
+            "stairs": walls.stairs,
+        },
+        "dropped": walls.dropped,
+    }

@@ -1,0 +1,16 @@
+"""Solids become files that others open: arrays in, text or bytes out.
+
+- `solids`: `Group`, solids of one kind: prisms on polygons, and their triangles
+- `cityjson`: CityJSON 2.0, LoD 1.2, surfaces with semantics
+- `gltf`: glTF 2.0, binary
+- `vrml`: VRML97, the papers' format, and X3D
+- `obj`: Wavefront OBJ
+"""
+
+from evocity.formats.cityjson import cityjson
+from evocity.formats.gltf import glb
+from evocity.formats.obj import obj
+from evocity.formats.solids import About, Group
+from evocity.formats.vrml import vrml97, x3d
+
+__all__ = ["About", "Group", "cityjson", "glb", "obj", "vrml97", "x3d"]

@@ -1,0 +1,151 @@
+"""Solids as arrays: prisms that stand on polygons, in metres from a local corner."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+
+#: What a triangle is part of.
+FLOOR, WALL, ROOF = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class About:
+    """What is known of a scene besides its solids.
+
+    name, attribution : as of a map.
+    crs : its reference system, an authority code or a PROJ string, or None.
+    offset : (x, y) of the local corner in ``crs``; (0, 0) if it lies nowhere on Earth.
+    size : (x, y) of the ground, metres.
+    window : what a map of the scene is read back with: (x, y) of the middle of a square window in
+        ``crs``, and metres a pixel.
+    measures : values of the map's measures, by name.
+    """
+
+    name: str
+    attribution: str
+    crs: str | None
+    offset: tuple[float, float]
+    size: tuple[float, float]
+    window: tuple[float, float, float]
+    measures: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Solids of one kind, which have one colour: prisms on polygons, or, of height 0, surfaces.
+
+    name : the kind.
+    colour : sRGB, three numbers of 0…1.
+    polygons : objects ``(n,)``, valid shapely polygons, metres from the south-west corner, x to the
+        east, y to the north.
+    heights : float64 ``(n,)``, metres.
+    attributes : by name, a list of n values each: text, whole numbers or numbers.
+    city_object : what CityJSON calls one of them.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    polygons: np.ndarray
+    heights: np.ndarray
+    attributes: Mapping[str, list[Any]] = field(default_factory=dict)
+    city_object: str = "Building"
+
+    def __len__(self) -> int:
+        return len(self.polygons)
+
+    @property
+    def volume(self) -> float:
+        """M³ of all."""
+        return float(shapely.area(self.polygons) @ self.heights)
+
+    @cached_property
+    def mesh(self) -> "Mesh":
+        """The solids as triangles."""
+        return _mesh(self.polygons, self.heights)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles of solids, each closed and manifold by itself.
+
+    points : float64 ``(p, 3)``, x, y, z up, metres.
+    triangles : int32 ``(t, 3)``, against the clock seen from outside.
+    owner : int32 ``(t,)``, which solid each is of. part : uint8 ``(t,)``: `FLOOR`, `WALL`, `ROOF`.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    owner: np.ndarray
+    part: np.ndarray
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Float64 ``(t, 3)``, of length 1, outwards."""
+        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+
+
+def oriented(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of the rings of ``polygons``, without the last, which is the first again: float64
+    ``(p, 2)``; which ring each is of, and which polygon each ring: shells against the clock, holes
+    with it."""
+    turned = shapely.orient_polygons(shapely.remove_repeated_points(polygons))
+    rings, which = shapely.get_rings(turned, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    last = np.r_[ring[1:] != ring[:-1], True] if len(ring) else np.zeros(0, bool)
+    return points[~last], ring[~last], which
+
+
+def _mesh(polygons: np.ndarray, heights: np.ndarray) -> Mesh:
+    points, ring, which = oriented(polygons)
+    owner = which[ring]
+    count = len(points)
+    # walls: from each point to the next of its ring
+    after = np.arange(1, count + 1)
+    starts = np.flatnonzero(np.r_[True, ring[1:] != ring[:-1]]) if count else np.zeros(0, int)
+    ends = np.r_[starts[1:], count] - 1 if count else starts
+    after[ends] = starts
+    here = np.arange(count)
+    stands = heights[owner] > 0
+    a, b = here[stands], after[stands]
+    walls = np.concatenate(
+        [np.stack([a, b, b + count], axis=1), np.stack([a, b + count, a + count], axis=1)]
+    )
+    floor, of_floor = _triangles(polygons, points, owner)
+    high = heights[of_floor] > 0
+    roofs = np.where(high[:, None], floor + count, floor)
+    floors, of_floors = floor[high][:, ::-1], of_floor[high]
+    below = np.column_stack([points, np.zeros(count)])
+    above = np.column_stack([points, heights[owner]])
+    parts = (floors, walls, roofs)
+    owners = (of_floors, np.r_[owner[a], owner[a]], of_floor)
+    return Mesh(
+        points=np.concatenate([below, above]),
+        triangles=np.concatenate(parts).astype(np.int32).reshape(-1, 3),
+        owner=np.concatenate(owners).astype(np.int32),
+        part=np.repeat(np.array([FLOOR, WALL, ROOF], np.uint8), [len(one) for one in parts]),
+    )
+
+
+def _triangles(
+    polygons: np.ndarray, points: np.ndarray, owner: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the polygons, as indices of their own ``points``, against the clock, and which
+    polygon each is of."""
+    if not len(polygons):
+        return np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    found = shapely.constrained_delaunay_triangles(polygons)
+    pieces, of = shapely.get_parts(found, return_index=True)
+    corners = shapely.get_coordinates(shapely.orient_polygons(pieces)).reshape(-1, 4, 2)[:, :3]
+    asked = np.column_stack([np.repeat(of, 3), corners.reshape(-1, 2)])
+    own = np.column_stack([owner, points])
+    _, number = np.unique(np.concatenate([own, asked]), axis=0, return_inverse=True)
+    number = number.ravel()
+    first = np.empty(number.max() + 1, np.int64)
+    first[number[: len(own)][::-1]] = np.arange(len(own))[::-1]
+    return first[number[len(own) :]].reshape(-1, 3), of

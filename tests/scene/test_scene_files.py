@@ -1,0 +1,341 @@
+"""Scenes and their files: solids, schemas, and what is read back."""
+
+import functools
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import jsonschema_rs
+import manifold3d
+import numpy as np
+import parsed
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from towns import draw_town
+
+import evocity
+import evocity.scene
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.formats.solids import FLOOR, ROOF, WALL
+from evocity.io.reading import data_of
+from evocity.io.sources import Request
+
+MESHES = (".glb", ".obj", ".wrl", ".x3d")
+NODE = Path(__file__).parents[2] / ".venv" / "node"
+
+
+def drawn(heights, pixel: float = 2.0, **described) -> CityMap:
+    return CityMap(np.asarray(heights, float), pixel, **described)
+
+
+def empty() -> CityMap:
+    return drawn(np.zeros((16, 24)), name="empty")
+
+
+def full() -> CityMap:
+    return drawn(np.full((16, 24), 9.0), name="full")
+
+
+def one_pixel() -> CityMap:
+    heights = np.zeros((16, 24))
+    heights[5, 7] = 12
+    return drawn(heights, name="one_pixel")
+
+
+def rings() -> CityMap:
+    heights = np.zeros((40, 40))
+    for inset, high in ((2, 9), (6, 0), (10, 15), (14, 0), (18, 6)):
+        heights[inset:-inset, inset:-inset] = high
+    return drawn(heights, name="rings")
+
+
+def part() -> CityMap:
+    rows, columns = np.indices((64, 64))
+    return draw_town(3, side=64).within((rows - 30) ** 2 + (columns - 28) ** 2 < 27**2)
+
+
+def high() -> CityMap:
+    heights = np.zeros((16, 16))
+    heights[4:8, 4:8], heights[10:13, 3:12] = 1500.0, 1.6
+    return drawn(heights, 0.5, origin=(651234.56, 6861234.5), crs="EPSG:2154", name="high & low")
+
+
+@functools.cache
+def children() -> list[CityMap]:
+    """Ten bred towns, decoded."""
+    from evocity.operators import make
+
+    towns = [evocity.encode(draw_town(seed, side=96)).genome for seed in (11, 12)]
+    how = (("quarter_fusion", 4), ("region_fusion", 3), ("quarter_refill", 3))
+    found = []
+    for name, count in how:
+        for seed in range(count):
+            operator = make(name)
+            parents = towns[: operator.parents[0]]
+            child = operator(parents, np.random.default_rng(seed))
+            found.append(evocity.decode(child).city)
+    return found
+
+
+MAPS = {f.__name__: f for f in (empty, full, one_pixel, rings, part, high)}
+MAPS |= {f"child {n}": functools.partial(lambda n: children()[n], n) for n in range(10)}
+MAPS |= {n: functools.partial(evocity.read_map, n) for n in evocity.cities()}
+
+
+@functools.cache
+def scene_of(name: str) -> evocity.scene.Scene:
+    return evocity.scene(MAPS[name]())
+
+
+@pytest.fixture(params=MAPS)
+def scene(request) -> evocity.scene.Scene:
+    return scene_of(request.param)
+
+
+def check_solids(scene) -> None:
+    """Closed, manifold, turned outwards, of the volume of a prism, each by itself."""
+    for group in scene.groups:
+        mesh = group.mesh
+        assert len(group.polygons) == len(group.heights) == len(group)
+        points, triangles = mesh.points, mesh.triangles
+        if not (group.heights > 0).all():
+            assert (mesh.part == ROOF).all()
+            assert (mesh.normals[:, 2] > 0).all()
+            continue
+        edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+        way = edges[:, 0].astype(np.int64) * len(points) + edges[:, 1]
+        back = edges[:, 1].astype(np.int64) * len(points) + edges[:, 0]
+        assert len(np.unique(way)) == len(way)  # no edge twice in one direction
+        assert np.array_equal(np.sort(way), np.sort(back))  # and each in both
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        volume = np.bincount(
+            mesh.owner, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, minlength=len(group)
+        )
+        wanted = shapely.area(group.polygons) * group.heights
+        assert volume == pytest.approx(wanted, rel=1e-4, abs=1e-6)
+        assert (mesh.normals[mesh.part == FLOOR] @ (0, 0, -1) > 0.99).all()
+        assert (np.abs(mesh.normals[mesh.part == WALL][:, 2]) < 1e-9).all()
+        assert (mesh.normals[mesh.part == ROOF] @ (0, 0, 1) > 0.99).all()
+
+
+def test_solids_are_closed_and_manifold(scene):
+    check_solids(scene)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.25, 2.0, 10.0]), st.booleans())
+def test_solids_of_any_map_are_closed(seed, pixel, noisy):
+    rng = np.random.default_rng(seed)
+    heights = rng.integers(0, 4, rng.integers(1, 24, 2)) * 3.0
+    if noisy:
+        heights += rng.random(heights.shape)
+    check_solids(evocity.scene(drawn(heights, pixel), squared=bool(seed % 2)))
+
+
+def test_manifold3d_takes_each_building(scene):
+    mesh = scene.groups[-1].mesh
+    wanted = shapely.area(scene.groups[-1].polygons) * scene.groups[-1].heights
+    for owner in range(len(scene.groups[-1])):
+        own = mesh.triangles[mesh.owner == owner]
+        used, index = np.unique(own, return_inverse=True)
+        solid = manifold3d.Manifold(
+            manifold3d.Mesh64(mesh.points[used], index.reshape(-1, 3).astype(np.uint64))
+        )
+        assert solid.status() == manifold3d.Error.NoError
+        assert solid.volume() == pytest.approx(wanted[owner], rel=1e-4)
+
+
+@functools.cache
+def schema():
+    text = (Path(__file__).parent / "cityjson-2.0.1.schema.json").read_text(encoding="utf-8")
+    return jsonschema_rs.validator_for(json.loads(text))
+
+
+def written(scene, folder: Path, suffix: str) -> Path:
+    path = folder / f"scene{suffix}"
+    scene.write(path)
+    return path
+
+
+def test_cityjson_keeps_to_its_schema_and_semantics(scene, tmp_path):
+    document = json.loads(written(scene, tmp_path, ".city.json").read_text(encoding="utf-8"))
+    assert [str(error) for error in schema().iter_errors(document)] == []
+    vertices = np.array(document["vertices"]).reshape(-1, 3)
+    assert len(np.unique(vertices, axis=0)) == len(vertices)
+    used = set()
+    for found in document["CityObjects"].values():
+        (geometry,) = found["geometry"]
+        if geometry["type"] == "MultiSurface":
+            used.update(n for surface in geometry["boundaries"] for ring in surface for n in ring)
+            continue
+        (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
+        kinds = [geometry["semantics"]["surfaces"][value]["type"] for value in values]
+        assert len(kinds) == len(shell)
+        edges = []
+        for surface, kind in zip(shell, kinds, strict=True):
+            assert (
+                vertical(vertices[surface[0]])
+                == {
+                    "GroundSurface": -1,
+                    "WallSurface": 0,
+                    "RoofSurface": 1,
+                }[kind]
+            )
+            for ring in surface:
+                assert len(set(ring)) == len(ring) >= 3
+                edges += zip(ring, ring[1:] + ring[:1], strict=True)
+                used.update(ring)
+        assert len(set(edges)) == len(edges)
+        assert {(b, a) for a, b in edges} == set(edges)
+        top = vertices[[n for surface in shell for ring in surface for n in ring]][:, 2].max()
+        assert found["attributes"]["measuredHeight"] == pytest.approx(top / 1000)
+    assert used == set(range(len(vertices)))
+
+
+def vertical(ring: np.ndarray) -> int:
+    """Whether a ring is turned up, 1, or down, −1, or stands, 0."""
+    normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+    return int(np.sign(normal[2]))
+
+
+def test_cityjson_is_read_back(scene, tmp_path):
+    path, city = written(scene, tmp_path, ".city.json"), scene.city
+    if not len(scene.walls):
+        with pytest.raises(MapError, match="no building"):
+            evocity.read_map(path)
+        return
+    found, _ = data_of(path, Request())
+    wanted = np.array(scene.walls.polygons)
+    if city.crs is None:
+        wanted = scene.local(wanted) if city.origin is None else wanted
+    both = shapely.area(shapely.intersection(found.polygons, wanted))
+    assert (both / shapely.area(shapely.union(found.polygons, wanted))).min() >= 0.999
+    heights = [tags["solid_height"] for tags in found.tags]
+    assert heights == pytest.approx(scene.walls.heights, abs=0.01)
+    again = evocity.read_map(path, pixels=max(city.shape), metres_per_pixel=city.metres_per_pixel)
+    assert again.attribution == city.attribution
+    assert (again.origin is None) == (city.crs is None)
+    if city.shape[0] == city.shape[1]:
+        if again.origin is not None:
+            assert again.origin == pytest.approx(city.origin, abs=1e-3)
+        assert (again.built == city.built).mean() > 0.9
+
+
+@pytest.mark.parametrize("suffix", MESHES)
+def test_meshes_hold_what_was_written(scene, tmp_path, suffix):
+    found = parsed.read(written(scene, tmp_path, suffix))
+    assert list(found) == [group.name for group in scene.groups if len(group)]
+    for group in scene.groups:
+        if not len(group):
+            continue
+        triangles = found[group.name]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        flat = np.abs(normals[:, 2]) > 1e-3 * np.abs(normals).max(axis=1)
+        up = flat & (normals[:, 2] > 0)
+        assert normals[up][:, 2].sum() / 2 == pytest.approx(
+            shapely.area(group.polygons).sum(), rel=1e-3
+        )
+        roofs = shapely.polygons(triangles[up][:, :, :2])
+        tree = shapely.STRtree(roofs)
+        inner = shapely.point_on_surface(group.polygons)
+        which, roof = tree.query(inner, predicate="intersects")
+        assert set(which) == set(range(len(group)))
+        tops = triangles[up][roof][:, :, 2].max(axis=1)
+        assert tops == pytest.approx(group.heights[which], abs=0.01)
+        order, piece = tree.query(group.polygons, predicate="intersects")
+        shared = shapely.area(shapely.intersection(group.polygons[order], roofs[piece]))
+        covered = np.bincount(order, shared, minlength=len(group))
+        assert (covered / shapely.area(group.polygons)).min() >= 0.999
+
+
+def test_glb_is_valid_to_khronos(scene, tmp_path):
+    if shutil.which("node") is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
+        pytest.skip("node or its gltf-validator is not there: make .venv/installed-node")
+    script = tmp_path / "check.js"
+    script.write_text(
+        "const v = require('gltf-validator'), fs = require('fs');"
+        "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])))"
+        ".then(r => console.log(JSON.stringify(r)))",
+        encoding="utf-8",
+    )
+    path = written(scene, tmp_path, ".glb")
+    told = subprocess.run(
+        ["node", script, path],
+        env={"NODE_PATH": str(NODE / "node_modules"), "PATH": "/usr/bin:/usr/local/bin:/bin"},
+        capture_output=True,
+        check=True,
+    )
+    issues = json.loads(told.stdout)["issues"]
+    assert issues["messages"] == []
+
+
+@pytest.mark.parametrize("suffix", [".wrl", ".x3d"])
+def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
+    if shutil.which("tovrmlx3d") is None:
+        pytest.skip("Debian's view3dscene, with tovrmlx3d, is not installed")
+    path = written(scene, tmp_path, suffix)
+    told = subprocess.run(["tovrmlx3d", "--encoding", "xml", path], capture_output=True, check=True)
+    assert told.stderr == b""
+    assert told.stdout.count(b"<Shape") == sum(len(group) > 0 for group in scene.groups)
+
+
+def test_colours_of_glb_are_linear(tmp_path):
+    scene = scene_of("one_pixel")
+    document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
+    for material, group in zip(document["materials"], scene.groups, strict=True):
+        linear = material["pbrMetallicRoughness"]["baseColorFactor"][:3]
+        back = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in linear]
+        assert back == pytest.approx(group.colour, abs=1e-4)
+
+
+def test_files_tell_whose_and_where_they_are(tmp_path):
+    scene = evocity.scene(evocity.read_map("lyon-1er"), measures={"fsi": 2.5, "odd": float("nan")})
+    told = json.loads(written(scene, tmp_path, ".city.json").read_text(encoding="utf-8"))
+    first = next(iter(told["CityObjects"].values()))["attributes"]
+    assert first["fsi"] == 2.5
+    assert "odd" not in first
+    assert told["transform"]["translate"] == [-256.0, -256.0, 0.0]
+    for suffix in (".city.json", *MESHES):
+        data = written(scene, tmp_path, suffix).read_bytes()
+        assert b"BD TOPO" in data
+        assert b"lat_0=45.7684" in data
+        assert b"-256" in data
+
+
+@pytest.mark.parametrize("name", ["x.json", "x", "x.GLTF", ".city.json", ".glb"])
+def test_other_names_are_refused(name, tmp_path):
+    with pytest.raises(MapError, match="no scene is written") as raised:
+        scene_of("one_pixel").write(tmp_path / name)
+    assert ".city.json" in str(raised.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_was_there_stays_where_nothing_can_be_written(tmp_path):
+    with pytest.raises(MapError, match="no such folder"):
+        scene_of("one_pixel").write(tmp_path / "no" / "x.glb")
+    (tmp_path / "x.glb").mkdir()
+    with pytest.raises(MapError, match="it is a folder"):
+        scene_of("one_pixel").write(tmp_path / "x.glb")
+
+
+def test_how_walls_are_fitted_arrives():
+    city = evocity.read_map("new-york-west-village")
+    scene = evocity.scene(city, storeys=3, least_area=60, squared=True)
+    heights = scene.groups[-1].heights
+    assert (heights % 3 == 0).all()
+    assert (heights > 0).all()
+    assert len(scene.walls) < len(city.walls)
+    with pytest.raises(MapError, match="detail"):
+        evocity.scene(city, detail=-1)
+    with pytest.raises(TypeError):
+        evocity.scene(city, colour="red")
+
+
+def test_the_same_map_makes_the_same_bytes(tmp_path):
+    for suffix in (".city.json", *MESHES):
+        first = written(evocity.scene(rings()), tmp_path, suffix).read_bytes()
+        assert written(evocity.scene(rings()), tmp_path, suffix).read_bytes() == first
