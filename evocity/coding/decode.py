@@ -21,7 +21,13 @@ from evocity.coding._kernels import (
     walks,
 )
 from evocity.coding.fixed_point import SKY, fixed_point
-from evocity.coding.zoom import area_means, legal_zoom, zoomed_corner, zoomed_pavement
+from evocity.coding.zoom import (
+    area_means,
+    legal_zoom,
+    most_common,
+    zoomed_corner,
+    zoomed_pavement,
+)
 from evocity.errors import GenomeError, setting
 from evocity.genome import VOID, Genome
 from evocity.pavement import Pavement
@@ -224,7 +230,7 @@ def decode(
     zoom : fractal zoom z, above 0 (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies.
         Where zB is a whole number of pixels, 2 or more, for all range blocks, these are zoomed
         themselves; else the map is decoded at the next such zoom and its pixels are averaged by
-        area.
+        area, or, where roofs are settled, each takes the height that most of it has.
     tolerance : metres.
     start : float ``(zH, zW)`` heights to start from, of the zoom that is decoded; the attractor
         does not depend on it.
@@ -278,16 +284,23 @@ def decode(
     blamed = np.empty(0, np.intp)
     if not found.settled:
         blamed = _blame(genome, collage, found.moves, tolerance)
-    heights, kept = found.values, collage.kept
-    if legal - zoom > 1e-9:
-        heights = area_means(heights, legal / zoom)
-        kept = None if kept is None else area_means(kept, legal / zoom) > 0
-    heights.setflags(write=False)  # the city is made of it later
     settle = genome.settle if settle is None else settle
     pixel = genome.metres_per_pixel / zoom
+    own, kept = found.values, collage.kept
+    heights = own
+    if legal - zoom > 1e-9:
+        step, fine, lasting = legal / zoom, heights, kept
+        own = heights = area_means(heights, step)
+        kept = None if kept is None else area_means(kept, step) > 0
+        if settle:  # means of roofs and ground would be roofs of their own
+            fine = np.maximum(fine, 0)
+            roofs, _ = settled_zones(fine, fine > BUILT_ABOVE, pixel / step, lasting)
+            whole = most_common(roofs, step)
+            own = whole if kept is None else np.where(kept, heights, whole)
+    heights.setflags(write=False)  # the city is made of it later
     named = {"name": _title(genome.cities), "attribution": genome.attribution}
     placed = {"origin": genome.origin, "crs": genome.crs}
-    make = partial(_city, heights, pixel, settle, kept, **named, **placed)
+    make = partial(_city, own, pixel, settle, kept, **named, **placed)
     return Decoding(heights, found.steps, found.settled, found.change, blamed, make)
 
 

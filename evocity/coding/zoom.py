@@ -62,3 +62,22 @@ def area_means(raster: np.ndarray, step: float) -> np.ndarray:
         low, high = sums.take(whole, axis), sums.take(whole + 1, axis)
         raster = np.diff(low + share * (high - low), axis=axis) / step
     return raster.astype(np.float32)
+
+
+def most_common(raster: np.ndarray, step: float) -> np.ndarray:
+    """Of each square of ``step`` px, 1 or more, of a ``(H, W)`` raster the value that most of its
+    pixels have, of several the one farthest to the north-west; squares lie as in `area_means`, and
+    are looked at in up to 8 × 8 places. ``(⌊H / step⌋, ⌊W / step⌋)``, of the raster's type."""
+    height, width = (floor(side / step + 1e-9) for side in raster.shape)
+    few = min(ceil(step), 8)
+    within = (np.arange(few) + 0.5) / few
+    rows, columns = (
+        ((np.arange(count)[:, None] + within) * step).astype(int) for count in (height, width)
+    )
+    seen = raster[rows[:, None, :, None], columns[None, :, None, :]].reshape(
+        height * width, few * few
+    )
+    votes = np.zeros(seen.shape, np.int8)
+    for place in range(seen.shape[1]):
+        votes += seen == seen[:, place, None]
+    return seen[np.arange(len(seen)), votes.argmax(axis=1)].reshape(height, width)

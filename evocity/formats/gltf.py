@@ -2,19 +2,24 @@
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evocity.formats.solids import About, Group
+from evocity.formats.solids import About, Group, Mesh
 
 # numbers of the specification
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
 
+# The last index of 16 bits begins a new strip.
+_MOST = 2**16 - 1
+
 
 def glb(groups: Sequence[Group], about: About) -> bytes:
-    """The bytes of a .glb: positions, flat normals, one material a group, colours linear.
+    """The bytes of a .glb: one mesh and one material a group, colours linear. It has no normals:
+    who shows it makes flat ones, as the specification asks (3.7.2.1), and corners need not be told
+    once for each wall.
 
     Source: Khronos, glTF 2.0 specification.
     """
@@ -36,17 +41,16 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
         mesh = group.mesh
         if not len(mesh.triangles):
             continue
-        points, normals, triangles = _flat(mesh)
         number = len(document["meshes"])
-        primitive = {
-            "attributes": {
-                "POSITION": _accessor(document, parts, points, "VEC3", _ARRAY, bounds=True),
-                "NORMAL": _accessor(document, parts, normals, "VEC3", _ARRAY),
-            },
-            "indices": _accessor(document, parts, triangles, "SCALAR", _ELEMENTS),
-            "material": number,
-        }
-        document["meshes"].append({"name": group.name, "primitives": [primitive]})
+        primitives = [
+            {
+                "attributes": {"POSITION": _accessor(document, parts, points, "VEC3", _ARRAY)},
+                "indices": _accessor(document, parts, triangles, "SCALAR", _ELEMENTS),
+                "material": number,
+            }
+            for points, triangles in _parts(mesh)
+        ]
+        document["meshes"].append({"name": group.name, "primitives": primitives})
         document["materials"].append(_material(group))
         document["nodes"].append({"name": group.name, "mesh": number})
         document["scenes"][0]["nodes"].append(number)
@@ -59,18 +63,26 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _flat(mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and normals, y up, each pair once; triangles as indices of them."""
-    corners = mesh.triangles.ravel()
-    normals = np.round(np.repeat(mesh.normals, 3, axis=0), 6) + 0.0
-    _, direction = np.unique(normals, axis=0, return_inverse=True)
-    pairs = corners.astype(np.int64) * (direction.max() + 1) + direction.ravel()
-    _, first, index = np.unique(pairs, return_index=True, return_inverse=True)
-    return _y_up(mesh.points[corners[first]]), _y_up(normals[first]), index.ravel()
+def _parts(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Points, y up, and triangles as indices of them, of whole solids; so few together that their
+    indices are of 16 bits, unless one solid alone has more."""
+    order = np.argsort(mesh.owner, kind="stable")
+    triangles, owner = mesh.triangles[order], mesh.owner[order]
+    solids = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
+    most = np.diff(np.r_[solids, len(owner)]) + 2  # of points, of whatever is made of triangles
+    begin, count = 0, 0
+    for solid, own in zip(solids.tolist(), most.tolist(), strict=True):
+        if solid > begin and count + own > _MOST:
+            yield _indexed(mesh.points, triangles[begin:solid])
+            begin, count = solid, 0
+        count += own
+    yield _indexed(mesh.points, triangles[begin:])
 
 
-def _y_up(rows: np.ndarray) -> np.ndarray:
-    return np.stack([rows[:, 0], rows[:, 2], -rows[:, 1] + 0.0], axis=1).astype(np.float32)
+def _indexed(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    used, index = np.unique(triangles, return_inverse=True)
+    x, y, z = points[used].T
+    return np.stack([x, z, -y + 0.0], axis=1).astype(np.float32), index.ravel()
 
 
 def _material(group: Group) -> dict:
@@ -85,10 +97,10 @@ def _material(group: Group) -> dict:
     }
 
 
-def _accessor(document, parts, array, kind: str, target: int, bounds: bool = False) -> int:
+def _accessor(document: dict, parts: list[bytes], array, kind: str, target: int) -> int:
     component = _FLOAT
-    if kind == "SCALAR":
-        small = len(array) == 0 or array.max() < 2**16 - 1
+    if target == _ELEMENTS:
+        small = array.max() < _MOST
         component = _UINT16 if small else _UINT32
         array = array.astype(np.uint16 if small else np.uint32)
     data = array.tobytes()
@@ -103,7 +115,7 @@ def _accessor(document, parts, array, kind: str, target: int, bounds: bool = Fal
         "count": len(array),
         "type": kind,
     }
-    if bounds:
+    if target == _ARRAY:
         found |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
     document["accessors"].append(found)
     return len(document["accessors"]) - 1

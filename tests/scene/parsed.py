@@ -52,9 +52,11 @@ def _glb(path: Path) -> Triangles:
 
     found = {}
     for mesh in document["meshes"]:
-        (primitive,) = mesh["primitives"]
-        points = _z_up(array(primitive["attributes"]["POSITION"]).astype(float))
-        found[mesh["name"]] = points[array(primitive["indices"]).ravel()].reshape(-1, 3, 3)
+        parts = []
+        for primitive in mesh["primitives"]:
+            points = _z_up(array(primitive["attributes"]["POSITION"]).astype(float))
+            parts.append(points[array(primitive["indices"]).ravel()].reshape(-1, 3, 3))
+        found[mesh["name"]] = np.concatenate(parts)
     return found
 
 

@@ -283,6 +283,22 @@ def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
     assert told.stdout.count(b"<Shape") == sum(len(group) > 0 for group in scene.groups)
 
 
+def test_indices_of_glb_are_of_16_bits_however_many_buildings(tmp_path):
+    heights = np.zeros((180, 180))
+    heights[::2, ::2] = 3
+    scene = evocity.scene(drawn(heights))
+    path = written(scene, tmp_path, ".glb")
+    document, _ = parsed.glb_document(path)
+    ground, buildings = (mesh["primitives"] for mesh in document["meshes"])
+    assert len(ground) == 1
+    assert len(buildings) > 1
+    kinds = {document["accessors"][one["indices"]]["componentType"] for one in buildings}
+    assert kinds == {5123}
+    triangles = parsed.read(path)["building"]
+    assert len(triangles) == len(scene.groups[1].mesh.triangles)
+    assert np.abs(triangles[:, :, 2]).max() == 3
+
+
 def test_colours_of_glb_are_linear(tmp_path):
     scene = scene_of("one_pixel")
     document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
