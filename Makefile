@@ -54,12 +54,12 @@ clean:  ## remove .venv and the caches; runs stay
 	@$(PIP) install --editable '.[dev]'
 	@touch $@
 
-# What checks .glb files lives in node; without npm, or where it cannot be had, its tests are skipped.
+# What checks and shows .glb files lives in node; where it cannot be had, those tests are skipped.
 .venv/installed-node: .venv/installed-dev
-	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator into .venv (once) ..."; \
+	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator and three into .venv (once) ..."; \
 		npm install --silent --no-fund --no-audit --no-save --no-package-lock \
-		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 \
-		|| echo "gltf-validator could not be had; its tests are skipped" >&2; fi
+		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 three@0.187.0 \
+		|| echo "gltf-validator and three could not be had; their tests are skipped" >&2; fi
 	@touch $@
 
 .venv/installed-bench: .venv/installed-dev
