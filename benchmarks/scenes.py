@@ -1,0 +1,63 @@
+"""Scenes of decoded cities: how long the files take, and how large they are:
+python benchmarks/scenes.py
+
+A code of Lyon, decoded at 256², and that map laid side by side to 512² and 1024²: dense fabric
+throughout. Seconds of CPU, the least of three, once all is compiled.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import numpy as np
+from _machine import description
+
+import evocity
+import evocity.scene
+from evocity.citymap import CityMap
+
+REPEATS = 3
+
+
+def seconds(heights: np.ndarray, folder: Path) -> tuple[dict[str, float], dict[str, int], int]:
+    """CPU of walls and of each file, the files' sizes, and how many buildings there are."""
+    city = CityMap(heights, 2.0)
+    began = time.process_time()
+    scene = evocity.scene(city)
+    spent = {"walls": time.process_time() - began}
+    sizes = {}
+    for suffix in evocity.scene.SUFFIXES:
+        path = folder / f"city{suffix}"
+        began = time.process_time()
+        scene.write(path)
+        spent[suffix] = time.process_time() - began
+        sizes[suffix] = path.stat().st_size
+    return spent, sizes, len(scene.walls)
+
+
+def main() -> None:
+    print(description())
+    genome = evocity.encode(evocity.read_map("lyon-1er")).genome
+    heights = evocity.decode(genome).city.heights
+    cases = {"256² (child)": heights, "512² (2 × 2)": np.tile(heights, (2, 2))}
+    cases["1024² (4 × 4)"] = np.tile(heights, (4, 4))
+    cases["1024² (zoom 4)"] = evocity.decode(genome, zoom=4).city.heights
+    with tempfile.TemporaryDirectory() as folder:
+        seconds(heights, Path(folder))  # compiles
+        for name, one in cases.items():
+            runs = [seconds(one, Path(folder)) for _ in range(REPEATS)]
+            least = {key: min(run[0][key] for run in runs) for key in runs[0][0]}
+            _, sizes, count = runs[0]
+            told = [f"{key} {value:.3f} s" for key, value in least.items()]
+            told += [f"{key} {size / 1e6:.2f} MB" for key, size in sizes.items()]
+            print(f"{name}: {count} buildings, {sum(least.values()):.2f} s in all")
+            print("   " + ", ".join(told))
+
+
+if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__.partition("\n\n")[0]).parse_args()
+    main()
