@@ -1197,3 +1197,137 @@ def party_walls(labels, least):
                 pair = min(a, b), max(a, b)
                 counts[pair] = counts.get(pair, 0) + 1
     return [pair for pair, count in counts.items() if count >= least]
+
+
+def links_of(lines):
+    """Pairs of pixels of ``lines`` (border left free) that are linked: side by side; or at a
+    corner, unless a third joins them; but of four in a square not the upper two."""
+    found = set()
+    for y, x in np.argwhere(lines).tolist():
+        if lines[y, x + 1] and not (lines[y + 1, x] and lines[y + 1, x + 1]):
+            found.add(frozenset([(y, x), (y, x + 1)]))
+        if lines[y + 1, x]:
+            found.add(frozenset([(y, x), (y + 1, x)]))
+        for side in (-1, 1):
+            if lines[y + 1, x + side] and not (lines[y + 1, x] or lines[y, x + side]):
+                found.add(frozenset([(y, x), (y + 1, x + side)]))
+    return found
+
+
+def exits(frame, squares):
+    """Of each label of ``frame`` from 1 on the pixel where ``squares`` is largest, the middle one,
+    row by row, of several (the first of two)."""
+    out = np.zeros(frame.shape, bool)
+    for label in range(1, frame.max(initial=0) + 1):
+        own = np.argwhere(frame == label)
+        values = np.array([squares[y, x] for y, x in own])
+        best = own[values == values.max()]
+        out[tuple(best[(len(best) - 1) // 2])] = True
+    return out
+
+
+def spurs_taken(first, last, lengths, bound, fixed):
+    """Which edges go: by length, each that ends at a node of its own, not ``fixed``, and is shorter
+    than the ``bound`` at its other end, while three edges' ends and more are there."""
+    alive = np.ones(len(first), bool)
+    for k in np.argsort(lengths):
+        ends = np.concatenate([first[alive], last[alive]])
+        one, other = first[k], last[k]
+        if (ends == one).sum() == 1:
+            one, other = other, one
+        ends_there, meets = (ends == other).sum() == 1, (ends == one).sum() >= 3
+        if ends_there and meets and not fixed[other] and lengths[k] < bound[one]:
+            alive[k] = False
+    return alive
+
+
+def straight_streets(first, last, headings, least):
+    """Sets of edges that go on into each other: at each node, of all pairs of free ends the one
+    that turns least, again and again."""
+    groups = [{k} for k in range(len(first))]
+    for node in sorted({*first.tolist(), *last.tolist()}):
+        free = [(k, 0) for k in range(len(first)) if first[k] == node]
+        free += [(k, 1) for k in range(len(first)) if last[k] == node]
+        while True:
+            pairs = [
+                (-float((headings[a] * headings[b]).sum()), a, b)
+                for a, b in itertools.combinations(free, 2)
+            ]
+            pairs = [pair for pair in pairs if pair[0] > least]
+            if not pairs:
+                break
+            _, a, b = max(pairs)
+            free.remove(a)
+            free.remove(b)
+            one, other = (next(g for g in groups if end[0] in g) for end in (a, b))
+            if one is not other:
+                groups.remove(other)
+                one |= other
+    return {frozenset(group) for group in groups}
+
+
+def thickness(ground, squares, across, widest, spare, thick):
+    """Of each pixel of ``ground`` the largest ``across`` at a pixel whose disc, of the root of its
+    ``squares``, covers it: larger ones first, none that another contains but for half a pixel."""
+    spare, thick = spare.astype(np.float32), thick.copy()
+    rows, columns = ground.shape
+    inner = [(y, x) for y, x in np.argwhere(ground).tolist() if 0 < y < rows - 1]
+    centres = [(y, x) for y, x in inner if 0 < x < columns - 1 and squares[y, x] < widest]
+    for y, x in sorted(centres, key=lambda at: -squares[at]):
+        own = math.sqrt(squares[y, x])
+        if spare[y, x] >= own - 0.5:
+            thick[y, x] = max(thick[y, x], across[y, x])
+            continue
+        for v, u in np.argwhere(ground).tolist():
+            if (v - y) ** 2 + (u - x) ** 2 < squares[y, x]:
+                thick[v, u] = max(thick[v, u], across[y, x])
+                spare[v, u] = max(spare[v, u], np.float32(own - math.hypot(v - y, u - x)))
+    return thick
+
+
+def evened(path, squares, ends, rounds):
+    """The points of a line: ``ends``; between them the middles between walls next to its pixels,
+    moved ``rounds`` times to the mean of twice themselves and those beside; none farther off its
+    pixel than half of what is free about it, or at all where that is too little."""
+    own = np.array([divmod(p, squares.shape[1]) for p in path], float)
+    away = np.sqrt(squares)
+    points, most = own.copy(), np.zeros(len(path))
+    for i, (y, x) in enumerate(own.astype(int).tolist()):
+        clear = away[y, x] - math.sqrt(0.5)
+        most[i] = clear / 2 if 0.75 * clear**2 >= 0.5 else 0
+        up, down, left, right = away[y - 1, x], away[y + 1, x], away[y, x - 1], away[y, x + 1]
+        if left + right < up + down:
+            points[i, 1] += np.clip((right - left) / 2, -0.5, 0.5)
+        else:
+            points[i, 0] += np.clip((down - up) / 2, -0.5, 0.5)
+        points[i] = own[i] + shortened(points[i] - own[i], most[i])
+    points[0], points[-1] = ends
+    for _ in range(rounds):
+        mean = (points[:-2] + 2 * points[1:-1] + points[2:]) / 4
+        for i, point in enumerate(mean, start=1):
+            points[i] = own[i] + shortened(point - own[i], most[i])
+    return points
+
+
+def shortened(way, most):
+    length = np.hypot(*way)
+    return way if length <= most else way * (most / length)
+
+
+def filled(corners, height, width):
+    """Of each pixel the nearest triangle at its centre, −1 for none, and its depth: every triangle
+    is asked at every pixel."""
+    surface = np.full((height, width), -1)
+    depth = np.full((height, width), -np.inf, np.float32)
+    for row in range(height):
+        for column in range(width):
+            point = np.array([column + 0.5, row + 0.5, 1.0])
+            for k, corner in enumerate(corners):
+                flat = np.column_stack([corner[:, :2], np.ones(3)]).T
+                if abs(np.linalg.det(flat)) < 1e-9:
+                    continue
+                weights = np.linalg.solve(flat, point)
+                z = np.float32(weights @ corner[:, 2])
+                if weights.min() >= -1e-9 and z > depth[row, column]:
+                    surface[row, column], depth[row, column] = k, z
+    return surface, depth

@@ -1,4 +1,5 @@
-"""Draws bred-city.png: two real districts and a child of theirs, on one scale of heights.
+"""Draws bred-city.png: two real districts and a child of theirs, on one scale of heights; and
+bred-city-3d.png: the child in three dimensions.
 
 Run it with the Python that has evocity installed: python docs/images/bred_city.py
 """
@@ -55,7 +56,12 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 if __name__ == "__main__":
-    target = Path(__file__).with_name("bred-city.png")
-    few = draw(*bred()).quantize(96, dither=Image.Dither.NONE)
-    few.save(target, optimize=True)
-    print(f"wrote {target}, {target.stat().st_size // 1024} KB")
+    parents, child = bred()
+    pictures = {
+        "bred-city.png": draw(parents, child),
+        "bred-city-3d.png": evocity.scene(child, squared=True).picture(width=1200),
+    }
+    for name, picture in pictures.items():
+        target = Path(__file__).with_name(name)
+        picture.quantize(96, dither=Image.Dither.NONE).save(target, optimize=True)
+        print(f"wrote {target}, {target.stat().st_size // 1024} KB")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import click
+import numpy as np
 
 import evocity
 from evocity.cli.common import (
@@ -30,7 +31,8 @@ Examples:
 @output_option(
     "FILE",
     "Scene to write: .city.json (CityJSON 2.0, for GIS), .glb (glTF 2.0, for Blender and "
-    "browsers), .obj (for Rhino), .wrl (VRML97) or .x3d; overwritten if it exists.",
+    "browsers), .obj (for Rhino), .wrl (VRML97), .x3d, .gpkg (footprints) or .png (a picture); "
+    "overwritten if it exists.",
 )
 @id_option
 @click.option(
@@ -73,6 +75,28 @@ Examples:
     help="Of a genome: level of detail by fractal zoom, above 1 finer, below 1 simpler. Given "
     "several times, a file each: level.glb becomes level-z0.5.glb, level-z1.glb and so on.",
 )
+@click.option(
+    "--classes",
+    type=click.Path(path_type=Path),
+    metavar="TOML",
+    show_default="the seven of the papers",
+    help="Table of classes: limits of area, height and shape, and colours.",
+)
+@click.option(
+    "--library",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    show_default="none",
+    help="Library whose objects take the place of buildings, where they fit.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="With --library: draws among objects that fit alike.",
+)
+@click.option("--streets", is_flag=True, help="Streets as surfaces; in .gpkg as layers.")
 @map_options
 @json_option
 def scene(
@@ -84,6 +108,10 @@ def scene(
     storeys,
     least_area,
     zoom,
+    classes,
+    library,
+    seed,
+    streets,
     reading,
     as_json,
 ) -> None:
@@ -106,10 +134,18 @@ def scene(
         "storeys": storeys,
         "least_area": least_area,
     }
-    measures = _measures(what, identifier)
+    how |= {"measures": _measures(what, identifier), "streets": streets}
+    if classes is not None:
+        from evocity.views.classes import ClassTable
+
+        how["classes"] = ClassTable.read(classes)
+    if library is not None:
+        from evocity.scene.library import Library
+
+        how["library"] = Library.read(library)
     found = []
     for path, city in _levels(what, reading, identifier, zoom, output):
-        made = evocity.scene(city, measures=measures, **how)
+        made = evocity.scene(city, rng=np.random.default_rng(seed), **how)
         made.write(path)
         found.append((path, made))
         if not as_json:
@@ -164,6 +200,8 @@ def _told(made) -> str:
         left.append(f"{walls.stairs} left as the pixels are")
     if walls.dropped:
         left.append(f"{walls.dropped} specks dropped")
+    if made.substitution is not None:
+        left.append(f"{made.substitution.counts['fitted']} of them objects of the library")
     return ", ".join([f"{len(walls)} buildings, {triangles} triangles", *left])
 
 
@@ -185,4 +223,6 @@ def _facts(path: Path, made) -> dict:
             "stairs": walls.stairs,
         },
         "dropped": walls.dropped,
+        "classes": made.classes.counts,
+        "substitution": made.substitution.counts if made.substitution else None,
     }

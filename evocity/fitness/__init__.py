@@ -24,7 +24,8 @@
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
 - `fabric`: how far buildings are from those of other cities: `fabric_distance`, of a `Reference`
 - `types`: what types of buildings there are: `building_types`, `types_of`, `type_distance`, by a
-  table of limits, a `TypeTable` (`type_table`, `coverage`)
+  table of limits, a `TypeTable` (`type_table`)
+- `classes`: what stands on a map besides buildings: `object_classes`, `object_counts`
 - `heredity`: what a child keeps: `integrity`, of its sources' buildings (`whole_buildings` says
   which); `heritability`, of the map that was meant
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
@@ -42,6 +43,7 @@ A measure of one's own is a function with one decorator:
 import sys
 from types import ModuleType
 
+from evocity.fitness.classes import object_classes, object_counts
 from evocity.fitness.composition import WEIGHTED, Aims, Constraint, Wanted
 from evocity.fitness.density import fsi, gsi, mean_height, osr, storeys
 from evocity.fitness.directions import (
@@ -152,6 +154,8 @@ __all__ = [
     "mean_height",
     "measures",
     "named",
+    "object_classes",
+    "object_counts",
     "open_space_connectivity",
     "orientation_order",
     "osr",

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from evocity.errors import FitnessError, near_miss, shown, with_near_miss
-from evocity.fitness.coverage import Box, corner_near, left_over, meet
+from evocity.views.boxes import Box, corner_near, left_over, meet
 
 #: What a table may set limits to: by name the unit, the highest value there is, and what a house
 #: has, for examples.

@@ -19,6 +19,8 @@ from evocity.io.projection import WGS84, crs_named, is_metric, moved, plane
 from evocity.io.sources import Footprints
 
 _KINDS = ("Building", "BuildingPart", "BuildingUnit")
+#: What else stands on a map in evocity's own scenes.
+_BESIDE = ("CityFurniture", "SolitaryVegetationObject", "OtherConstruction")
 
 # how many lists lie around one surface (a list of rings) in `boundaries`
 _DEPTH = {
@@ -36,11 +38,12 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
         told = _own(document.get("CityObjects") or {})
         crs = _crs(path, document, told)
         window = _window(told, crs)
+        kinds = _KINDS + _BESIDE if told else _KINDS
         vertices = _vertices(document)
         objects = document["CityObjects"]
         polygons, tags = [], []
         for found in objects.values():
-            if found["type"] not in _KINDS:
+            if found["type"] not in kinds:
                 continue
             geometries = [g for g in found.get("geometry", []) if g["type"] in _DEPTH]
             footprint = _footprint(geometries, vertices)

@@ -1,4 +1,5 @@
-"""Maps written as footprints with heights: GeoPackage and GeoJSON, a polygon a building.
+"""Maps written as footprints with heights: GeoPackage and GeoJSON, a polygon a building; and a
+GeoPackage with the graph of the streets beside them.
 
 The buildings are those of `CityMap.buildings`, with the straight walls of `CityMap.walls`, or, raw,
 the pixels' edges of `CityMap.outline`. What a reader needs to lay the same window about them is
@@ -7,6 +8,7 @@ written beside them.
 
 import json
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +16,14 @@ import pyogrio
 import shapely
 from pyproj import CRS
 
-from evocity.citymap import CityMap
+from evocity.citymap import CityMap, Walls
 from evocity.errors import MapError
 from evocity.io.burning import crs_of
 from evocity.io.projection import WGS84, code_of, is_metric, moved, moved_polygons, plainly
 
-#: Name of the layer of a GeoPackage.
+#: Name of the layer of a GeoPackage, and of those with its streets.
 LAYER = "buildings"
+EDGES, NODES, PLACES = "street_edges", "street_nodes", "places"
 
 #: The middle of the window in a layer's metadata: "lon lat", or "x y" where the layer has no
 #: place on Earth.
@@ -39,9 +42,17 @@ _NOWHERE = (
 _DIGITS = 7
 
 
-def write_geopackage(city: CityMap, path: Path, raw: bool = False) -> None:
-    """A GeoPackage of one layer, `LAYER`, in the map's reference system; in metres from its
-    south-west corner if it has none. ``raw``: pixels' edges in place of straight walls."""
+def write_geopackage(
+    city: CityMap,
+    path: Path,
+    raw: bool = False,
+    streets: bool = False,
+    walls: Walls | None = None,
+) -> None:
+    """A GeoPackage of the layer `LAYER`, in the map's reference system; in metres from its
+    south-west corner if it has none. ``raw``: pixels' edges in place of straight walls.
+    ``walls``: in place of `CityMap.walls`. ``streets``: `CityMap.street_graph` too, as layers
+    `EDGES`, `NODES` and `PLACES`, and of each building its quarter."""
     crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
     x, y = _middle(city)
     if is_placed(city):
@@ -49,21 +60,79 @@ def write_geopackage(city: CityMap, path: Path, raw: bool = False) -> None:
         crs = code_of(own)
         x, y = moved(x, y, own, WGS84)
     tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
-    polygons, *columns = _footprints(city, raw)
+    polygons, *columns = _footprints(city, raw, walls)
+    fields = dict(zip(_FIELDS, columns, strict=True))
+    if streets:
+        fields["quarter"] = city.street_graph.quarters[columns[0] - 1] + np.int32(1)
+    _layer(city, path, crs, LAYER, "Polygon", _oriented(polygons), fields, tags)
+    if streets:
+        told = {key: tags[key] for key in ("NAME", "ATTRIBUTION")}
+        for name, kind, shapes, fields in _street_layers(city):
+            _layer(city, path, crs, name, kind, shapes, fields, told)
+
+
+def _layer(
+    city: CityMap,
+    path: Path,
+    crs: str,
+    name: str,
+    kind: str,
+    shapes: np.ndarray,
+    fields: dict[str, np.ndarray],
+    tags: dict[str, str],
+) -> None:
+    """Write one layer; but for the first, beside those that are there."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GDAL's, of an empty layer
         pyogrio.raw.write(
             path,
-            geometry=shapely.to_wkb(_oriented(polygons)),
-            field_data=columns,
-            fields=list(_FIELDS),
-            layer=LAYER,
+            geometry=shapely.to_wkb(shapes),
+            field_data=list(fields.values()),
+            fields=list(fields),
+            layer=name,
             driver="GPKG",
-            geometry_type="Polygon",
+            geometry_type=kind,
             crs=crs,
             layer_metadata={key: text for key, text in tags.items() if text},
-            layer_options={"IDENTIFIER": city.name, "DESCRIPTION": city.attribution},
+            layer_options={
+                "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
+                "DESCRIPTION": city.attribution,
+            },
+            append=name != LAYER,
         )
+
+
+def _street_layers(city: CityMap) -> Iterator[tuple[str, str, np.ndarray, dict]]:
+    """Name, kind of geometry, geometry and columns of each layer of the streets. Nodes, streets,
+    quarters and places count from 1; 0 is no place."""
+    graph, one = city.street_graph, np.int32(1)
+    ends = graph.ends + one
+    edges = {
+        "id": np.arange(1, len(graph) + 1, dtype=np.int32),
+        "u": np.ascontiguousarray(ends[:, 0]),
+        "v": np.ascontiguousarray(ends[:, 1]),
+        "length": np.round(graph.length, 3),
+        "width": np.round(graph.width, 3),
+        "least": np.round(graph.least, 3),
+        "kind": graph.kind.astype(object),
+        "street": graph.street + one,
+        "place": graph.place + one,
+        "leaves": graph.leaves,
+    }
+    yield EDGES, "LineString", np.array(graph.edges, dtype=object), edges
+    nodes = {
+        "id": np.arange(1, len(graph.nodes) + 1, dtype=np.int32),
+        "degree": graph.degree,
+        "at_frame": graph.at_frame,
+    }
+    yield NODES, "Point", shapely.points(graph.nodes), nodes
+    places = graph.places
+    columns = {
+        "id": np.arange(1, len(places) + 1, dtype=np.int32),
+        "area": np.round(places.area, 3),
+        "width": np.round(places.width, 3),
+    }
+    yield PLACES, "Polygon", _oriented(np.array(places.polygons, dtype=object)), columns
 
 
 def write_geojson(city: CityMap, path: Path, raw: bool = False) -> None:
@@ -125,7 +194,9 @@ def no_geojson(name: str) -> MapError:
 _FIELDS = ("id", "height", "area")
 
 
-def _footprints(city: CityMap, raw: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _footprints(
+    city: CityMap, raw: bool, walls: Walls | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Polygons of the buildings, and the columns of `_FIELDS`: numbers, heights in m, areas in
     m²."""
     buildings = city.buildings
@@ -133,8 +204,9 @@ def _footprints(city: CityMap, raw: bool) -> tuple[np.ndarray, np.ndarray, np.nd
         polygons, areas = np.array(city.outline, dtype=object), buildings.area
         numbers, heights = np.arange(1, len(buildings) + 1, dtype=np.int32), buildings.height
     else:
-        polygons = np.array(city.walls.polygons, dtype=object)
-        numbers, heights = city.walls.buildings, city.walls.heights
+        walls = city.walls if walls is None else walls
+        polygons = np.array(walls.polygons, dtype=object)
+        numbers, heights = walls.buildings, walls.heights
         areas = np.round(shapely.area(polygons), 3)
     # as short as float32, which the map's own heights are, can be told: 9.2, not 9.199999809
     short = [float(str(height)) for height in heights.astype(np.float32)]
@@ -220,8 +292,11 @@ def _dumped(what: dict) -> str:
 
 __all__ = [
     "CENTER_TAG",
+    "EDGES",
     "HEIGHTS",
     "LAYER",
+    "NODES",
+    "PLACES",
     "is_placed",
     "no_geojson",
     "placing",

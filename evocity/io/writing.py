@@ -15,7 +15,7 @@ from PIL import Image, PngImagePlugin
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from evocity.citymap import CityMap
+from evocity.citymap import CityMap, Walls
 from evocity.errors import MapError
 from evocity.files import whole_file
 from evocity.io.polygons import write_geojson, write_geopackage
@@ -42,7 +42,14 @@ _TROUBLE = (
 _TILE, _CACHE = 256, 64 << 20
 
 
-def write_map(city: CityMap, path: str | os.PathLike, *, raw: bool = False) -> None:
+def write_map(
+    city: CityMap,
+    path: str | os.PathLike,
+    *,
+    raw: bool = False,
+    streets: bool = False,
+    walls: Walls | None = None,
+) -> None:
     """Write a map; the suffix of ``path`` chooses the format.
 
     ``.tif``: float32 heights with reference system, unit and attribution; read back, the
@@ -58,13 +65,32 @@ def write_map(city: CityMap, path: str | os.PathLike, *, raw: bool = False) -> N
     corner, which GIS call an undefined Cartesian system, if the map lies nowhere on Earth. GeoJSON
     is in longitude and latitude (RFC 7946).
 
+    ``streets``, of ``.gpkg`` alone: `CityMap.street_graph` beside the buildings, as layers
+    ``street_edges`` (with the nodes ``u`` and ``v``, length, width, kind), ``street_nodes`` and
+    ``places``; and of each building the ``quarter`` it is of.
+
+    ``walls``, of ``.gpkg`` alone: those to write, as `CityMap.walled` made them, in place of
+    `CityMap.walls`.
+
     Raises
     ------
-    MapError : another suffix, no such folder, the file cannot be written, or GeoJSON is asked for
-        of a map that lies nowhere on Earth, or across the 180th meridian. Nothing half-written
-        is left, and a file that was there stays as it was.
+    MapError : another suffix, no such folder, the file cannot be written, streets are asked for
+        of another format, or GeoJSON is asked for of a map that lies nowhere on Earth, or across
+        the 180th meridian. Nothing half-written is left, and a file that was there stays as it
+        was.
     """
-    _write(city, path, WRITERS | RAW_WRITERS if raw else WRITERS)
+    writers = WRITERS | RAW_WRITERS if raw else WRITERS
+    if streets or walls is not None:
+        suffix, what = Path(path).suffix.lower(), "streets" if streets else "walls of one's own"
+        if suffix in writers and suffix != ".gpkg":
+            raise MapError(
+                f"{Path(path).name}: {what} in a {suffix} file",
+                "a .gpkg, which has a layer for each kind of thing",
+                f"write a .gpkg, or leave {what} out",
+            )
+        own = functools.partial(writers[".gpkg"], streets=streets, walls=walls)
+        writers = writers | {".gpkg": own}
+    _write(city, path, writers)
 
 
 def write_field(field: Field, path: str | os.PathLike) -> None:
@@ -242,30 +268,31 @@ def _ascii(text: str) -> str:
 
 
 def _write_png(city: CityMap, path: Path) -> None:
-    _save_picture(render(city, zoom=_picture_zoom(city)), city, city.name, path)
+    save_picture(render(city, zoom=_picture_zoom(city)), city, city.name, path)
 
 
 def _write_field_png(field: Field, path: Path) -> None:
     picture = render_field(field, zoom=_picture_zoom(field.city))
-    _save_picture(picture, field.city, f"{field.city.name}: {field.title}", path)
+    save_picture(picture, field.city, f"{field.city.name}: {field.title}", path)
 
 
 def _write_shares_png(shares: Shares, path: Path) -> None:
     picture = render_shares(shares, zoom=_picture_zoom(shares.city))
-    _save_picture(picture, shares.city, f"{shares.city.name}: {shares.title}", path)
+    save_picture(picture, shares.city, f"{shares.city.name}: {shares.title}", path)
 
 
 def _write_leaves_png(leaves: Leaves, path: Path) -> None:
     city = leaves.city
     picture = render_leaves(leaves, zoom=max(CLOSEST, _picture_zoom(city)))
-    _save_picture(picture, city, f"{city.name}: {leaves.title}", path)
+    save_picture(picture, city, f"{city.name}: {leaves.title}", path)
 
 
 def _picture_zoom(city: CityMap) -> int:
     return max(1, -(-_PICTURE_SIDE // max(city.shape)))
 
 
-def _save_picture(picture: Image.Image, city: CityMap, title: str, path: Path) -> None:
+def save_picture(picture: Image.Image, city: CityMap, title: str, path: Path) -> None:
+    """Write a ``picture`` of a city as PNG, with its title and the attribution."""
     about = PngImagePlugin.PngInfo()
     about.add_itxt("Title", title)
     about.add_itxt("Copyright", city.attribution)
@@ -330,6 +357,7 @@ __all__ = [
     "WINDOW_WRITERS",
     "WRITERS",
     "Windowed",
+    "save_picture",
     "write_field",
     "write_leaves",
     "write_map",

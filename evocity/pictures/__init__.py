@@ -2,9 +2,11 @@
 
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
 - `picture`: a map, a field, or shares, as a picture
+- `classes`: what stands on a map, each class in its colour
 - `leaves`: the range blocks of a code, over its map
 """
 
+from evocity.pictures.classes import render_classes
 from evocity.pictures.field import Field, Shares
 from evocity.pictures.leaves import Leaves, render_leaves
 from evocity.pictures.picture import render, render_field, render_shares
@@ -14,6 +16,7 @@ __all__ = [
     "Leaves",
     "Shares",
     "render",
+    "render_classes",
     "render_field",
     "render_leaves",
     "render_shares",

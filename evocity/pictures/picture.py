@@ -130,7 +130,7 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
     mixed[:, 0] += np.where(built, _LIGHTER - _DARKER * roofs, 0)
     mixed[~built] += _PALE * (_oklab(np.array([GROUND]) / 255) - mixed[~built])
     colours = np.round(_srgb(mixed) * 255).reshape(*city.shape, 3)
-    fabric = Image.fromarray(_lit(city, colours.repeat(zoom, axis=0).repeat(zoom, axis=1), zoom))
+    fabric = Image.fromarray(lit(city, colours.repeat(zoom, axis=0).repeat(zoom, axis=1), zoom))
     if not legend:
         return fabric
     whole = weights.mean(axis=(0, 1), dtype=float)
@@ -140,11 +140,18 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
         for part in np.argsort(-whole, kind="stable")
         if whole[part] > 0
     ]
-    title = f"{city.name}: {shares.title}"
-    return _sheet(city, fabric, title, _Key(entries), zoom)
+    return drawn_with_key(city, fabric, f"{city.name}: {shares.title}", entries, zoom)
 
 
 _Entries = list[tuple[tuple[int, ...] | None, str]]  # colour, text
+
+
+def drawn_with_key(
+    city: CityMap, fabric: Image.Image, title: str, entries: _Entries, zoom: int
+) -> Image.Image:
+    """A picture ``fabric`` of a map, ``zoom`` times its size, with a title and the legend of
+    `render`, but a key for a scale: the colour and text of each of ``entries``."""
+    return _sheet(city, fabric, title, _Key(entries), zoom)
 
 
 @dataclass(frozen=True)
@@ -208,10 +215,10 @@ def _table(highest: float) -> np.ndarray:
 def _shaded(city: CityMap, end: float, zoom: int) -> np.ndarray:
     """Colours with cast shadows and roof edges, uint8 ``(H·zoom, W·zoom, 3)``."""
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    return _lit(city, ramp(heights, end), zoom)
+    return lit(city, ramp(heights, end), zoom)
 
 
-def _lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
+def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
     """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
     colours = colours.astype(np.float32)
@@ -254,14 +261,14 @@ def _sheet(
 ) -> Image.Image:
     """The map on paper, with all that tells what it shows."""
     size = int(np.clip(min(fabric.size) / 40, 11, 40))  # of the text; all else follows it
-    font, small = _font(size), _font(size * 0.85)
+    plain, small = font(size), font(size * 0.85)
     key = legend.entries if isinstance(legend, _Key) else []
     margin, beside = 2 * size, 6 * size if isinstance(legend, _Scale) else 0
     # a tiny map still gets a sheet on which its legend has room
     width, height = max(fabric.width, 14 * size), max(fabric.height, 9 * size)
     lines = _wrapped(city.attribution, small, width + beside)
     top = margin + int(2.4 * size)
-    rows = _key_rows(key, font, width)
+    rows = _key_rows(key, plain, width)
     bottom = int(3.2 * size) + int(1.8 * size) * len(rows) + int(1.25 * size) * len(lines) + margin
     sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -271,13 +278,13 @@ def _sheet(
     draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
     right, low = margin + width, top + height
     if isinstance(legend, _Scale):
-        _draw_colours(sheet, draw, (right + size, top, low), legend, font, small, size)
+        _draw_colours(sheet, draw, (right + size, top, low), legend, plain, small, size)
     _draw_scale_bar(draw, (margin, low + size), city.metres_per_pixel / zoom, width, small)
     extent = f"{city.shape[1]} × {city.shape[0]} px of {city.metres_per_pixel:.4g} m"
     draw.text((right, low + size), extent, FAINT, small, "rt")
     low += int(3.2 * size)
     for row in rows:
-        _draw_key_row(draw, (margin, low), row, font)
+        _draw_key_row(draw, (margin, low), row, plain)
         low += int(1.8 * size)
     for number, line in enumerate(lines):
         draw.text((margin, low + 1.25 * size * number), line, FAINT, small, "lt")
@@ -352,14 +359,15 @@ def _ticks(end: float, most: float) -> list[float]:
 
 
 @cache
-def _font(size: float) -> ImageFont.FreeTypeFont:
+def font(size: float) -> ImageFont.FreeTypeFont:
+    """The font of all pictures, ``size`` px high."""
     return ImageFont.truetype(_FONT, size)
 
 
 def _fitting(text: str, size: int, width: float) -> ImageFont.FreeTypeFont:
     """The font of a title: half as large again as ``size``, or smaller down to it to fit."""
-    needed = _font(1.5 * size).getlength(text)
-    return _font(max(size, min(1.5 * size, math.floor(1.5 * size * width / max(needed, 1)))))
+    needed = font(1.5 * size).getlength(text)
+    return font(max(size, min(1.5 * size, math.floor(1.5 * size * width / max(needed, 1)))))
 
 
 def _wrapped(text: str, font, width: float) -> list[str]:
@@ -410,4 +418,14 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-__all__ = ["on_sheet", "ramp", "render", "render_field", "render_shares", "scale_end"]
+__all__ = [
+    "drawn_with_key",
+    "font",
+    "lit",
+    "on_sheet",
+    "ramp",
+    "render",
+    "render_field",
+    "render_shares",
+    "scale_end",
+]

@@ -19,7 +19,7 @@ from evocity.report.facts import Aim, Facts, figures_told
 from evocity.report.failures import failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
 from evocity.report.grid import grid_picture
-from evocity.report.pictures import common_scale, data_uri, scale_colours
+from evocity.report.pictures import common_scale, data_uri, scale_colours, scene_uri
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
 from evocity.store import STATUSES, open_run
 
@@ -27,6 +27,8 @@ _HERE = Path(__file__).parent
 
 #: Of later births, no more dots than this in a plot; and no more plots of pairs than this.
 _MOST_DOTS, _MOST_PAIRS = 2000, 6
+#: Nor more individuals in three dimensions.
+_MOST_SCENES = 3
 
 # A page that fetches nothing and runs our own script alone: even a stranger's text that slipped
 # through could do neither.
@@ -68,6 +70,7 @@ def _page(facts: Facts) -> str:
         ("The front", _front(facts)),
         *([("The grid", _grid(facts))] if facts.binned is not None else []),
         ("Generation by generation", _curves(facts)),
+        *_scenes(facts, highest),
         (_gallery_title(facts), city_key(facts.run.header.cities) + gallery(facts, highest)),
         ("Archive", _archive(facts, highest)),
         ("Births", _births(facts)),
@@ -191,6 +194,29 @@ def _front(facts: Facts) -> str:
     shown = f"<p>{len(plots)} of {count * (count - 1) // 2} pairs, those most in conflict.</p>"
     left_out = shown if count > 1 and len(plots) < count * (count - 1) // 2 else ""
     return f'{key}{left_out}<div class="plots">{"".join(plots)}</div>'
+
+
+def _scenes(facts: Facts, highest: float) -> list[tuple[str, str]]:
+    """The section of the best by each measure in three dimensions, none if nobody lives."""
+    found = facts.best(_MOST_SCENES)
+    if not found:
+        return []
+    figures = []
+    for one in found:
+        name = f"individual {one.birth.id}"
+        told = ", ".join(
+            f"{aim.name} {number(one.birth.values.get(aim.name))}" for aim in facts.aims
+        )
+        figures.append(
+            f'<figure class="scene"><img src="{scene_uri(one.city, highest)}" '
+            f'alt="{name} in three dimensions, seen towards the north-north-east">'
+            f"<figcaption><b>{name}</b>: {_text(told)}</figcaption></figure>"
+        )
+    note = (
+        "<p>The best of the last generation by each measure. <code>evocity scene RUN --id N -o "
+        "FILE.glb</code> writes one for Blender, a browser or a GIS.</p>"
+    )
+    return [("In three dimensions", f'{note}<div class="scenes">{"".join(figures)}</div>')]
 
 
 def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:

@@ -13,6 +13,7 @@ from evocity.citymap import CityMap
 from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render, scale_end
 from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
+from evocity.scene import scene
 from evocity.store import Run
 
 #: Names and attributions have letters that Pillow's own font lacks.
@@ -20,6 +21,7 @@ FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
 _COLOURS = 128  # of a picture's palette: no colour is off by more than the eye can tell
 
+_WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
 
 
@@ -43,6 +45,13 @@ def map_uri(city: CityMap, highest: float) -> str:
     """
     picture = render(city, highest=highest, legend=False)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.BOX)
+    return data_uri(picture)
+
+
+def scene_uri(city: CityMap, highest: float) -> str:
+    """The city in three dimensions, bare, its roofs on the scale that ends at ``highest`` metres,
+    as a ``data:`` address."""
+    picture = scene(city).picture(width=_WIDE, highest=highest, legend=False)
     return data_uri(picture)
 
 

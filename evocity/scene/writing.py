@@ -1,7 +1,8 @@
 """A scene becomes a file, by its suffix."""
 
+import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from evocity import formats
@@ -17,8 +18,9 @@ _WRITERS: dict[str, Callable[[Sequence[Group], About], str | bytes]] = {
     ".x3d": formats.x3d,
 }
 
-#: What a scene is written as: CityJSON 2.0, binary glTF 2.0, Wavefront OBJ, VRML97 and X3D.
-SUFFIXES = tuple(_WRITERS)
+#: What a scene is written as: CityJSON 2.0, binary glTF 2.0, Wavefront OBJ, VRML97 and X3D; its
+#: footprints in a GeoPackage; and its picture.
+SUFFIXES = (*_WRITERS, ".gpkg", ".png")
 
 
 def suffix_of(path: Path) -> str | None:
@@ -44,17 +46,29 @@ def write(groups: Sequence[Group], about: About, path: str | os.PathLike) -> Non
     """As `Scene.write`."""
     path = Path(path)
     suffix = check_suffix(path)
+    check_place(path)
+    made = _WRITERS[suffix](groups, about)
+    data = made if isinstance(made, bytes) else made.encode("utf-8")
+    with whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def check_place(path: Path) -> None:
+    """`MapError` unless a file may be written at ``path``."""
     if not path.parent.is_dir() or path.is_dir():
         raise MapError(
             f"{str(path)!r}: " + ("it is a folder" if path.is_dir() else "there is no such folder"),
             "a file name in an existing folder",
             f"make the folder {str(path.parent)!r} first, or choose another name",
         )
-    made = _WRITERS[suffix](groups, about)
-    data = made if isinstance(made, bytes) else made.encode("utf-8")
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A temporary path, which becomes ``path``; `MapError` where it cannot."""
     try:
         with whole_file(path) as temporary:
-            temporary.write_bytes(data)
+            yield temporary
     except OSError as error:
         raise MapError(
             f"{str(path)!r} cannot be written: {error}",

@@ -57,6 +57,26 @@ def test_levels_of_detail_are_a_set_of_files(tmp_path, genome_file):
     assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "t-z1.glb").read_bytes()
 
 
+def test_streets_classes_and_pictures(tmp_path, town_file):
+    town = ("scene", town_file, *AT_2_M)
+    told = json.loads(call(*town, "--streets", "-o", tmp_path / "t.glb", "--json").stdout)
+    assert told["scenes"][0]["triangles"]["street"] > 0
+    assert told["scenes"][0]["substitution"] is None
+    call(*town, "--streets", "-o", tmp_path / "t.gpkg")
+    call(*town, "-o", tmp_path / "t.png")
+    table = tmp_path / "own.toml"
+    table.write_text(
+        '[[class]]\nname = "low"\nheight = { below = 9 }\n[[class]]\nname = "high"\n'
+        '[colours]\nlow = "#ff0000"\nhigh = "#00ff00"\n',
+        encoding="utf-8",
+    )
+    words = ("--classes", table, "-o", tmp_path / "own.glb", "--json")
+    found = json.loads(call(*town, *words).stdout)["scenes"][0]["classes"]
+    assert set(found) == {"low", "high"}
+    table.write_text('[[class]]\nname = "low"\nheight = { below = 9 }\n', encoding="utf-8")
+    refused(tmp_path, *town, "--classes", table, "-o", tmp_path / "x.glb", says="own.toml")
+
+
 def test_an_empty_map_is_a_scene_of_ground(tmp_path):
     np.save(tmp_path / "empty.npy", np.zeros((16, 16)))
     path = tmp_path / "empty.glb"

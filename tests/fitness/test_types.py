@@ -24,9 +24,9 @@ from evocity.fitness import (
     type_distance,
     types_of,
 )
-from evocity.fitness.coverage import left_over, meet
 from evocity.fitness.type_table import FEATURES, MOST
 from evocity.fitness.types import TYPES, features, shares
+from evocity.views.boxes import left_over, meet
 
 DATA = Path(evocity.__file__).parent / "data" / "building-types.toml"
 SEVEN = {"shed", "courtyard_block", "tower", "row", "hall", "detached", "slab"}

@@ -265,7 +265,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, suffix, monkeypatch):
     assert (tmp_path / f"a{suffix}").read_bytes() == b"old"
 
 
-def fail(city, raw):
+def fail(*_):
     raise OSError("No space left on device")
 
 

@@ -136,10 +136,14 @@ def test_solids_of_any_map_are_closed(seed, pixel, noisy):
     check_solids(evocity.scene(drawn(heights, pixel), squared=bool(seed % 2)))
 
 
-def test_manifold3d_takes_each_building(scene):
-    mesh = scene.groups[-1].mesh
-    wanted = shapely.area(scene.groups[-1].polygons) * scene.groups[-1].heights
-    for owner in range(len(scene.groups[-1])):
+def test_manifold3d_takes_each_solid(scene):
+    for group in scene.groups[1:]:
+        check_with_manifold3d(group)
+
+
+def check_with_manifold3d(group) -> None:
+    mesh, wanted = group.mesh, shapely.area(group.polygons) * group.heights
+    for owner in range(len(group)):
         own = mesh.triangles[mesh.owner == owner]
         used, index = np.unique(own, return_inverse=True)
         solid = manifold3d.Manifold(
@@ -171,6 +175,11 @@ def test_cityjson_keeps_to_its_schema_and_semantics(scene, tmp_path):
         (geometry,) = found["geometry"]
         if geometry["type"] == "MultiSurface":
             used.update(n for surface in geometry["boundaries"] for ring in surface for n in ring)
+            continue
+        assert ("semantics" in geometry) == (found["type"] == "Building")
+        if found["type"] != "Building":
+            shell = geometry["boundaries"][0]
+            used.update(n for surface in shell for ring in surface for n in ring)
             continue
         (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
         kinds = [geometry["semantics"]["surfaces"][value]["type"] for value in values]
@@ -209,13 +218,13 @@ def test_cityjson_is_read_back(scene, tmp_path):
             evocity.read_map(path)
         return
     found, _ = data_of(path, Request())
-    wanted = np.array(scene.walls.polygons)
-    if city.crs is None:
-        wanted = scene.local(wanted) if city.origin is None else wanted
+    solids = [group for group in scene.groups if (group.heights > 0).any()]
+    wanted = np.concatenate([group.polygons for group in solids])
+    wanted = shapely.transform(wanted, lambda points: points + scene.about.offset)
     both = shapely.area(shapely.intersection(found.polygons, wanted))
     assert (both / shapely.area(shapely.union(found.polygons, wanted))).min() >= 0.999
     heights = [tags["solid_height"] for tags in found.tags]
-    assert heights == pytest.approx(scene.walls.heights, abs=0.01)
+    assert heights == pytest.approx(np.concatenate([group.heights for group in solids]), abs=0.01)
     again = evocity.read_map(path, pixels=max(city.shape), metres_per_pixel=city.metres_per_pixel)
     assert again.attribution == city.attribution
     assert (again.origin is None) == (city.crs is None)
@@ -285,8 +294,8 @@ def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
 
 def test_indices_of_glb_are_of_16_bits_however_many_buildings(tmp_path):
     heights = np.zeros((180, 180))
-    heights[::2, ::2] = 3
-    scene = evocity.scene(drawn(heights))
+    heights[::2, ::2] = 6
+    scene = evocity.scene(drawn(heights, 6.0))
     path = written(scene, tmp_path, ".glb")
     document, _ = parsed.glb_document(path)
     ground, buildings = (mesh["primitives"] for mesh in document["meshes"])
@@ -296,13 +305,14 @@ def test_indices_of_glb_are_of_16_bits_however_many_buildings(tmp_path):
     assert kinds == {5123}
     triangles = parsed.read(path)["building"]
     assert len(triangles) == len(scene.groups[1].mesh.triangles)
-    assert np.abs(triangles[:, :, 2]).max() == 3
+    assert np.abs(triangles[:, :, 2]).max() == 6
 
 
 def test_colours_of_glb_are_linear(tmp_path):
     scene = scene_of("one_pixel")
     document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
-    for material, group in zip(document["materials"], scene.groups, strict=True):
+    filled = [group for group in scene.groups if len(group)]
+    for material, group in zip(document["materials"], filled, strict=True):
         linear = material["pbrMetallicRoughness"]["baseColorFactor"][:3]
         back = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in linear]
         assert back == pytest.approx(group.colour, abs=1e-4)
@@ -341,7 +351,7 @@ def test_a_file_that_was_there_stays_where_nothing_can_be_written(tmp_path):
 def test_how_walls_are_fitted_arrives():
     city = evocity.read_map("new-york-west-village")
     scene = evocity.scene(city, storeys=3, least_area=60, squared=True)
-    heights = scene.groups[-1].heights
+    heights = scene.walls.heights
     assert (heights % 3 == 0).all()
     assert (heights > 0).all()
     assert len(scene.walls) < len(city.walls)

@@ -122,9 +122,7 @@ def walls_of(
 
 def _check(name: str, value: object, low: float, high: float, wanted: str) -> None:
     if not (isinstance(value, Real) and low <= value <= high and np.isfinite(value)):
-        raise MapError(
-            setting(name, value), wanted, f"correct {keyword(name)}, or leave it out"
-        )
+        raise MapError(setting(name, value), wanted, f"correct {keyword(name)}, or leave it out")
 
 
 def _details(arcs: Arcs, detail: float, relative: float) -> np.ndarray:

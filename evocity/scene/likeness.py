@@ -1,0 +1,306 @@
+"""Which objects of a library are most like a building, and how each would be laid on it?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import shapely
+
+from evocity.scene.library import Library
+
+#: Each axis of an object may be scaled by at most this share.
+SCALE = 0.15
+#: Points a side of the grid by which shapes are compared, each in its own frame.
+GRID = 16
+#: Cells a side of the grid about a building that they are tried on.
+BOARD = 48
+
+# Of what is yet larger or smaller than its building once it is scaled, this share of a side is let
+# pass: a building's box may be as large as it is for a corner's sake.
+_OFF = 0.35
+# The eight ways to lay a frame on itself: quarter turns, and whether it is mirrored before.
+_WAYS = [(turns, mirrored) for mirrored in (False, True) for turns in range(4)]
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """Objects laid on buildings: n rows.
+
+    building, object : int ``(n,)``. mirrored : bool ``(n,)``, first, across its own y axis.
+    numbers : float64 ``(n, 5)``: radians it is turned by last; scale along its frame's long side
+    and short side; x, y of its frame's middle, metres.
+    frame : float64 ``(n, 3)``: radians of its own frame's long side, x, y of its middle.
+    """
+
+    building: np.ndarray
+    object: np.ndarray
+    mirrored: np.ndarray
+    numbers: np.ndarray
+    frame: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.building)
+
+    def only(self, chosen: np.ndarray) -> "Placing":
+        """Some of the rows."""
+        rows = (self.building, self.object, self.mirrored, self.numbers, self.frame)
+        return Placing(*(one[chosen] for one in rows))
+
+    def joined(self, other: "Placing") -> "Placing":
+        """The rows of both."""
+        names = (one.name for one in fields(self))
+        return Placing(*(np.concatenate([getattr(self, k), getattr(other, k)]) for k in names))
+
+    def changed(self, column: int, by: float) -> "Placing":
+        """One of the ``numbers`` changed, scales within `SCALE`."""
+        numbers = self.numbers.copy()
+        numbers[:, column] += by
+        numbers[:, 1:3] = np.clip(numbers[:, 1:3], 1 - SCALE, 1 + SCALE)
+        return replace(self, numbers=numbers)
+
+    def where(self, chosen: np.ndarray, other: "Placing") -> "Placing":
+        """The numbers of ``other`` in the rows ``chosen``."""
+        return replace(self, numbers=np.where(chosen[:, None], other.numbers, self.numbers))
+
+    def replaced(self, rows: np.ndarray, other: "Placing") -> "Placing":
+        """The numbers of ``other`` in ``rows``."""
+        numbers = self.numbers.copy()
+        numbers[rows] = other.numbers
+        return replace(self, numbers=numbers)
+
+    def shrunk(self, by: float) -> "Placing":
+        """Both scales by a share less."""
+        numbers = self.numbers.copy()
+        numbers[:, 1:3] *= by
+        return replace(self, numbers=numbers)
+
+    def slackened(self, metres: float, library: Library) -> "Placing":
+        """So much shorter and narrower."""
+        sides = _frames(library.polygons[self.object], self.frame[:, 0])[:, 3:]
+        numbers = self.numbers.copy()
+        numbers[:, 1:3] -= metres / sides
+        return replace(self, numbers=numbers)
+
+    @property
+    def within_scale(self) -> np.ndarray:
+        """Bool ``(n,)``: which are scaled by no more than they may, and a millimetre's share."""
+        return (self.numbers[:, 1:3] >= 1 - SCALE + 2e-3).all(axis=1)
+
+    @property
+    def matrices(self) -> np.ndarray:
+        """Float64 ``(n, 2, 3)``: x' = a x + b y + c."""
+        angle, along, across, x, y = self.numbers.T
+        own, left, low = self.frame.T
+        flip = np.where(self.mirrored, -1.0, 1.0)
+        c, s, oc, os = np.cos(angle), np.sin(angle), np.cos(own), np.sin(own)
+        # into the frame, mirrored across its short side, scaled, turned
+        first = np.stack([np.stack([oc, os], -1), np.stack([-os, oc], -1)], axis=1)
+        first *= np.stack([along * flip, across], -1)[:, :, None]
+        turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], axis=1)
+        linear = turn @ first
+        middle = np.stack([left, low], -1)[:, :, None]
+        shift = np.stack([x, y], -1)[:, :, None] - linear @ middle
+        return np.concatenate([linear, shift], axis=2)
+
+
+def placed(placing: Placing, polygons: np.ndarray) -> np.ndarray:
+    """The objects' ``polygons`` where they are laid."""
+    shapes = polygons[placing.object]
+    counts = shapely.get_num_coordinates(shapes)
+    matrix = np.repeat(placing.matrices, counts, axis=0)
+
+    def moved(points: np.ndarray) -> np.ndarray:
+        return (matrix[:, :, :2] @ points[:, :, None])[:, :, 0] + matrix[:, :, 2]
+
+    return shapely.transform(shapes, moved)
+
+
+class Boards:
+    """What is where about each of some buildings, on a grid of `BOARD` cells a side.
+
+    Placings are tried on them: a hundredth as exact as polygons, and a twentieth of their time.
+    """
+
+    def __init__(self, polygons: np.ndarray, allowed: np.ndarray, library: Library):
+        self.areas = shapely.area(polygons).astype(np.float32)
+        self.sizes = shapely.area(library.polygons).astype(np.float32)
+        self.frames, self.inside = _library_framed(library)
+        bounds = shapely.bounds(shapely.union(polygons, allowed)).reshape(-1, 4)
+        self.low = bounds[:, :2]
+        self.step = np.maximum(bounds[:, 2:] - bounds[:, :2], 1e-6) / BOARD
+        self.cells = np.empty((len(polygons), BOARD * BOARD), np.uint8)
+        rows, columns = np.divmod(np.arange(BOARD * BOARD), BOARD)
+        shapely.prepare(polygons)
+        shapely.prepare(allowed)
+        for k in range(len(polygons)):
+            x = self.low[k, 0] + (columns + 0.5) * self.step[k, 0]
+            y = self.low[k, 1] + (rows + 0.5) * self.step[k, 1]
+            self.cells[k] = shapely.contains_xy(allowed[k], x, y)
+            self.cells[k] += shapely.contains_xy(polygons[k], x, y)
+
+    def measured(self, placing: "Placing") -> np.ndarray:
+        """Of each placing IoU, less four times the share of it that lies where it must not."""
+        found = np.empty(len(placing), np.float32)
+        for at in range(0, len(placing), _AT_ONCE):
+            rows = slice(at, at + _AT_ONCE)
+            found[rows] = self._some(placing.only(rows))
+        return found
+
+    def _some(self, placing: "Placing") -> np.ndarray:
+        k, inside = placing.building, self.inside[placing.object]
+        angle, along, across, x, y = placing.numbers.T
+        sides = self.frames[placing.object, 3:] * np.stack([along, across], axis=1)
+        sides[:, 0] *= np.where(placing.mirrored, -1.0, 1.0)
+        c, s = np.cos(angle), np.sin(angle)
+        wide, deep = sides.T
+        (left, low), (right, up) = self.low[k].T, self.step[k].T
+
+        def cell(u, v, middle, start, step):
+            """Numbers of rows or columns of the grid's points."""
+            line = np.stack([u / step, v / step, (middle - start) / step], axis=1)
+            line = line.astype(np.float32)
+            return (line[:, 0, None] * _ALONG + line[:, 1, None] * _ACROSS) + line[:, 2, None]
+
+        column = cell(c * wide, -s * deep, x, left, right)
+        row = cell(s * wide, c * deep, y, low, up)
+        beyond = (column < 0) | (column >= BOARD) | (row < 0) | (row >= BOARD)
+        column[beyond] = row[beyond] = 0
+        at = row.astype(np.int32) * BOARD + column.astype(np.int32)
+        what = np.take_along_axis(self.cells[k], at, axis=1)
+        what[beyond] = 0
+        whole = inside.sum(axis=1)
+        own = (inside * (what == 2)).sum(axis=1) / whole
+        wrong = (inside * (what == 0)).sum(axis=1) / whole
+        area = self.sizes[placing.object] * (along * across).astype(np.float32)
+        common = own * area
+        return common / (area + self.areas[k] - common) - 4 * wrong
+
+
+def likest(
+    polygons: np.ndarray,
+    party: np.ndarray,
+    heights: np.ndarray,
+    classes: Sequence[str],
+    library: Library,
+    storey: float,
+    most: int,
+) -> Placing:
+    """The ``most`` likest objects of each building, each laid the one way that is most like.
+
+    Buildings and objects are compared in their own frames, the smallest rectangles about them, or
+    along their ``party`` walls where these have a direction (radians, NaN for none), on a grid of
+    `GRID` points a side: the IoU of the points within. They are of one class, and differ in height
+    by at most a ``storey``; the frames' sides by what scaling may make good, and a little.
+    """
+    frames, shapes = _framed(polygons, np.asarray(party))
+    own, objects = _library_framed(library)
+    sums, kinds = objects.sum(axis=1), np.array(library.classes, dtype=object)
+    rows = []
+    for k in range(len(polygons)):
+        near = (np.abs(library.heights - heights[k]) <= storey) & (kinds == classes[k])
+        if not near.any():
+            continue
+        near = np.flatnonzero(near)
+        found = _ways(frames[k], shapes[k], own[near], objects[near], sums[near])
+        best = found.argmax(axis=0)
+        score = found[best, np.arange(len(near))]
+        for j in np.lexsort((near, -score))[:most]:
+            if score[j] > 0:
+                rows.append((k, near[j], best[j]))
+    return _laid(rows, frames, own)
+
+
+def _ways(frame, shape, own, objects, sums) -> np.ndarray:
+    """Float ``(8, n)``: IoU of a building with objects laid each of the `_WAYS`; 0 where their
+    sides differ by too much."""
+    grid = shape.reshape(GRID, GRID)
+    found = np.zeros((len(_WAYS), len(own)))
+    for turned in (0, 1):
+        ratio = (frame[[4, 3]] if turned else frame[[3, 4]]) / own[:, 3:]
+        off = np.maximum(ratio / (1 + SCALE), (1 - SCALE) / ratio).clip(1)
+        fits = np.flatnonzero((off <= 1 + _OFF).all(axis=1))
+        if not len(fits):
+            continue
+        ways = [w for w, (turns, _) in enumerate(_WAYS) if turns % 2 == turned]
+        views = np.stack([_seen(grid, *_WAYS[w]).ravel() for w in ways]).astype(np.float32)
+        common = views @ objects[fits].T
+        union = views.sum(axis=1)[:, None] + sums[fits] - common
+        found[np.ix_(ways, fits)] = common / union / off[fits].prod(axis=1)
+    return found
+
+
+def _seen(grid: np.ndarray, turns: int, mirrored: bool) -> np.ndarray:
+    """A building's grid as an object meets it that is mirrored, then turned against the clock:
+    turned back, then mirrored. Rows run along y, columns along x."""
+    back = np.rot90(grid, turns)
+    return back[:, ::-1] if mirrored else back
+
+
+def _laid(rows, frames: np.ndarray, own: np.ndarray) -> Placing:
+    table = np.array(rows, int).reshape(-1, 3)
+    building, number, way = table.T
+    turns = np.array([turns for turns, _ in _WAYS])[way]
+    mirrored = np.array([mirrored for _, mirrored in _WAYS])[way]
+    frame, object_ = frames[building], own[number]
+    sides = np.where((turns % 2 == 1)[:, None], frame[:, [4, 3]], frame[:, [3, 4]])
+    scales = np.clip(sides / object_[:, 3:], 1 - SCALE, 1 + SCALE)
+    angle = frame[:, 0] + turns * (np.pi / 2)
+    numbers = np.column_stack([angle, scales, frame[:, 1:3]])
+    return Placing(building, number, mirrored, numbers, object_[:, :3])
+
+
+def _library_framed(library: Library) -> tuple[np.ndarray, np.ndarray]:
+    """Frames and grids of a library's objects, made once."""
+    if library not in _framings:
+        _framings[library] = _framed(library.polygons, np.full(len(library), np.nan))
+    return _framings[library]
+
+
+def _framed(polygons: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frames float64 ``(n, 5)``: radians of a side, x, y of the middle, length along it and across;
+    and which points of a grid on it lie within, float32 ``(n, GRID²)``."""
+    if not len(polygons):
+        return np.empty((0, 5)), np.empty((0, GRID * GRID), np.float32)
+    corners = shapely.get_coordinates(shapely.oriented_envelope(polygons)).reshape(-1, 5, 2)
+    sides = np.diff(corners[:, :3], axis=1)
+    long = np.hypot(*np.moveaxis(sides, -1, 0)).argmax(axis=1)
+    x, y = sides[np.arange(len(sides)), long].T
+    angles = np.where(np.isnan(directions), np.arctan2(y, x), directions)
+    frames = _frames(polygons, angles)
+    grids = np.empty((len(polygons), GRID * GRID), np.float32)
+    shapely.prepare(polygons)
+    for k, (angle, left, low, wide, deep) in enumerate(frames):
+        u, v = _ALONG * wide, _ACROSS * deep
+        c, s = np.cos(angle), np.sin(angle)
+        grids[k] = shapely.contains_xy(polygons[k], left + c * u - s * v, low + s * u + c * v)
+    return frames, grids
+
+
+def _frames(polygons: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Float64 ``(n, 5)``: of each polygon the rectangle about it with a side at an angle: that
+    angle, x, y of its middle, length along it and across."""
+    if not len(polygons):
+        return np.empty((0, 5))
+    points, which = shapely.get_coordinates(polygons, return_index=True)
+    c, s = np.cos(angles), np.sin(angles)
+    u = points[:, 0] * c[which] + points[:, 1] * s[which]
+    v = points[:, 1] * c[which] - points[:, 0] * s[which]
+    starts = np.flatnonzero(np.r_[True, which[1:] != which[:-1]])
+    low = np.stack([np.minimum.reduceat(one, starts) for one in (u, v)], axis=1)
+    high = np.stack([np.maximum.reduceat(one, starts) for one in (u, v)], axis=1)
+    middle, sides = (low + high) / 2, high - low
+    x = middle[:, 0] * c - middle[:, 1] * s
+    y = middle[:, 0] * s + middle[:, 1] * c
+    return np.column_stack([angles, x, y, sides])
+
+
+# Points of a frame's grid, in shares of its sides from its middle.
+_LINE = ((np.arange(GRID) + 0.5) / GRID - 0.5).astype(np.float32)
+_ACROSS, _ALONG = (one.ravel() for one in np.meshgrid(_LINE, _LINE, indexing="ij"))
+# Placings that are tried at once: what fits a cache.
+_AT_ONCE = 512
+
+_framings: WeakKeyDictionary[Library, tuple[np.ndarray, np.ndarray]] = WeakKeyDictionary()
+
+__all__ = ["BOARD", "GRID", "SCALE", "Boards", "Placing", "likest", "placed"]

@@ -1,0 +1,101 @@
+"""Places: open ground that is wide and compact, and no street."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from evocity.views.buildings import outlines
+from evocity.views.ground.distance import nearest_built
+from evocity.views.streets.kinds import StreetKinds
+from evocity.views.streets.skeleton import Ground
+
+if TYPE_CHECKING:
+    import shapely
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Squares, and other ground as wide and compact.
+
+    polygons : n valid shapely polygons, along pixels' edges and rounded where no wall is,
+    courtyards and what stands on them as holes. area : float64 ``(n,)``, m². width : float64
+    ``(n,)``, metres, of the widest disc that has room.
+    """
+
+    polygons: "tuple[shapely.Polygon, ...]"
+    area: np.ndarray
+    width: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.polygons)
+
+
+def places_of(
+    ground: Ground,
+    kept: np.ndarray,
+    kinds: StreetKinds,
+    pixel: float,
+    corner: tuple[float, float],
+) -> tuple[Places, np.ndarray]:
+    """The places about those of the ``middles`` of a ground that are ``kept``, and int32 ``(H,
+    W)``, the place each pixel is of, from 0, −1 for none.
+
+    A place is all that discs cover whose centres lie in its middle, each as far as the walls; of
+    two that meet each pixel is of the nearer one. What reaches an open frame is none: nobody sees
+    where it ends.
+    """
+    shape = tuple(side - 2 for side in ground.open.shape)
+    middles, count = ground.middles, len(ground.hubs) - 1
+    if not (kept.any() and count):
+        return Places((), np.empty(0), np.empty(0)), np.full(shape, -1, np.int32)
+    import shapely
+
+    own = np.concatenate([[0], np.arange(1, count + 1) * kept])[middles]
+    squares, nearest = nearest_built(own > 0)
+    radius = kinds.place_width / pixel / 2
+    near = (ground.open | (middles > 0)) & (squares < radius**2)
+    whose = np.where(near, own[nearest[0], nearest[1]], 0)[1:-1, 1:-1]
+    number = np.zeros(count + 1, np.int32)
+    present = np.flatnonzero(kept) + 1
+    number[present] = np.arange(1, len(present) + 1)
+    whose = _in_one_piece(number[whose])
+    stairs = np.array(outlines(whose, pixel, corner), dtype=object)
+    cores = np.array(outlines(number[middles[1:-1, 1:-1]], pixel, corner), dtype=object)
+    rounded = shapely.intersection(stairs, shapely.buffer(cores, kinds.place_width / 2))
+    polygons = np.array([_largest(polygon) for polygon in rounded], dtype=object)
+    sides = np.array([_sides(box) for box in shapely.minimum_rotated_rectangle(polygons)])
+    area = shapely.area(polygons)
+    fits = sides[:, 1] <= kinds.place_longest * sides[:, 0]
+    fits &= area >= kinds.place_filled * sides.prod(axis=1)
+    widest = np.zeros(count + 1)
+    np.maximum.at(widest, middles.ravel(), 2 * np.sqrt(ground.room.ravel()))
+    became = np.where(fits, np.cumsum(fits) - 1, -1)
+    where = np.concatenate([[-1], became]).astype(np.int32)[whose]
+    found = tuple(polygons[fits]), area[fits], widest[present][fits] * pixel
+    for array in found[1:]:
+        array.setflags(write=False)
+    return Places(*found), where
+
+
+def _in_one_piece(numbers: np.ndarray) -> np.ndarray:
+    """``numbers`` without what a corner of a building cuts off from a place: of each the largest
+    piece that hangs together by pixels' sides."""
+    kept = np.zeros_like(numbers)
+    for number, window in enumerate(ndimage.find_objects(numbers), start=1):
+        pieces, _ = ndimage.label(numbers[window] == number)
+        largest = np.bincount(pieces.ravel())[1:].argmax() + 1
+        kept[window][pieces == largest] = number
+    return kept
+
+
+def _largest(polygon: "shapely.Geometry") -> "shapely.Geometry":
+    parts = getattr(polygon, "geoms", (polygon,))
+    return max(parts, key=lambda part: part.area)
+
+
+def _sides(box: "shapely.Polygon") -> tuple[float, float]:
+    """The shorter and the longer side of a rectangle."""
+    (x0, y0), (x1, y1), (x2, y2) = box.exterior.coords[:3]
+    return tuple(sorted((np.hypot(x1 - x0, y1 - y0), np.hypot(x2 - x1, y2 - y1))))

@@ -1,0 +1,86 @@
+"""The middle lines of open ground, its topology kept."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from evocity.views.ground._kernels import thin, widths_across
+from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.lines import DENT
+from evocity.views.streets._kernels import exits
+
+_ALL_ROUND = np.ones((3, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Open ground and its middle lines, with a border of a pixel: arrays ``(H + 2, W + 2)``.
+
+    open : bool, the ground. frame : bool, its pixels by which an open city goes on beyond the map
+    or its site. squares : int32, squared distance to the centre of the next wall's pixel, px; room
+    : the same, but that the middle of a place is no wall. beside : int32, what that wall is: 0 a
+    building; 1 the frame, or the middle of a place that reaches it; 2 and more, other places'.
+    middles : int32, the middles of places, labelled from 1. hubs : int32, what each of these is
+    beside a line, 0 first. lines : bool. exits : bool, the pixels by which they leave the map.
+    across : float32, width from wall to wall, px, on all ground.
+    """
+
+    open: np.ndarray
+    frame: np.ndarray
+    squares: np.ndarray
+    room: np.ndarray
+    beside: np.ndarray
+    middles: np.ndarray
+    hubs: np.ndarray
+    lines: np.ndarray
+    exits: np.ndarray
+    across: np.ndarray
+
+
+def skeleton(
+    ground: np.ndarray,
+    site: np.ndarray | None,
+    closed: bool,
+    place: float | None,
+    least: float = 0.0,
+) -> Ground:
+    """Thin ``ground``, bool ``(H, W)``, to lines in the middle between walls.
+
+    Open: the frame is no wall. On each of its four sides lines run out of every stretch of ground
+    that is half of ``least`` px and more from walls, where it is farthest; a street whose other
+    wall is not on the map keeps off the one that is. Closed: the frame is a wall.
+
+    place : px. What lies half of it and more from all walls is the middle of a place, and stands as
+    a wall does: lines run round it. None: nothing is.
+    """
+    within = np.pad(np.ones(ground.shape, bool) if site is None else site, 1)
+    ground = np.pad(ground, 1)
+    frame = np.zeros(ground.shape, bool) if closed else ground & ndimage.binary_dilation(~within)
+    walls = ~ground if closed else within & ~ground
+    if not walls.any():  # an open city without a wall has no middle but the map's
+        walls, place = ~ground, None
+    squares, nearest = nearest_built(walls)
+    room, what = squares, (~within).astype(np.int32)
+    middles, hubs = np.zeros(ground.shape, np.int32), np.zeros(1, np.int32)
+    if place is not None:
+        middles, count = ndimage.label(ground & (4 * squares >= place**2))
+        if count:
+            hubs = np.arange(1, count + 2, dtype=np.int32)
+            hubs[0] = 0
+            hubs[np.setdiff1d(middles[frame], 0)] = 1
+            what += hubs[middles]
+            walls, ground = walls | (middles > 0), ground & (middles == 0)
+            frame &= ground
+            squares, nearest = nearest_built(walls)
+    out = np.zeros(ground.shape, bool)
+    if not closed:
+        for step, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
+            side = ground & np.roll(~within, step, axis) & (4 * squares >= least**2)
+            pieces, _ = ndimage.label(side, _ALL_ROUND)
+            exits(pieces, squares, out)
+    lines, across = ground.copy(), np.empty(ground.shape, np.float32)
+    thin(~ground, squares, nearest, out, DENT, lines)
+    widths_across(squares, ground, across)
+    beside = what[nearest[0], nearest[1]]
+    return Ground(ground, frame, squares, room, beside, middles, hubs, lines, out, across)
