@@ -8,6 +8,7 @@
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `scene`: a map or genome in three dimensions
+- `library`: objects of real maps, to stand in scenes
 - `pattern`: a town drawn by a rule
 - `cities`, `operators`, `readers`: what there is
 - `fitness`: the measures there are; `fitness_new`, `fitness_check`, `fitness_bench`: one's own;
@@ -31,6 +32,7 @@ from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
 from evocity.cli.grow import grow
+from evocity.cli.library import library
 from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
 from evocity.cli.readers import readers
@@ -79,6 +81,7 @@ for _command in (
     autosimilarity,
     show,
     scene,
+    library,
     pattern,
     cities,
     fitness,

@@ -24,7 +24,7 @@ Examples:
     show_default="as it is set, else [search] picks of the recipe, 0.5",
     help="Share of the births that have a pick for their first parent, above 0 to 1.",
 )
-@click.option("--clear", is_flag=True, help="Breed no longer from the ID named; from none at all.")
+@click.option("--clear", is_flag=True, help="Drop the picks named; without an ID, drop all.")
 def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> None:
     """Breed from the individuals ID of RUN too, whatever the algorithm thinks of them.
 
@@ -60,7 +60,7 @@ Examples:
 @_RUN
 @click.argument("weights", metavar="NAME=WEIGHT...", nargs=-1, required=True)
 def reweight(run: Path, weights: tuple[str, ...]) -> None:
-    """Weigh operators of RUN, or measures that count in a sum, anew.
+    """Change the weights of operators of RUN, or of measures that count in a sum.
 
     NAME is an operator of the recipe's mixture, whose WEIGHT may be 0, or a measure that has a
     weight or an objective there. What lives is judged by the new weights, beginning with the next

@@ -30,7 +30,7 @@ from evocity.errors import EvocityError
 
 @click.group(cls=Commands)
 def recipe() -> None:
-    """What runs are carried out by."""
+    """Write recipes, by which runs are carried out."""
 
 
 def _options(command):

@@ -124,11 +124,12 @@ def refine(
 
     What is better is what the run wants: its goals' losses are summed, each over its range in the
     first generation, and constraints come first. The run stays as it is; it may be going on. If
-    nothing better is found, the individual itself is written. Measures of your own that the
-    recipe names are executed.
+    nothing better is found, the individual itself is written. With --way fit, better is nearer to
+    the map of --towards, whatever the run wants. Measures of your own that the recipe names are
+    executed.
 
-    JSON keys: id, way, better, evaluations, failures, others, score and values, each with before
-    and after.
+    JSON keys: id, way, better, evaluations, failures, others; score, values and, of --way fit,
+    distance (m, RMS), each with before and after.
     """
     opened = evocity.open_run(run)
     check_output(output, str(run))
@@ -140,6 +141,7 @@ def refine(
         )
     _refuse_strange(way, others, tune, towards, reading)
     note_compiling()
+    target = None if towards is None else _map(towards, opened, reading)
     with quiet_stdout(), progress_bar(f"refining {identifier}") as bar:
         found = evocity.refine(
             opened,
@@ -152,7 +154,7 @@ def refine(
             seed=seed,
             others=others or None,
             tune=tune,
-            towards=None if towards is None else _map(towards, opened, reading),
+            towards=target,
             accept_changes=accept_changes,
             progress=None if bar is None else lambda done, _: bar(done, budget),
         )
@@ -163,6 +165,9 @@ def refine(
     if not found.better:
         note(f"nothing better was found: {output} holds individual {identifier} as it is")
     names = list(found.before)
+    apart = None
+    if target is not None:
+        apart = [_distance(one, target) for one in (opened.genome(identifier), found.genome)]
     if as_json:
         print_json(
             {
@@ -175,15 +180,25 @@ def refine(
                 "score": {"before": found.score_before, "after": found.score},
                 "values": {"before": dict(found.before), "after": dict(found.values)},
             }
+            | ({} if apart is None else {"distance": {"before": apart[0], "after": apart[1]}})
         )
         return
     offered = f", fabric of {' and '.join(map(str, found.others))}" if found.others else ""
     click.echo(f"individual {identifier}: {way}{offered}, {found.evaluations} evaluations")
     rows = [("", "before", "after")]
     rows += [(name, f"{found.before[name]:.4g}", _told(found.values, name)) for name in names]
-    rows.append(("sum of losses", f"{found.score_before:.4g}", f"{found.score:.4g}"))
+    losses = "sum of losses, less is better"
+    rows.append((losses, f"{found.score_before:.4g}", f"{found.score:.4g}"))
+    if apart is not None:
+        rows.append((f"m from {target.name} (RMS)", *(f"{one:.4g}" for one in apart)))
     print_table(rows)
     click.echo(f"wrote {output}")
+
+
+def _distance(genome, target) -> float:
+    """Metres by which the heights of a genome's map differ from a ``target``, root mean square."""
+    heights = evocity.decode(genome).city.heights
+    return float(((heights - target.heights) ** 2).mean(dtype=float) ** 0.5)
 
 
 def _refuse_strange(way: str, others, tune, towards, reading) -> None:

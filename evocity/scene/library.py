@@ -55,7 +55,7 @@ class Library:
     paths : of each the file of a mesh, in the library's folder; "" for none.
 
     >>> import numpy as np, evocity
-    >>> from evocity.scene import Library
+    >>> from evocity.scene.library import Library
     >>> heights = np.zeros((32, 32))
     >>> heights[8:20, 10:24] = 9
     >>> library = Library.of(evocity.CityMap(heights, 2.0, name="drawn"), licence="CC0-1.0")
@@ -376,16 +376,20 @@ def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
 
 
 def _heights(column: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    try:
-        heights = np.array(column, dtype=np.float64)
-    except (TypeError, ValueError):
-        heights = np.full(len(column), np.nan)
+    heights = np.array([_number(told) for told in column.tolist()], dtype=np.float64)
     for height, told, name in zip(heights, column, names, strict=True):
         if not 0 < height <= TALLEST:
             raise MapError(
                 f"{name}: a height of {told}", f"metres, above 0, at most {TALLEST:g}", "correct it"
             )
     return heights
+
+
+def _number(told: object) -> float:
+    try:
+        return float(told)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def _texts(column: np.ndarray) -> list[str]:

@@ -119,7 +119,7 @@ def placed(placing: Placing, polygons: np.ndarray) -> np.ndarray:
 class Boards:
     """What is where about each of some buildings, on a grid of `BOARD` cells a side.
 
-    Placings are tried on them: a hundredth as exact as polygons, and a twentieth of their time.
+    Placings are tried on them: some hundredths off what polygons tell, in a twentieth of the time.
     """
 
     def __init__(self, polygons: np.ndarray, allowed: np.ndarray, library: Library):

@@ -78,7 +78,8 @@ class Substitution:
     def counts(self) -> dict[str, int]:
         """How many buildings are ``isolated`` and how many ``attached``, how many are ``small``,
         under `evocity.scene.library.LEAST` m², and counted there alone; of each how many were
-        fitted, ``isolated_fitted`` and so on; and how many of all ``kept`` their own form."""
+        fitted, ``isolated_fitted`` and so on; how many of all were ``fitted``, or ``kept`` their
+        own form."""
         small = shapely.area(np.array(self.walls.polygons, dtype=object).reshape(-1)) < LEAST
         fitted = self.objects >= 0
         told = {
@@ -87,7 +88,7 @@ class Substitution:
             "small": small,
         }
         told |= {f"{name}_fitted": one & fitted for name, one in told.items()}
-        told["kept"] = ~fitted
+        told |= {"fitted": fitted, "kept": ~fitted}
         return {name: int(np.count_nonzero(one)) for name, one in told.items()}
 
     @property
@@ -314,8 +315,7 @@ def _first(group: np.ndarray, score: np.ndarray, most: int) -> np.ndarray:
     """Numbers of the ``most`` best of each group, by rising group."""
     order = np.lexsort((np.arange(len(score)), -score, group))
     ranked = group[order]
-    begins = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]]) if len(ranked) else []
-    rank = np.arange(len(ranked)) - np.repeat(begins, np.diff(np.r_[begins, len(ranked)]))
+    rank = np.arange(len(ranked)) - np.searchsorted(ranked, ranked)
     return order[rank < most]
 
 

@@ -54,6 +54,7 @@ def test_the_commands_are_these():
         "autosimilarity",
         "show",
         "scene",
+        "library new",
         "pattern",
         "cities",
         "fitness new",

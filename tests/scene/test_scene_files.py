@@ -365,3 +365,18 @@ def test_the_same_map_makes_the_same_bytes(tmp_path):
     for suffix in (".city.json", *MESHES):
         first = written(evocity.scene(rings()), tmp_path, suffix).read_bytes()
         assert written(evocity.scene(rings()), tmp_path, suffix).read_bytes() == first
+
+
+def test_objects_of_a_library_stand_in_a_scene(tmp_path):
+    city = evocity.read_map("montpellier-pas-du-loup")
+    library = evocity.scene.Library.of(evocity.read_map("new-york-west-village"), licence="ODbL")
+    scene = evocity.scene(city, library=library, rng=np.random.default_rng(3))
+    check_solids(scene)
+    assert scene.substitution.counts["fitted"] > 0
+    assert "OpenStreetMap" in scene.about.attribution
+    assert city.attribution in scene.about.attribution
+    path = written(scene, tmp_path, ".city.json")
+    assert schema().is_valid(json.loads(path.read_text(encoding="utf-8")))
+    first = path.read_bytes()
+    evocity.scene(city, library=library, rng=np.random.default_rng(3)).write(path)
+    assert path.read_bytes() == first
