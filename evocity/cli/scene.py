@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 import evocity
 from evocity.cli.common import (
@@ -123,6 +122,8 @@ def scene(
     Coordinates are metres from the map's south-west corner; the file keeps where that corner lies,
     the reference system and the attribution. `evocity` reads its own .city.json again.
     """
+    import numpy as np
+
     from evocity.scene import check_suffix
 
     check_suffix(output)
