@@ -1331,3 +1331,43 @@ def filled(corners, height, width):
                 if weights.min() >= -1e-9 and z > depth[row, column]:
                     surface[row, column], depth[row, column] = k, z
     return surface, depth
+
+
+def lit_by_the_sun(depth, surface, first, onto, seen, bias):
+    """Where the sun reaches: each pixel is looked up in what the sun sees."""
+    lit = np.ones(depth.shape, bool)
+    for (row, column), k in np.ndenumerate(surface):
+        if k >= 0:
+            point = np.array([column + 0.5, first + row + 0.5, depth[row, column], 1.0])
+            u, v, w = onto @ point
+            inside = 0 <= u < seen.shape[1] and 0 <= v < seen.shape[0]
+            if inside and seen[int(v), int(u)] > w + bias[k]:
+                lit[row, column] = False
+    return lit
+
+
+def dark_edges(depth, surface, plane, jump, dark):
+    """Share of light left at each pixel: ``dark`` at the last of a plane before what lies behind,
+    what is empty, or, to the right and below, what turns off at one depth."""
+    ways = {(1, 0): True, (-1, 0): False, (0, 1): True, (0, -1): False}
+    edge = np.ones(depth.shape, np.float32)
+    for (row, column), k in np.ndenumerate(surface):
+        for (down, right), turning in ways.items():
+            y, x = row + down, column + right
+            if k < 0 or not (0 <= y < depth.shape[0] and 0 <= x < depth.shape[1]):
+                continue
+            nearer = depth[row, column] - depth[y, x]
+            behind, level = nearer > jump, nearer >= -jump
+            other = surface[y, x] < 0 or plane[surface[y, x]] != plane[k]
+            if surface[y, x] < 0 or (other and (behind or (level and turning))):
+                edge[row, column] = dark
+    return edge
+
+
+def paint_mixed(surface, lit, edge, colours, finer):
+    """Means of ``finer`` squared pixels each, at most 255, and where any of them is a surface."""
+    mixed = colours[lit.astype(int), surface] * edge[..., None]
+    height, width = np.array(surface.shape) // finer
+    blocks = mixed.reshape(height, finer, width, finer, 3)
+    some = (surface >= 0).reshape(height, finer, width, finer)
+    return np.minimum(blocks.mean(axis=(1, 3)), 255), some.any(axis=(1, 3))

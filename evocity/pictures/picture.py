@@ -260,13 +260,13 @@ def _sheet(
     city: CityMap, fabric: Image.Image, name: str, legend: _Scale | _Key, zoom: int
 ) -> Image.Image:
     """The map on paper, with all that tells what it shows."""
-    size = int(np.clip(min(fabric.size) / 40, 11, 40))  # of the text; all else follows it
+    size = text_size(fabric)  # all else follows it
     plain, small = font(size), font(size * 0.85)
     key = legend.entries if isinstance(legend, _Key) else []
     margin, beside = 2 * size, 6 * size if isinstance(legend, _Scale) else 0
     # a tiny map still gets a sheet on which its legend has room
     width, height = max(fabric.width, 14 * size), max(fabric.height, 9 * size)
-    lines = _wrapped(city.attribution, small, width + beside)
+    lines = wrapped(city.attribution, small, width + beside)
     top = margin + int(2.4 * size)
     rows = _key_rows(key, plain, width)
     bottom = int(3.2 * size) + int(1.8 * size) * len(rows) + int(1.25 * size) * len(lines) + margin
@@ -358,6 +358,11 @@ def _ticks(end: float, most: float) -> list[float]:
     return [step * i for i in range(int(end / step + 1e-9) + 1)]
 
 
+def text_size(fabric: Image.Image) -> int:
+    """Height in px of the text beside a picture."""
+    return int(np.clip(min(fabric.size) / 40, 11, 40))
+
+
 @cache
 def font(size: float) -> ImageFont.FreeTypeFont:
     """The font of all pictures, ``size`` px high."""
@@ -370,7 +375,8 @@ def _fitting(text: str, size: int, width: float) -> ImageFont.FreeTypeFont:
     return font(max(size, min(1.5 * size, math.floor(1.5 * size * width / max(needed, 1)))))
 
 
-def _wrapped(text: str, font, width: float) -> list[str]:
+def wrapped(text: str, font, width: float) -> list[str]:
+    """``text`` in lines of at most ``width`` px, or of one word."""
     lines: list[str] = []
     for word in text.split():
         if lines and font.getlength(f"{lines[-1]} {word}") <= width:
@@ -428,4 +434,6 @@ __all__ = [
     "render_field",
     "render_shares",
     "scale_end",
+    "text_size",
+    "wrapped",
 ]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -19,17 +20,22 @@ from evocity.pictures.picture import (
     on_sheet,
     ramp,
     scale_end,
+    text_size,
+    wrapped,
 )
-from evocity.scene._kernels import fill, light, outlined
+from evocity.scene._kernels import fill, light, outlined, painted
 
 #: What walls are drawn in where roofs have the colours of their heights, sRGB.
-_WALLS = np.array([236, 230, 220], float)
+_WALLS = np.array([228, 221, 210], float)
 #: Each pixel of a picture is the mean of so many, squared.
 _FINER = 2
+#: As many of these are held at once: a picture of any size is drawn in bands.
+_AT_ONCE = 1 << 23
 #: Side of the picture seen from the sun, px.
 _SUN_SIDE = 2048
-#: Light where the sun does not reach, and how dark edges are.
-_AMBIENT, _EDGE = 0.58, 0.62
+#: Light where the sun does not reach, of a roof in the sun; the most on a wall that faces it; and
+#: how dark edges are.
+_AMBIENT, _MOST, _EDGE = 0.62, 1.08, 0.62
 #: Share of the width that is left free at each side.
 _MARGIN = 0.03
 #: No side of a picture is larger, px.
@@ -58,52 +64,31 @@ def drawn(
     _check("sun", sun[0], -math.inf, math.inf)
     _check("sun", sun[1], 1, 90)
     end = scale_end(city) if highest is None else float(highest)
-    corners, normals, plane, colour = _surfaces(groups, colours, end)
-    towards = _directions(azimuth, tilt)
-    flat = corners.reshape(-1, 3) @ towards.T
-    low, high = flat[:, :2].min(axis=0), flat[:, :2].max(axis=0)
-    scale = width * (1 - 2 * _MARGIN) / max(high[0] - low[0], 1e-9)
-    scale = min(scale, _LARGEST * (1 - 2 * _MARGIN) / max(high[1] - low[1], 1e-9))
-    margin = width * _MARGIN
-    height = max(16, round((high[1] - low[1]) * scale + 2 * margin))
-    fine = scale * _FINER
-    # world → picture: x right, y down, z towards the viewer
-    view = np.diag([fine, -fine, 1.0]) @ towards
-    free = (width - (high[0] - low[0]) * scale) / 2
-    shift = np.array([(free - low[0] * scale) * _FINER, (margin + high[1] * scale) * _FINER, 0.0])
-    facing = normals @ towards[2] > 1e-9
-    shape = (height * _FINER, width * _FINER)
-    depth, surface = np.full(shape, -np.inf, np.float32), np.full(shape, -1, np.int32)
-    fill(corners[facing] @ view.T + shift, depth, surface)
-    from_sun = _directions(sun[0] + 180, sun[1])
-    steep = np.clip(normals @ from_sun[2], 0, 1)
-    lit = np.ones(shape, bool)
-    if shadows:
-        lit = _lit(corners, normals, depth, surface, (view, shift), from_sun, facing)
-    edge = np.zeros(shape, bool)
-    outlined(depth, surface, plane[facing], 1.5 / scale, edge)
-    strength = _AMBIENT + (1 - _AMBIENT) * 1.15 * steep * 0.9
-    shade = _AMBIENT * (0.88 + 0.12 * np.clip(normals @ towards[2], 0, 1))
-    bright = np.where(lit, strength[facing][surface], shade[facing][surface]).astype(np.float32)
-    bright[edge] *= _EDGE
-    painted = colour[facing].astype(np.float32)[surface] * bright[..., None]
-    painted[surface < 0] = PAPER
-    painted = painted.reshape(height, _FINER, width, _FINER, 3).mean(axis=(1, 3))
-    fabric = Image.fromarray(np.clip(np.round(painted), 0, 255).astype(np.uint8))
+    surfaces = _surfaces(groups, colours, end)
+    towards, sunwards = _directions(azimuth, tilt), _directions(sun[0] + 180, sun[1])
+    view = _view(surfaces.corners, towards, int(width))
+    cast = _cast(surfaces, sunwards) if shadows else None
+    shown, covered = _painted(
+        surfaces.of(surfaces.normals @ towards[2] > 1e-9), view, sunwards, cast
+    )
+    fabric = Image.fromarray(shown)
     if not legend:
         return fabric
-    _draw_north(fabric, towards)
+    fabric, covered = _with_north(fabric, covered, towards)
     told = f"sun from {sun[0] % 360:.0f}°, {sun[1]:.0f}° high; seen towards {azimuth % 360:.0f}°"
-    small = font(max(11, width // 75))
-    ImageDraw.Draw(fabric).text((width - 8, height - 8), told, FAINT, small, "rb")
+    fabric = _with_caption(fabric, covered, told)
+    metres = city.metres_per_pixel * view.scale
     if colours == "heights":
-        return on_sheet(city, fabric, city.name, end, city.metres_per_pixel * scale)
+        return on_sheet(city, fabric, city.name, end, metres)
     entries = [
-        (tuple(round(255 * c) for c in group.colour), f"{group.name}: {len(group)}")
+        (
+            tuple(round(255 * c) for c in group.colour),
+            f"{group.name}: {len(group)}" if group.heights.any() else group.name,
+        )
         for group in groups
         if len(group)
     ]
-    return drawn_with_key(city, fabric, city.name, entries, city.metres_per_pixel * scale)
+    return drawn_with_key(city, fabric, city.name, entries, metres)
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
@@ -127,12 +112,136 @@ def _directions(azimuth: float, tilt: float) -> np.ndarray:
     return np.stack([right, up, math.sin(t) * np.array([0.0, 0, 1]) - math.cos(t) * ahead])
 
 
-def _surfaces(
-    groups: Sequence[Group], colours: str, highest: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All triangles: corners (t, 3, 3), normals (t, 3), which plane of which solid each is of, and
+@dataclass(frozen=True, eq=False)
+class _Surfaces:
+    """Triangles: corners (t, 3, 3), normals (t, 3), which plane of which solid each is of (t,), and
     their colours (t, 3), 0…255."""
-    corners, normals, owners, painted = [], [], [], []
+
+    corners: np.ndarray
+    normals: np.ndarray
+    plane: np.ndarray
+    colours: np.ndarray
+
+    def of(self, some: np.ndarray) -> "_Surfaces":
+        """Those of ``some``, bool (t,)."""
+        return _Surfaces(
+            self.corners[some], self.normals[some], self.plane[some], self.colours[some]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """From where a picture is seen.
+
+    towards : as of `_directions`. scale : px a metre. shape : height and width, px.
+    matrix, shift : from metres to finer pixels, x to the right and y down, and metres towards who
+        looks.
+    """
+
+    towards: np.ndarray
+    scale: float
+    shape: tuple[int, int]
+    matrix: np.ndarray
+    shift: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Cast:
+    """What the sun sees: ``seen``, metres towards it of what is nearest; ``matrix`` and ``shift``,
+    as of a `_View`; ``texel``, metres a pixel."""
+
+    seen: np.ndarray
+    matrix: np.ndarray
+    shift: np.ndarray
+    texel: float
+
+
+def _view(corners: np.ndarray, towards: np.ndarray, width: int) -> _View:
+    """A picture that holds all ``corners``, with margins."""
+    flat = corners.reshape(-1, 3) @ towards[:2].T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    wide, tall = high - low
+    scale = width * (1 - 2 * _MARGIN) / max(wide, 1e-9)
+    scale = min(scale, _LARGEST * (1 - 2 * _MARGIN) / max(tall, 1e-9))
+    margin = width * _MARGIN
+    height = min(_LARGEST, max(16, round(tall * scale + 2 * margin)))
+    left, top = (width - wide * scale) / 2, (height - tall * scale) / 2
+    fine = scale * _FINER
+    return _View(
+        towards=towards,
+        scale=scale,
+        shape=(height, width),
+        matrix=np.diag([fine, -fine, 1.0]) @ towards,
+        shift=np.array([left * _FINER - low[0] * fine, top * _FINER + high[1] * fine, 0.0]),
+    )
+
+
+def _cast(surfaces: _Surfaces, sunwards: np.ndarray) -> _Cast:
+    """All surfaces as the sun sees them."""
+    flat = surfaces.corners.reshape(-1, 3) @ sunwards[:2].T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    texel = float((high - low).max()) / (_SUN_SIDE - 2)
+    matrix = np.diag([1 / texel, -1 / texel, 1.0]) @ sunwards
+    shift = np.array([1 - low[0] / texel, 1 + high[1] / texel, 0.0])
+    wide, deep = np.ceil((high - low) / texel).astype(int) + 2
+    seen = np.full((deep, wide), -np.inf, np.float32)
+    towards = surfaces.normals @ sunwards[2] > 1e-9
+    placed = surfaces.corners[towards] @ matrix.T + shift
+    fill(placed, 0, seen, np.full(seen.shape, -1, np.int32))
+    return _Cast(seen, matrix, shift, texel)
+
+
+def _painted(
+    surfaces: _Surfaces, view: _View, sunwards: np.ndarray, cast: _Cast | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The picture, uint8 ``(H, W, 3)``, of ``surfaces`` that face who looks, and where any of them
+    is, bool ``(H, W)``."""
+    height, width = view.shape
+    steep = np.clip(surfaces.normals @ sunwards[2], 0, 1)
+    shade, sunlit = _brightness(surfaces.normals @ view.towards[2], steep, view, sunwards)
+    paints = np.empty((2, len(steep) + 1, 3))
+    paints[0, :-1] = surfaces.colours * shade[:, None]
+    paints[1, :-1] = surfaces.colours * sunlit[:, None]
+    paints[:, -1] = PAPER
+    placed = surfaces.corners @ view.matrix.T + view.shift
+    if cast is not None:
+        back = np.linalg.inv(view.matrix)
+        turned = cast.matrix @ back
+        onto = np.column_stack([turned, cast.shift - turned @ view.shift])
+        # what one pixel from the sun covers of a slope lies at many depths
+        slope = np.clip(steep, 1e-6, 1)
+        bias = cast.texel * (0.2 + 0.8 * np.sqrt(1 - slope**2) / slope)
+    picture, covered = np.empty((height, width, 3), np.uint8), np.empty((height, width), bool)
+    rows = max(1, _AT_ONCE // (width * _FINER**2))
+    for top in range(0, height, rows):
+        count = min(rows, height - top)
+        # a row more at each end, which edges are told by
+        first, shape = top * _FINER - 1, (count * _FINER + 2, width * _FINER)
+        depth, surface = np.full(shape, -np.inf, np.float32), np.full(shape, -1, np.int32)
+        fill(placed, first, depth, surface)
+        lit, edge = np.ones(shape, bool), np.empty(shape, np.float32)
+        if cast is not None:
+            light(depth, surface, first, onto, cast.seen, bias, lit)
+        outlined(depth, surface, surfaces.plane, 1.5 / view.scale, _EDGE, edge)
+        own, here = slice(1, -1), slice(top, top + count)
+        painted(surface[own], lit[own], edge[own], paints, picture[here], covered[here])
+    return picture, covered
+
+
+def _brightness(
+    facing: np.ndarray, steep: np.ndarray, view: _View, sunwards: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of each triangle, in the shade and in the sun: Lambert's law, and a little darker where one
+    looks along it. ``facing`` and ``steep``: cosines to who looks and to the sun. A roof in the sun
+    has 1, so that its colour is that of the scale."""
+    shade = _AMBIENT * (0.88 + 0.12 * np.clip(facing, 0, 1))
+    roof = _AMBIENT * (0.88 + 0.12 * view.towards[2, 2])
+    return shade, np.minimum(shade + (1 - roof) * steep / sunwards[2, 2], _MOST)
+
+
+def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surfaces:
+    """All triangles of ``groups``."""
+    corners, normals, owners, own_colours = [], [], [], []
     solids = 0
     for group in groups:
         mesh = group.mesh
@@ -147,47 +256,68 @@ def _surfaces(
         corners.append(mesh.points[mesh.triangles])
         normals.append(mesh.normals)
         owners.append(mesh.owner.astype(np.int64) + solids)
-        painted.append(own)
+        own_colours.append(own)
         solids += len(group)
     normal, owner = np.concatenate(normals), np.concatenate(owners)
     turned = np.round(normal * 16).astype(np.int64) + 16
     key = ((owner * 64 + turned[:, 0]) * 64 + turned[:, 1]) * 64 + turned[:, 2]
     _, plane = np.unique(key, return_inverse=True)
-    return np.concatenate(corners), normal, plane.astype(np.int32), np.concatenate(painted)
-
-
-def _lit(corners, normals, depth, surface, placed, from_sun, facing) -> np.ndarray:
-    """Bool ``(H, W)``: where the sun reaches."""
-    view, shift = placed
-    flat = corners.reshape(-1, 3) @ from_sun.T
-    low, high = flat[:, :2].min(axis=0), flat[:, :2].max(axis=0)
-    texel = float((high - low).max()) / (_SUN_SIDE - 2)
-    to_sun = np.diag([1 / texel, -1 / texel, 1.0]) @ from_sun
-    moved = np.array([1 - low[0] / texel, 1 + high[1] / texel, 0.0])
-    shape = (math.ceil((high[1] - low[1]) / texel) + 2, math.ceil((high[0] - low[0]) / texel) + 2)
-    seen = np.full(shape, -np.inf, np.float32)
-    towards = normals @ from_sun[2] > 1e-9
-    fill(corners[towards] @ to_sun.T + moved, seen, np.full(shape, -1, np.int32))
-    back = np.linalg.inv(view)
-    onto = np.column_stack([to_sun @ back, moved - to_sun @ back @ shift])
-    steep = np.clip(normals[facing] @ from_sun[2], 0.02, 1)
-    # what one pixel from the sun covers of a slope lies at many depths
-    bias = texel * (0.2 + 1.5 * np.sqrt(1 - steep**2) / steep)
-    lit = np.empty(surface.shape, bool)
-    light(depth, surface, onto, seen, bias, lit)
-    return lit
-
-
-def _draw_north(fabric: Image.Image, towards: np.ndarray) -> None:
-    """An arrow that points north, as it lies on the ground."""
-    size = max(14, fabric.width // 30)
-    draw = ImageDraw.Draw(fabric)
-    way = np.array([towards[0, 1], -towards[1, 1]])
-    side = np.array([towards[0, 0], -towards[1, 0]]) * 0.35
-    middle = np.array([2.0 * size, 2.0 * size])
-    tip, foot = middle + way * size, middle - way * size
-    draw.polygon([tuple(tip), tuple(foot + side * size), tuple(middle - way * size * 0.5)], INK)
-    draw.polygon(
-        [tuple(tip), tuple(foot - side * size), tuple(middle - way * size * 0.5)], PAPER, INK
+    return _Surfaces(
+        np.concatenate(corners), normal, plane.astype(np.int32), np.concatenate(own_colours)
     )
-    draw.text(tuple(tip + way * size * 0.7), "N", INK, font(size * 0.7), "mm")
+
+
+def _with_north(
+    fabric: Image.Image, covered: np.ndarray, towards: np.ndarray
+) -> tuple[Image.Image, np.ndarray]:
+    """With an arrow that points north, as it lies on the ground, in a corner where nothing is
+    drawn, or above."""
+    size = max(14, fabric.width // 30)
+    way = np.array([towards[0, 1], -towards[1, 1]])
+    across = np.array([towards[0, 0], -towards[1, 0]]) * 0.35
+    letter = way + way / max(np.hypot(*way), 1e-9) * 0.55
+    points = np.array([way, across - way, -0.5 * way, -across - way, letter]) * size
+    around = np.array([[-1, -1], [1, 1]]) * 0.5 * size
+    low, high = points.min(axis=0) + around[0], points.max(axis=0) + around[1]
+    wide, deep = np.ceil(high - low).astype(int)
+    places = [(0, 0), (fabric.width - wide, 0), (0, fabric.height - deep)]
+    for left, top in places:
+        if min(left, top) >= 0 and not covered[top : top + deep, left : left + wide].any():
+            break
+    else:
+        left, top = 0, 0
+        full = covered[:deep, :wide].any(axis=1)
+        free = int(full.argmax()) if full.any() else len(full)
+        fabric, covered = _extended(fabric, covered, deep - free, 0)
+    draw = ImageDraw.Draw(fabric)
+    tip, right, notch, other, letter = (tuple(one) for one in points - low + (left, top))
+    draw.polygon([tip, right, notch], INK)
+    draw.polygon([tip, other, notch], PAPER, INK)
+    draw.text(letter, "N", INK, font(size * 0.7), "mm")
+    return fabric, covered
+
+
+def _with_caption(fabric: Image.Image, covered: np.ndarray, text: str) -> Image.Image:
+    """With a ``text`` at the lower right, below what is drawn there."""
+    letters = font(text_size(fabric) * 0.85)
+    step, gap = 1.25 * letters.size, math.ceil(letters.size / 2)
+    lines = wrapped(text, letters, fabric.width - 2 * gap)
+    wide = math.ceil(max(letters.getlength(line) for line in lines)) + 2 * gap
+    needed = math.ceil(step * len(lines)) + gap
+    below = covered[:, -wide:].any(axis=1)[::-1]
+    free = int(below.argmax()) if below.any() else len(below)
+    fabric, _ = _extended(fabric, covered, 0, max(0, needed - free))
+    draw = ImageDraw.Draw(fabric)
+    for number, line in enumerate(reversed(lines)):
+        low = fabric.height - gap - step * number
+        draw.text((fabric.width - gap, low), line, FAINT, letters, "rb")
+    return fabric
+
+
+def _extended(
+    fabric: Image.Image, covered: np.ndarray, above: int, below: int
+) -> tuple[Image.Image, np.ndarray]:
+    """With as many empty rows above and below."""
+    sheet = Image.new("RGB", (fabric.width, fabric.height + above + below), PAPER)
+    sheet.paste(fabric, (0, above))
+    return sheet, np.pad(covered, ((above, below), (0, 0)))

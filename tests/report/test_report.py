@@ -24,7 +24,8 @@ from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failures import shortened
 from evocity.report.gallery import city_key
 from evocity.report.html import _gain, _summary, pairs_to_show
-from evocity.report.pictures import _caption, data_uri, map_uri
+from evocity.report.pictures import _caption, common_scale, data_uri, map_uri
+from evocity.scene import scene
 from evocity.search import archive
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
 
@@ -217,6 +218,22 @@ def test_pictures_show_the_decoded_maps(usual):
         ground = np.asarray(picture, float)[heights == 0]
         roofs = np.asarray(picture, float)[heights >= np.quantile(heights, 0.9)]
         assert np.median(ground) > np.median(roofs) + 60
+
+
+def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
+    folder, text = usual
+    shown = re.findall(r'<figure class="scene"><img src="data:[^,]*,([^"]*)" alt="(.*?) in', text)
+    facts = Facts(open_run(folder))
+    best = facts.best(3)
+    assert [name for _, name in shown] == [f"individual {one.birth.id}" for one in best] != []
+    for (code, _), one in zip(shown, best, strict=True):
+        assert len(code) < 150_000
+        picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
+        whole = scene(one.city).picture(
+            width=picture.width, highest=common_scale(facts), legend=False
+        )
+        assert picture.size == whole.size
+        assert np.abs(np.asarray(picture, int) - np.asarray(whole, int)).mean() < 2
 
 
 def test_rare_colours_survive_the_palette(town):

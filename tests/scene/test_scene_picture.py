@@ -14,7 +14,9 @@ import evocity
 import evocity.scene
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.scene._kernels import fill
+from evocity.pictures.picture import PAPER, ramp
+from evocity.scene import picture as room
+from evocity.scene._kernels import fill, light, outlined, painted
 
 
 def scene_of(heights, pixel: float = 2.0, **described):
@@ -32,17 +34,40 @@ def bare(scene, **how) -> np.ndarray:
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
-def test_fill_is_its_slow_twin(seed, count):
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(-3, 5))
+def test_fill_is_its_slow_twin(seed, count, first):
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-4, 16, (count, 3, 3))
     depth, surface = np.full((11, 13), -np.inf, np.float32), np.full((11, 13), -1, np.int32)
-    fill(corners, depth, surface)
-    slow, deep = naive.filled(corners, 11, 13)
+    fill(corners, first, depth, surface)
+    slow, deep = naive.filled(corners - [0, first, 0], 11, 13)
     # a centre within rounding of a side may be told otherwise
     assert np.count_nonzero(surface != slow) <= 1
     same = (surface == slow) & (slow >= 0)
     assert np.allclose(depth[same], deep[same], atol=1e-3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_light_edges_and_paint_are_their_slow_twins(seed):
+    rng = np.random.default_rng(seed)
+    surface = rng.integers(-1, 4, (6, 4)).repeat(2, axis=1).astype(np.int32)
+    depth = np.round(rng.uniform(0, 3, surface.shape)).astype(np.float32)
+    onto, seen = rng.uniform(-0.7, 1.4, (3, 4)), rng.uniform(0, 9, (7, 9)).astype(np.float32)
+    bias, first = rng.uniform(0, 1, 4), int(rng.integers(-2, 3))
+    lit = np.empty(surface.shape, bool)
+    light(depth, surface, first, onto, seen, bias, lit)
+    assert np.array_equal(lit, naive.lit_by_the_sun(depth, surface, first, onto, seen, bias))
+    plane = rng.integers(0, 3, 4).astype(np.int32)
+    edge = np.empty(surface.shape, np.float32)
+    outlined(depth, surface, plane, 1.5, 0.6, edge)
+    assert np.array_equal(edge, naive.dark_edges(depth, surface, plane, 1.5, 0.6))
+    colours = rng.uniform(0, 300, (2, 5, 3))
+    picture, covered = np.empty((3, 4, 3), np.uint8), np.empty((3, 4), bool)
+    painted(surface, lit, edge, colours, picture, covered)
+    mixed, some = naive.paint_mixed(surface, lit, edge, colours, 2)
+    assert np.abs(picture - mixed).max() <= 0.5 + 1e-6
+    assert np.array_equal(covered, some)
 
 
 def test_a_picture_is_as_wide_as_asked_and_always_the_same():
@@ -83,6 +108,58 @@ def test_what_stands_in_front_hides_what_is_behind():
     assert np.array_equal(bare(scene_of(front), **how), bare(scene_of(both), **how))
     how["azimuth"] = 180  # from the other side it is seen
     assert not np.array_equal(bare(scene_of(front), **how), bare(scene_of(both), **how))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0, 360), st.floats(1, 90), st.floats(0, 360), st.floats(5, 90))
+def test_what_nothing_stands_before_has_no_shadow(sun, high, azimuth, tilt):
+    box = scene_of(np.full((24, 32), 12.0))
+    how = {"sun": (sun, high), "azimuth": azimuth, "tilt": tilt}
+    changed = (bare(box, **how) != bare(box, shadows=False, **how)).any(axis=2)
+    assert np.count_nonzero(changed) <= 3  # a hair of ground may show at the box's foot
+
+
+def test_a_roof_in_the_sun_has_the_colour_of_the_scale():
+    for sun in ((250, 40), (10, 5), (90, 90)):
+        plan = bare(tower(), tilt=90, azimuth=0, sun=sun, highest=40)
+        middle = plan[plan.shape[0] // 2, plan.shape[1] // 2]
+        assert np.abs(middle - ramp(np.array([[30.0]]), 40)[0, 0]).max() <= 1
+
+
+def test_bands_make_the_whole(monkeypatch):
+    scene = evocity.scene(draw_town(4, side=64))
+    whole = bare(scene)
+    for pixels in (1, 200 * 4 * 7):  # a row at a time, and seven
+        monkeypatch.setattr(room, "_AT_ONCE", pixels)
+        assert np.array_equal(bare(scene), whole)
+
+
+@pytest.mark.parametrize("azimuth", [0, 25, 90, 200, 315])
+@pytest.mark.parametrize("tilt", [5, 40, 90])
+def test_north_and_sun_stand_beside_what_is_drawn(azimuth, tilt):
+    scene = evocity.scene(draw_town(4, side=64))
+    shown = bare(scene, azimuth=azimuth, tilt=tilt)
+    sheet = np.asarray(scene.picture(width=200, azimuth=azimuth, tilt=tilt)).astype(int)
+    left = 22  # the margin of a sheet whose letters are 11 px high
+    drawn = (shown != PAPER).any(axis=2)
+    found = [
+        top
+        for top in range(sheet.shape[0] - len(shown))
+        if np.array_equal(sheet[top : top + len(shown), left : left + 200][drawn], shown[drawn])
+    ]
+    assert len(found) == 1
+
+
+def test_north_is_where_the_arrow_points():
+    for azimuth, way in ((0, (0, -1)), (90, (-1, 0)), (180, (0, 1)), (270, (1, 0))):
+        empty = Image.new("RGB", (300, 200), PAPER)
+        covered, towards = np.zeros((200, 300), bool), room._directions(azimuth, 90)
+        arrow, _ = room._with_north(empty, covered, towards)
+        rows, columns = np.nonzero((np.asarray(arrow) != PAPER).any(axis=2))
+        middle = np.array([np.ptp(columns) / 2 + columns.min(), np.ptp(rows) / 2 + rows.min()])
+        # there are fewer dark pixels at the tip and the letter than at the foot
+        heavy = np.array([columns.mean(), rows.mean()])
+        assert (middle - heavy) @ way > 1
 
 
 @pytest.mark.parametrize(
