@@ -1,19 +1,21 @@
 """How near a search comes to five figures of a city: python benchmarks/like_lyon.py [--seeds N]
-[--births N]
+[--births N] [--without OPERATOR …]
 
 runs/like-lyon.toml: gsi, fsi, mean_height, alignment and autosimilarity of Lyon, from the stone of
 Montpellier and New York, as one sum. Printed: the largest of the five relative misses of the best
 individual, after each 1200 births and at the end. Runs are kept in runs/like-lyon-N and taken up
-where they stopped.
+where they stopped. --without tells the same once more, with each of these operators taken away.
 """
 
 import argparse
 import os
+import tomllib
 from pathlib import Path
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
+import tomli_w
 from _machine import description
 
 import evocity
@@ -24,21 +26,39 @@ RECIPE = Path(__file__).parent.parent / "runs" / "like-lyon.toml"
 
 def main(asked: argparse.Namespace) -> None:
     print(description())
+    for left in [None, *asked.without]:
+        print(f"\n{'all operators' if left is None else f'without {left}'}", flush=True)
+        worst = [bred(seed, left, asked.births) for seed in range(asked.seeds)]
+        print(f"median of the largest miss: {np.median(worst):.1%}", flush=True)
+
+
+def bred(seed: int, left: str | None, births: int) -> float:
+    """Breed, and tell, the run of a ``seed`` without the operator that is ``left`` out; its largest
+    miss at the end."""
     recipe = evocity.read_recipe(RECIPE)
-    generations = -(-asked.births // recipe.run.population) - 1
-    worst = []
-    for seed in range(asked.seeds):
-        folder = Path("runs") / f"like-lyon-{seed}"
-        if folder.exists():
-            search = evocity.Search.resume(folder, generations=generations)
-        else:
-            chosen = evocity.read_recipe(RECIPE, seed=seed, generations=generations)
-            search = evocity.Search(chosen, out=folder)
-        with search:
-            for _ in search:
-                pass
-        worst.append(told(folder, recipe, seed, asked.births))
-    print(f"median of the largest miss: {np.median(worst):.1%}")
+    generations = -(-births // recipe.run.population) - 1
+    folder = Path("runs") / f"like-lyon-{seed}{'' if left is None else f'-without-{left}'}"
+    if folder.exists():
+        search = evocity.Search.resume(folder, generations=generations)
+    else:
+        chosen = evocity.read_recipe(recipe_without(left), seed=seed, generations=generations)
+        search = evocity.Search(chosen, out=folder)
+    with search:
+        for _ in search:
+            pass
+    return told(folder, recipe, seed, births)
+
+
+def recipe_without(left: str | None) -> Path:
+    """The recipe, or a copy whose operator ``left`` has the weight 0."""
+    if left is None:
+        return RECIPE
+    recipe = tomllib.loads(RECIPE.read_text())
+    entry = recipe["operators"][left]
+    recipe["operators"][left] = (entry if isinstance(entry, dict) else {}) | {"weight": 0}
+    path = Path("runs") / f"like-lyon-without-{left}.toml"
+    path.write_text(tomli_w.dumps(recipe))
+    return path
 
 
 def told(folder: Path, recipe, seed: int, births: int) -> float:
@@ -64,5 +84,6 @@ def told(folder: Path, recipe, seed: int, births: int) -> float:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--without", nargs="*", default=[], metavar="OPERATOR")
     parser.add_argument("--births", type=int, default=5000)
     main(parser.parse_args())

@@ -43,12 +43,12 @@ def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> N
             f"take some from the front: evocity status {run}",
         )
     if clear:
-        going = commands.send(run, commands.Unpick(ids=ids))
-        told = f"no longer picked: {' '.join(map(str, ids)) or 'all'}"
+        asked = commands.Unpick(ids=ids)
+        going = commands.send(run, asked)
     else:
         going = commands.pick(run, ids, share)
-        told = f"picked: {' '.join(map(str, ids))}"
-    _tell(told, run, going)
+        asked = commands.Pick(ids=ids, share=share)
+    _tell(asked.words, run, going)
 
 
 @click.command(
@@ -76,8 +76,7 @@ def reweight(run: Path, weights: tuple[str, ...]) -> None:
         asked = commands.Reweight(weights=given)
     except ValidationError:
         raise _no_weight(" ".join(weights)) from None
-    going = commands.send(run, asked)
-    _tell("weights: " + ", ".join(f"{name} {one:g}" for name, one in given.items()), run, going)
+    _tell(asked.words, run, commands.send(run, asked))
 
 
 @click.command(epilog="\b\nExample:\n  evocity stop runs/tonight")

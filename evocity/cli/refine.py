@@ -128,8 +128,9 @@ def refine(
     the map of --towards, whatever the run wants. Measures of your own that the recipe names are
     executed.
 
-    JSON keys: id, way, better, evaluations, failures, others; score, values and, of --way fit,
-    distance (m, RMS), each with before and after.
+    JSON keys: id, way, better, bred (children; equal ones are measured once), evaluations,
+    failures, others; score, values and, of --way fit, distance (m, RMS), each with before and
+    after.
     """
     opened = evocity.open_run(run)
     check_output(output, str(run))
@@ -164,6 +165,8 @@ def refine(
         note(f"{found.failures} of {found.evaluations} failed, the first: {found.error}")
     if not found.better:
         note(f"nothing better was found: {output} holds individual {identifier} as it is")
+    if way != "fit" and found.evaluations < budget:
+        note(_early(found, way, budget))
     names = list(found.before)
     apart = None
     if target is not None:
@@ -174,6 +177,7 @@ def refine(
                 "id": identifier,
                 "way": way,
                 "better": found.better,
+                "bred": found.bred,
                 "evaluations": found.evaluations,
                 "failures": found.failures,
                 "others": list(found.others),
@@ -183,7 +187,7 @@ def refine(
             | ({} if apart is None else {"distance": {"before": apart[0], "after": apart[1]}})
         )
         return
-    offered = f", fabric of {' and '.join(map(str, found.others))}" if found.others else ""
+    offered = f", fabric of {', '.join(map(str, found.others))}" if found.others else ""
     click.echo(f"individual {identifier}: {way}{offered}, {found.evaluations} evaluations")
     rows = [("", "before", "after")]
     rows += [(name, f"{found.before[name]:.4g}", _told(found.values, name)) for name in names]
@@ -193,6 +197,24 @@ def refine(
         rows.append((f"m from {target.name} (RMS)", *(f"{one:.4g}" for one in apart)))
     print_table(rows)
     click.echo(f"wrote {output}")
+
+
+def _early(found, way: str, budget: int) -> str:
+    """Why fewer children were measured than the ``budget`` allows, and what to do."""
+    other = {
+        "lambda_field": "offer the fabric of others with --with, or a finer field with --side",
+        "heights": "ask for a finer field with --side",
+        "parameters": "tune other parameters with --tune",
+    }[way]
+    if not found.evaluations:
+        return (
+            f"all {found.bred} children have its own genome: nothing of it changes so; "
+            f"{other}, or choose another --way"
+        )
+    return (
+        f"{found.evaluations} of {budget} evaluations: the optimiser settled; of {found.bred} "
+        f"children bred, {found.evaluations} are different. To go further, {other}"
+    )
 
 
 def _distance(genome, target) -> float:

@@ -44,6 +44,7 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
     try:
         with show, start(show.prepared) as search:
             started = True
+            search.observe(_commands_told())
             search.prepare()
             if made:
                 _say(made)
@@ -65,6 +66,24 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
     finally:
         if started:
             _tell_failures(folder)
+
+
+def _commands_told():
+    """An observer that says which commands were carried out, and which were refused."""
+    from evocity.search import Observer
+    from evocity.search.commands import DONE, REFUSED, command_of
+
+    class Told(Observer):
+        def event(self, event: str, details: dict) -> None:
+            if event == DONE:
+                _say(f"as asked, from generation {details['generation']} on: {_words(details)}")
+            if event == REFUSED:
+                note(f"a command was refused: {details['reason']}")
+
+    def _words(details: dict) -> str:
+        return command_of(details).words
+
+    return Told()
 
 
 def _say(text: str) -> None:
@@ -112,9 +131,10 @@ def _note_parents(folder: Path, recipe) -> None:
 
 
 def _tell_failures(folder: Path) -> None:
-    """One line on standard error for each way in which births failed, and one for values that a
-    recorded measure, or one that is a constraint, did not give."""
-    from evocity.report import failures, unrecorded
+    """One line on standard error for each way in which births failed, one for values that a
+    recorded measure, or one that is a constraint, did not give, and one if most births are
+    equal."""
+    from evocity.report import failures, repeated, unrecorded
 
     with contextlib.suppress(RunError):  # no generation was whole
         run = evocity.open_run(folder)
@@ -122,6 +142,8 @@ def _tell_failures(folder: Path) -> None:
             click.echo(f"failed: {kind}", err=True)
         if text := unrecorded(run):
             click.echo(f"not recorded in {text}", err=True)
+        if text := repeated(run):
+            note(f"{text}: few street blocks can change. A window of more pixels has more of them")
 
 
 def goal_signs(recipe) -> dict[str, str]:
@@ -146,7 +168,7 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
     """
     left = timedelta(seconds=round(generation.seconds_left))
     living, feasible = len(generation.population), generation.feasible
-    kept = [f"{feasible} of {living} keep the constraints"] if feasible < living else []
+    kept = [f"{feasible} of {living} living keep the constraints"] if feasible < living else []
     parts = [
         f"generation {generation.number}/{last}",
         f"{generation.births} births",

@@ -34,13 +34,16 @@ def status(run: str, as_json: bool) -> None:
     --json.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to its best value; constraints are left out), algorithm (what the
+    hypervolume, best (measure to the best value among the living; constraints are left out),
+    algorithm (what the
     algorithm tells of all the living: of map_elites coverage, cells and qd_score), parents (each
     source city to what its code has of these measures, null where it has none),
     evaluations_per_second, finished, running (a process is at it now), seconds_left (an estimate
     while it is running, else null), front (numbers of all individuals of the last generation's
-    front), picked (numbers of those that are bred from besides, see `evocity pick`), weights (those
-    that `evocity reweight` has set, by name).
+    front), picked (numbers of those that are bred from besides, see `evocity pick`), picks_share
+    (the share of births that have one of them for their first parent), weights (those that `evocity
+    reweight` has set, by name), waiting (commands that are not yet carried out, in words), refused
+    (those that were refused: generation and reason).
     """
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
@@ -57,11 +60,10 @@ def status(run: str, as_json: bool) -> None:
     best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
     whole = state["generation"] is not None
     parents = _parents(facts, best) if whole else {}
-    picked, weights = _steered(opened, state["generation"])
+    steered = _steered(opened, state["generation"])
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
-        more |= {"picked": picked, "weights": weights}
-        print_json(state | {"best": best} | more)
+        print_json(state | {"best": best} | more | steered)
         return
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
@@ -76,8 +78,7 @@ def status(run: str, as_json: bool) -> None:
         *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
         *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),
-        *([("picked", _ids(picked, run))] if picked else []),
-        *([("weights", _weights(weights))] if weights else []),
+        *_steered_rows(steered, run),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
     ]
     print_table(rows)
@@ -165,15 +166,40 @@ def _best(aim, value: float) -> str:
     return f"{_shown(value)} {aim.unit}".rstrip() + f" ({aim.wanted})"
 
 
-def _steered(opened, generation: int | None) -> tuple[list[int], dict[str, float]]:
-    """What commands have changed: who is picked, what is weighed otherwise."""
-    from evocity.search.commands import Standing
+def _steered(opened, generation: int | None) -> dict:
+    """What commands have changed: who is picked, what is weighed otherwise; and what waits, and was
+    refused."""
+    from evocity.search.commands import Standing, asked_of
 
+    share = opened.provenance.get("recipe", {}).get("search", {}).get("picks")
+    none = {"picked": [], "picks_share": share, "weights": {}, "waiting": [], "refused": []}
     try:
-        standing = Standing.of(opened.events(), (generation or 0) + 1)
+        standing, asked = Standing.of(opened.events(), (generation or 0) + 1), asked_of(opened)
     except ValueError:  # told where the run is resumed
-        return [], {}
-    return list(standing.picks), dict(standing.weights)
+        return none
+    return {
+        "picked": list(standing.picks),
+        "picks_share": standing.share or share,
+        "weights": dict(standing.weights),
+        "waiting": [one.words for one in asked.waits],
+        "refused": [{"generation": at, "reason": reason} for at, reason in asked.refused],
+    }
+
+
+def _steered_rows(steered: dict, run: str) -> list[tuple[str, str]]:
+    rows = []
+    if steered["picked"]:
+        share = steered["picks_share"]
+        of = f", first parents of {share:.0%} of the births" if share else ""
+        rows.append(("picked", _ids(steered["picked"], run) + of))
+    if steered["weights"]:
+        rows.append(("weights", _weights(steered["weights"])))
+    rows += [("waiting", words) for words in steered["waiting"][:_MOST_IDS]]
+    if steered["refused"]:
+        last, count = steered["refused"][-1], len(steered["refused"])
+        more = f" (and {count - 1} before; all: evocity status {run} --json)" * (count > 1)
+        rows.append(("refused", f"before generation {last['generation']}: {last['reason']}{more}"))
+    return rows
 
 
 def _weights(weights: dict[str, float]) -> str:

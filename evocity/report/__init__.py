@@ -1,7 +1,7 @@
 """What a run shows: a self-contained HTML report, and a sheet of pictures.
 
 facts      what a report tells, gathered from a run folder
-failures   why births failed
+failures   why births failed, and how many repeat each other
 pictures   genomes as pictures on one scale of heights; the contact sheet
 grid       the grid of a run of MAP-Elites, a map in each filled cell
 plots      scatter plots and curves as inline SVG
@@ -10,7 +10,7 @@ html       the page
 """
 
 from evocity.report.facts import Facts
-from evocity.report.failures import failures, unrecorded
+from evocity.report.failures import failures, repeated, unrecorded
 from evocity.report.grid import grid_picture, run_picture
 from evocity.report.html import write_report
 from evocity.report.pictures import contact_sheet
@@ -20,6 +20,7 @@ __all__ = [
     "contact_sheet",
     "failures",
     "grid_picture",
+    "repeated",
     "run_picture",
     "unrecorded",
     "write_report",

@@ -1,10 +1,13 @@
-"""Why births of a run failed, in few words."""
+"""What came of a run's births that a user should know: failures and repetitions, in few words."""
 
 from collections import Counter
 from dataclasses import dataclass
 
 from evocity.search.evaluator import UNRECORDED
 from evocity.store import STATUSES, Run
+
+#: Fewer different genomes than this share of the births are worth a word.
+_DIFFERENT = 0.25
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,20 @@ def unrecorded(run: Run) -> str:
     return f"{len(lacking)} of {len(births)} births, such as: {first}"
 
 
+def repeated(run: Run) -> str:
+    """In words, that most births of ``run`` have a genome that another has; "" if a quarter of
+    them or more differ. Raises as `failures`."""
+    genomes = [one for one in run.births(columns=["genome"])["genome"].to_pylist() if one]
+    different = len(set(genomes))
+    if different >= _DIFFERENT * len(genomes):
+        return ""
+    return f"{len(genomes)} births, {different} different genomes"
+
+
 def shortened(text: str, most: int = 160) -> str:
     """``text`` on one line of at most ``most`` letters."""
     line = " ".join(text.split())
     return line if len(line) <= most else line[: most - 1] + "…"
 
 
-__all__ = ["Failure", "failures", "shortened", "unrecorded"]
+__all__ = ["Failure", "failures", "repeated", "shortened", "unrecorded"]

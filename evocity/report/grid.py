@@ -23,6 +23,8 @@ _LEAST, _MOST_MAPS = 14, 1600
 _MOST_SLICES = 36
 #: Individuals whose genomes are held at a time.
 _AT_A_TIME = 128
+#: Cells so wide, px, tell whose map they show.
+_NUMBERED = 40
 
 _LEFT, _TOP, _GAP, _LINE, _TICK = 92, 64, 28, 17, 5
 _BAR = (176, 64, 63)  # how good a cell is; the report's colour of a front
@@ -32,9 +34,9 @@ _PARENT = (63, 116, 163)  # the report's colour of the first population
 
 def grid_picture(facts: Facts) -> Image.Image:
     """The grid of a run that fills one: the first descriptor to the right, the second upwards, of a
-    third a slice beside the other. Each filled cell shows the map of its best birth of all, and
-    beneath it a bar: how far its quality lies from the reference towards the best of all. Cells
-    that parents' codes fall into have a frame.
+    third a slice beside the other. Each filled cell shows the map of its best birth of all, with
+    its number if there is room, and beneath it a bar: how far its quality lies from the reference
+    towards the best of all. Cells that parents' codes fall into have a frame.
 
     Raises ValueError if the run has no grid, see `Facts.binned`.
     """
@@ -129,10 +131,11 @@ class _Layout:
 def _told(facts: Facts, binned: Binned, layout: _Layout) -> list[str]:
     goal = facts.quality
     cells = (
-        f"{len(binned)} of {len(binned.grid)} cells ({binned.coverage:.1%}), "
+        f"{len(binned)} of {len(binned.grid)} cells are filled ({binned.coverage:.1%}), "
         f"QD-score {binned.qd_score:.4g}."
     )
-    best = f"In each filled cell the best by {goal} of all births"
+    named = ", with its number" if layout.maps and layout.side >= _NUMBERED else ""
+    best = f"In each filled cell the best by {goal} of all births{named}"
     bar = "; the bar tells how good it is, full for the best of all." if layout.maps else "."
     colours = "" if layout.maps else " The redder, the better."
     drawn = len(layout.slices)
@@ -218,6 +221,7 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
             draw.rectangle((left, top, left + size, top + size), colour)
         return
     side, bar = layout.side - 1, max(2, layout.side // 18)
+    number = ImageFont.truetype(FONT, min(13, max(9, layout.side // 7)))
     for one, city in _cities(facts, sorted(shown)):
         (left, top), good = shown[one]
         picture = render(city, highest=highest, legend=False)
@@ -229,6 +233,11 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
         )
         sheet.paste(small, (left + (side - size[0]) // 2, top))
         low = top + side - bar
+        if layout.side >= _NUMBERED:
+            at = left + 2, low - 2
+            box = draw.textbbox(at, str(one), number, "lb")
+            draw.rectangle((box[0] - 2, box[1] - 1, box[2] + 1, box[3] + 1), PAPER)
+            draw.text(at, str(one), INK, number, "lb")
         draw.rectangle((left, low, left + side - 1, low + bar - 1), PAPER)
         if good > 0:
             draw.rectangle((left, low, left + max(0, round(good * side) - 1), low + bar - 1), _BAR)

@@ -64,7 +64,7 @@ def scale_colours(highest: float, steps: int = 24) -> list[str]:
 
 def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     """A run on one sheet: its parents, then the best of its last generation by each measure,
-    of those that look alike the first alone.
+    of those that look alike only the first.
 
     One scale of heights for all, with its legend and the sources' attributions. Raises
     `RunError` if the run has no whole generation yet, or is damaged.

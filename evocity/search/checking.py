@@ -181,7 +181,7 @@ def _undescribed(recipe: BaseModel) -> list[tuple[str, str, str]]:
     return [
         (
             "search.descriptors",
-            with_near_miss(f"{shown(name)}, which is no measure of one number", name, known),
+            with_near_miss(f"no measure {shown(name)} that is one number", name, known),
             f"a measure of evocity, or one in [[fitness]] or run.record: {', '.join(own)}",
         )
         for name in recipe.search.described
@@ -246,7 +246,11 @@ def _fault(error: Mapping, raw: Mapping, model: type[BaseModel]) -> tuple[str, s
         return key, "missing", "it is required"
     if kind == "extra_forbidden":
         allowed = _keys_at(location[:-1], raw, model)
-        return key, with_near_miss("unknown key", location[-1], allowed), ", ".join(allowed)
+        found = with_near_miss("unknown key", location[-1], allowed)
+        others = _algorithms_with(location[-1]) if location[:-1] == ["search"] else []
+        if others:
+            found = f"a key of {' and '.join(others)}, not of {_algorithm(raw)}"
+        return key, found, ", ".join(allowed)
     if kind in _PHRASES:
         return key, shown(error["input"]), _PHRASES[kind].format(**details)
     return key, shown(error["input"]), _TYPES.get(kind, error["msg"])
@@ -272,12 +276,20 @@ def _in_raw(part) -> bool:
     return isinstance(part, int) or not (part in ("int", "constrained-int") or "[" in part)
 
 
+def _algorithm(raw: Mapping) -> str:
+    return raw.get("search", {}).get("algorithm", DEFAULT)
+
+
+def _algorithms_with(key: Any) -> list[str]:
+    """The algorithms that have a ``key`` of their own in ``[search]``."""
+    return sorted(name for name, kind in algorithms().items() if key in kind.Keys.model_fields)
+
+
 def _keys_at(location: list, raw: Mapping, recipe: type[BaseModel]) -> list[str]:
     if not location:
         return list(recipe.model_fields)
     if location == ["search"]:
-        name = raw.get("search", {}).get("algorithm", DEFAULT)
-        return [*SearchSection.model_fields, *algorithms()[name].Keys.model_fields]
+        return [*SearchSection.model_fields, *algorithms()[_algorithm(raw)].Keys.model_fields]
     models = {"parents": Parent, "fitness": FitnessEntry}
     if location[:2] == ["run", "record"]:
         return list(MeasureEntry.model_fields)

@@ -5,6 +5,7 @@ carries it out between two generations and says so in `events.jsonl`, with the g
 which on it counts. What such events tell is what a resumed run replays (`Standing.of`).
 """
 
+import contextlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from evocity.errors import RunError, shown, with_near_miss
 from evocity.search.algorithms import algorithms
-from evocity.store import Run, append_command, open_run
+from evocity.store import Run, append_command, open_run, read_commands
 from evocity.store.lock import is_held
 
 #: Picks that a run breeds from at a time, at most.
@@ -34,12 +35,21 @@ class Command(BaseModel):
     #: Whether a run that is taken up again has done with it.
     passing: ClassVar[bool] = False
 
+    @property
+    def words(self) -> str:
+        """What is asked for, in a few words."""
+        raise NotImplementedError
+
 
 class Stop(Command):
     """End after the generation that is being bred, as if it had been the last."""
 
     command: Literal["stop"] = "stop"
     passing: ClassVar[bool] = True
+
+    @property
+    def words(self) -> str:
+        return "stop"
 
 
 class Pick(Command):
@@ -51,12 +61,21 @@ class Pick(Command):
     ids: Annotated[tuple[_Id, ...], Field(min_length=1, max_length=MOST_PICKS)]
     share: float | None = Field(None, gt=0, le=1)
 
+    @property
+    def words(self) -> str:
+        share = "" if self.share is None else f", first parents of {self.share:.0%} of the births"
+        return f"picked: {' '.join(map(str, self.ids))}{share}"
+
 
 class Unpick(Command):
     """Breed no longer from ``ids``; from no pick at all where there are none."""
 
     command: Literal["unpick"] = "unpick"
     ids: Annotated[tuple[_Id, ...], Field(max_length=MOST_PICKS)] = ()
+
+    @property
+    def words(self) -> str:
+        return f"no longer picked: {' '.join(map(str, self.ids)) or 'all'}"
 
 
 class Reweight(Command):
@@ -65,6 +84,10 @@ class Reweight(Command):
 
     command: Literal["reweight"] = "reweight"
     weights: Annotated[dict[str, _Weight], Field(min_length=1, max_length=1000)]
+
+    @property
+    def words(self) -> str:
+        return "weights: " + ", ".join(f"{name} {one:g}" for name, one in self.weights.items())
 
 
 _ANY = TypeAdapter(
@@ -137,6 +160,36 @@ class Standing:
         return found
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What was asked of a run: what ``stands`` once all is carried out that ``waits``, and what was
+    ``refused``, (generation, reason) of each."""
+
+    stands: Standing
+    waits: tuple[Command, ...]
+    refused: tuple[tuple[int, str], ...]
+
+
+def asked_of(run: Run) -> Asked:
+    """What was asked of a ``run`` until now. Lines that hold no command do not count.
+
+    Raises `RunError` if a file cannot be read, ValueError for an event that tells no command."""
+    events = run.events()
+    stands = Standing.of(events, 2**63)
+    refused = tuple(
+        (one.get("generation", 0), str(one.get("reason", "")))
+        for one in events
+        if one.get("event") == REFUSED
+    )
+    waits = []
+    for _, line in read_commands(run.path / "commands.jsonl", stands.read):
+        with contextlib.suppress(ValueError):
+            waits.append(command_of(line))
+    for command in waits:
+        stands = stands if command.passing else stands.after(command)
+    return Asked(stands, tuple(waits), refused)
+
+
 def told(command: Command) -> dict:
     """A ``command`` as a line of the file, or an event, has it."""
     return command.model_dump(mode="json", exclude_none=True)
@@ -149,7 +202,8 @@ def send(path: str | os.PathLike, command: Command) -> bool:
     resumed.
 
     Raises `RunError` if the command cannot be carried out: an individual that was never born or
-    failed, a weight of nothing that the run weighs, a stop of a run that does not go on.
+    failed, or is not picked, a weight of nothing that the run weighs, a stop of a run that does not
+    go on.
     """
     run = open_run(path)
     going = is_held(run.path / "lock")
@@ -164,8 +218,12 @@ def send(path: str | os.PathLike, command: Command) -> bool:
             str(run.provenance.get("recipe", {}).get("search", {}).get("algorithm"))
         )
         refuse_unborn(run, command.ids)
+    if isinstance(command, Unpick):
+        _refuse_unpicked(run, command.ids)
     if isinstance(command, Reweight):
-        refuse_weights(command.weights, *weighed_of(run), str(run.path))
+        mixture, sums = weighed_of(run)
+        refuse_weights(command.weights, list(mixture), sums, str(run.path))
+        refuse_idle({**mixture, **_stands(run).weights, **command.weights}, mixture, str(run.path))
     try:
         append_command(run.path / "commands.jsonl", told(command))
     except OSError as error:
@@ -188,7 +246,7 @@ def pick(path: str | os.PathLike, ids: Sequence[int], share: float | None = None
         asked = Pick(ids=tuple(ids), share=share)
     except (ValidationError, TypeError) as error:
         raise RunError(
-            f"picks {shown(ids)} with a share of {share}",
+            f"picks of {_listed(ids)} with a share of {shown(share)}",
             "ids of births, one or more, and a share above 0 up to 1",
             "take ids from `evocity status`, the report, or the births' `id` column",
         ) from error
@@ -217,14 +275,50 @@ def refuse_unborn(run: Run, ids: Sequence[int]) -> None:
             )
 
 
-def weighed_of(run: Run) -> tuple[list[str], list[str]]:
-    """What a ``run`` weighs: the operators of its mixture, and the measures that count in sums."""
+def _listed(ids) -> str:
+    """Ids as they were typed, as far as they are some."""
     try:
-        mixture = list(run.provenance["recipe"].get("operators", {}))
+        return " ".join(map(str, ids)) or "nobody"
+    except TypeError:
+        return shown(ids)
+
+
+def _stands(run: Run) -> Standing:
+    """What stands of a ``run``; a log that tells no commands is told of where it is resumed."""
+    with contextlib.suppress(ValueError):
+        return asked_of(run).stands
+    return Standing()
+
+
+def _refuse_unpicked(run: Run, ids: Sequence[int]) -> None:
+    """Raise `RunError` unless all ``ids``, or anybody where there are none, are picked."""
+    picks = _stands(run).picks
+    strange = [one for one in ids if one not in picks]
+    if strange or not picks:
+        some = f"{run.path}: {' '.join(map(str, strange)) or 'nobody'} {{}} picked"
+        raise RunError(
+            some.format("is not" if len(strange) == 1 else "are not" if strange else "is"),
+            f"some of {' '.join(map(str, picks))}" if picks else "a run that breeds from picks",
+            f"see who is picked: evocity status {run.path}",
+        )
+
+
+def weighed_of(run: Run) -> tuple[dict[str, float], list[str]]:
+    """What a ``run`` weighs: the operators of its mixture, to the weights of its recipe, and the
+    measures that count in sums. An algorithm that breeds by itself weighs no operators."""
+    try:
+        recipe = run.provenance["recipe"]
+        kind = algorithms().get(str(recipe.get("search", {}).get("algorithm")))
         sums = [one["name"] for one in run.provenance["fitness"] if one.get("objective")]
-    except (LookupError, TypeError, AttributeError):
-        return [], []
-    return mixture, sums
+        if kind is not None and kind.breeds_by is not None:
+            return {}, sums
+        entries = recipe.get("operators", {}).items()
+        return {
+            name: float(one.get("weight", 1) if isinstance(one, Mapping) else one)
+            for name, one in entries
+        }, sums
+    except (LookupError, TypeError, AttributeError, ValueError):
+        return {}, []
 
 
 def refuse_weights(
@@ -240,7 +334,7 @@ def refuse_weights(
                 with_near_miss(f"{where} weighs no {shown(name)}", name, [*mixture, *sums]),
                 ", and ".join(known) or "a run that notes what it weighs",
                 "name one of them; a measure is weighed where it is part of a sum, and one with a "
-                "goal of its own competes by itself",
+                "goal of its own competes by itself; `cma` breeds without operators",
             )
         if name in sums and weight == 0:
             raise RunError(
@@ -248,9 +342,11 @@ def refuse_weights(
             )
 
 
-def refuse_idle(weights: Mapping[str, float], where: str) -> None:
-    """Raise `RunError` if no operator has a weight: ``weights`` of all of a mixture."""
-    if not any(weights.values()):
+def refuse_idle(weights: Mapping[str, float], mixture: Iterable[str], where: str) -> None:
+    """Raise `RunError` if no operator of a ``mixture`` has a weight: all of them do in
+    ``weights``."""
+    own = [weights[name] for name in mixture]
+    if own and not any(own):
         raise RunError(
             f"{where}: all operators would have the weight 0",
             "at least one weight above 0",
@@ -261,12 +357,14 @@ def refuse_idle(weights: Mapping[str, float], where: str) -> None:
 __all__ = [
     "DONE",
     "REFUSED",
+    "Asked",
     "Command",
     "Pick",
     "Reweight",
     "Standing",
     "Stop",
     "Unpick",
+    "asked_of",
     "command_of",
     "pick",
     "send",

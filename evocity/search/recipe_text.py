@@ -123,8 +123,8 @@ def recipe_text(
             _comment("-- the guard: what every birth should keep " + "-" * 37)
             + _comment(
                 "An individual that breaks a bound loses to all that keep them. Each was laid so "
-                "that the parents' own codes keep it; the values are those of their maps, and of "
-                "their codes as they are decoded."
+                "that the own code of at least one parent keeps it; the values are those of the "
+                "parents' maps, and of their codes as they are decoded."
             )
         )
     parts += [

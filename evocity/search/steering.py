@@ -96,9 +96,11 @@ class Steering:
                 for measure in entry.measures
             ]
             mixture = {name: entry.weight for name, entry in self._recipe.operators.items()}
+            if self._recipe.search.breeds_by is not None:
+                mixture = {}
             refuse_weights(command.weights, list(mixture), sums, "the recipe")
-            weights = self.standing.weights | command.weights
-            refuse_idle({name: weights.get(name, own) for name, own in mixture.items()}, "the run")
+            weights = {**mixture, **self.standing.weights, **command.weights}
+            refuse_idle(weights, mixture, "the run")
         self.standing = self.standing.after(command)
         self._picked = {one: self._picked[one] for one in self.standing.picks}
 

@@ -20,8 +20,19 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(ended):
     assert "weights: mutation 0" in call("reweight", ended, "mutation=0").output
     told = json.loads(call("status", ended, "--json").stdout)
     assert (told["picked"], told["weights"]) == ([], {})
-    call("resume", ended, "--generations", 4)
+    assert told["waiting"] == [
+        "picked: 2 4, first parents of 100% of the births",
+        "weights: mutation 0",
+    ]
+    with (ended / "commands.jsonl").open("a") as lines:
+        lines.write('{"command": "pick", "ids": [99]}\n')
+    resumed = call("resume", ended, "--generations", 4).stderr
+    assert "as asked, from generation 3 on: weights: mutation 0" in resumed
+    assert "a command was refused: " in resumed
     told = json.loads(call("status", ended, "--json").stdout)
+    assert (told["waiting"], told["picks_share"]) == ([], 1.0)
+    assert [one["generation"] for one in told["refused"]] == [3]
+    assert "before generation 3: " in call("status", ended).stdout
     assert (told["picked"], told["weights"]) == ([2, 4], {"mutation": 0.0})
     text = call("status", ended).stdout
     assert "2 4" in text
@@ -42,7 +53,9 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(ended):
     [
         (("pick", 99), "no individual 99"),
         (("pick",), "no ID to pick"),
-        (("pick", 1, "--share", 1.5), "a share above 0 up to 1"),
+        (("pick", 1, "--clear"), "1 is not picked"),
+        (("pick", 1, 2, "--share", 1.5), "picks of 1 2 with a share of 1.5"),
+        (("reweight", "mutation=0", "pavement_fusion=0"), "all operators would have"),
         (("pick", 1, "--share", 0.5, "--clear"), "--share with --clear"),
         (("stop",), "no process is at this run"),
         (("reweight", "mutation"), "NAME=WEIGHT"),

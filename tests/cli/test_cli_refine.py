@@ -46,6 +46,17 @@ def test_nothing_better_is_told_and_the_individual_written(ended, tmp_path):
     assert evocity.read_genome(path) == genome
 
 
+def test_why_an_optimiser_stopped_early_is_told(ended, tmp_path):
+    path = tmp_path / "tuned.parquet"
+    words = ("refine", ended, "--id", 9, "--budget", 500, "--side", 1, "-o", path)
+    result = call(*words, "--way", "heights", "--json")
+    told = json.loads(result.stdout)
+    assert told["evaluations"] <= told["bred"]
+    assert told["evaluations"] < 500
+    assert f"{told['evaluations']} of 500 evaluations: the optimiser settled" in result.stderr
+    assert "finer field with --side" in result.stderr
+
+
 def test_nothing_is_written_into_the_run(ended):
     before = contents(ended)
     words = ("refine", ended, "--id", 9, "-o", ended / "recipe.toml")

@@ -186,7 +186,10 @@ def test_status_tells_where_a_run_is(finished):
         "best",
         "algorithm",
         "picked",
+        "picks_share",
         "weights",
+        "waiting",
+        "refused",
         "parents",
         "evaluations_per_second",
         "finished",
@@ -322,6 +325,9 @@ class Search:
         pass
 
     def prepare(self):
+        pass
+
+    def observe(self, observer):
         pass
 
     def __iter__(self):

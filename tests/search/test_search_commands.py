@@ -11,9 +11,18 @@ from test_search_run import rows, run, started
 from evocity.errors import RunError
 from evocity.search import Search, archive, commands, read_recipe
 from evocity.search.breeding import Picks
-from evocity.search.commands import Pick, Reweight, Standing, Stop, Unpick, command_of, told
+from evocity.search.commands import (
+    Pick,
+    Reweight,
+    Standing,
+    Stop,
+    Unpick,
+    asked_of,
+    command_of,
+    told,
+)
 from evocity.search.observers import Observer
-from evocity.store import open_run
+from evocity.store import append_command, open_run
 
 SUMMED = """
 [[fitness]]
@@ -190,9 +199,55 @@ def first(city):
 
 def test_all_weights_of_nothing_are_refused(toy, tmp_path):
     names = ("pavement_fusion", "lambda_crossover", "mutation")
-    out = tmp_path / "run"
-    steered(toy(), out, {0: [Reweight(weights=dict.fromkeys(names, 0))]})
+    out, nothing = tmp_path / "run", Reweight(weights=dict.fromkeys(names, 0))
+    with Search(read_recipe(toy()), out=out, workers=0) as search:
+        for generation in search:
+            if generation.number == 0:
+                with pytest.raises(RunError, match="all operators would have the weight 0"):
+                    commands.send(out, nothing)
+                commands.send(out, Reweight(weights=dict.fromkeys(names[:2], 0)))
+                with pytest.raises(RunError, match="all operators"):  # with what waits
+                    commands.send(out, Reweight(weights={"mutation": 0}))
+                append_command(out / "commands.jsonl", told(nothing))
     assert "weight 0" in events(out, "command refused")[0]["reason"]
+
+
+def test_an_algorithm_that_breeds_by_itself_weighs_no_operators(toy, tmp_path):
+    recipe = toy(
+        '\n@evocity.fitness(goal="max")\ndef first(city):\n    return number(city)\n',
+        recipe='[search]\nalgorithm = "cma"\nside = 2\n',
+    )
+    run(recipe, tmp_path / "run", workers=0, generations=1)
+    with pytest.raises(RunError, match="weighs no 'mutation'"):
+        commands.send(tmp_path / "run", Reweight(weights={"mutation": 2}))
+
+
+def test_what_waits_and_what_was_refused_is_told(toy, tmp_path):
+    out = tmp_path / "run"
+    run(toy(), out, workers=0, generations=1)
+    commands.send(out, Pick(ids=(1, 3), share=0.25))
+    commands.send(out, Unpick(ids=(3,)))
+    with (out / "commands.jsonl").open("a") as lines:
+        lines.write('no JSON\n{"command": "pick", "ids": [99]}\n')
+    asked = asked_of(open_run(out))
+    assert [one.words for one in asked.waits] == [
+        "picked: 1 3, first parents of 25% of the births",
+        "no longer picked: 3",
+        "picked: 99",
+    ]
+    assert (asked.refused, asked.stands.picks) == ((), (1, 99))
+    for ids, says in (((3,), "3 is not picked"), ((3, 5), "3 5 are not picked")):
+        with pytest.raises(RunError, match=says):
+            commands.send(out, Unpick(ids=ids))
+    with Search.resume(out, generations=2, workers=0) as search:
+        for _ in search:
+            pass
+    asked = asked_of(open_run(out))
+    assert (asked.waits, asked.stands.picks) == ((), (1,))
+    assert [generation for generation, _ in asked.refused] == [2, 2]
+    commands.send(out, Unpick())
+    with pytest.raises(RunError, match="nobody is picked"):
+        commands.send(out, Unpick())
 
 
 def test_new_weights_of_a_sum_count_at_once_and_in_the_archive(toy, tmp_path):

@@ -133,7 +133,7 @@ def test_it_is_told_where_nobody_keeps_the_constraints(bounded, tmp_path):
     recipe = bounded(ROOF.format(limit=0.001))
     told = CliRunner().invoke(main, ["run", str(recipe), "--out", str(tmp_path / "run")])
     assert told.exit_code == 0, told.output
-    assert "0 of 8 keep the constraints" in told.output
+    assert "0 of 8 living keep the constraints" in told.output
     status = CliRunner().invoke(main, ["status", str(tmp_path / "run")]).output
     assert "kept by 0 of 8 living: roof at most 0.001 m" in status
     assert "best spread" in status

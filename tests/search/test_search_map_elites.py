@@ -205,7 +205,8 @@ def grid_recipe(toy, search="", fitness='file = "toys.py"\nname = "spread"', **s
         ("ranges = [[0.0, 1.0], [2.0, 2.0]]", "search.ranges[1]", "the lower first"),
         ("ranges = [[0.0, 1.0], [2.0]]", "search.ranges[1]", "[low, high]"),
         ("ranges = [[0.0, 1.0], [2.0, inf]]", "search.ranges[1][1]", "a finite number"),
-        ("distinct = 0.5", "search.distinct", "unknown key"),
+        ("distinct = 0.5", "search.distinct", "and single, not of map_elites"),
+        ("gird = [2, 2]", "search.gird", "unknown key, did you mean grid?"),
     ],
 )
 def test_a_grid_at_fault_is_told(toy, search, key, says):
@@ -220,7 +221,7 @@ def test_a_grid_at_fault_is_told(toy, search, key, says):
         ('["gsi", "gsi"]', "search.descriptors", "'gsi' twice"),
         ('["gsi", "gsy"]', "search.descriptors", "did you mean gsi?"),
         ('["gsi", "towers"]', "search.descriptors", "spread, roof"),
-        ('["gsi", "gsi@west"]', "search.descriptors", "no measure of one number"),
+        ('["gsi", "gsi@west"]', "search.descriptors", "no measure 'gsi@west' that is one"),
         ('["gsi"]', "search.descriptors", "2 or more"),
         ('["gsi", "fsi", "roof", "spread"]', "search.descriptors", "3 or fewer"),
         ("3", "search.descriptors", "a list"),
@@ -494,3 +495,10 @@ def test_a_damaged_grid_is_told(filled, noted):
     (out / "provenance.json").write_text(json.dumps(about))
     with pytest.raises(RunError, match=r"does not tell the run's grid|logs no nothing"):
         binned(open_run(out))
+
+
+def test_three_descriptors_have_a_smaller_grid(toy):
+    path = grid_recipe(toy)
+    text = path.read_text()
+    path.write_text(text.replace('["gsi", "roof"]', '["gsi", "roof", "spread"]'))
+    assert read_recipe(path).search.keys.grid == [10, 10, 10]

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from evocity.search.algorithms.algorithm import Algorithm, First, Look
 from evocity.search.cells import MOST_ALONG, Grid, Quality, check_grid, ranges_around
@@ -14,13 +14,21 @@ from evocity.search.values import Finite, Section
 
 
 class MapElitesKeys(Section):
-    """``descriptors``: the measures that the grid lies over; ``grid``: how many cells along each;
-    ``ranges``: lowest and highest value of each, None to take them from the parents, see
-    `evocity.search.cells.ranges_around`."""
+    """``descriptors``: the measures that the grid lies over; ``grid``: how many cells along each,
+    20 of two and 10 of three unless told; ``ranges``: lowest and highest value of each, None to
+    take them from the parents, see `evocity.search.cells.ranges_around`."""
 
     descriptors: list[str] = Field(["gsi", "alignment"], min_length=2, max_length=3)
     grid: list[Annotated[int, Field(ge=1, le=MOST_ALONG)]] = Field([20, 20], min_length=2)
     ranges: list[list[Finite]] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_three(cls, told: Any) -> Any:
+        names = told.get("descriptors") if isinstance(told, dict) else None
+        if isinstance(names, list) and len(names) == 3 and "grid" not in told:
+            return {**told, "grid": [10, 10, 10]}
+        return told
 
 
 class MapElites(Algorithm):

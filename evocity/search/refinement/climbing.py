@@ -31,8 +31,9 @@ Tell = Callable[[int, float], None]
 @dataclass(frozen=True)
 class Climbed:
     """The best ``genome``, its ``values`` and its ``score`` (violation, sum); ``evaluations``:
-    children that were measured, of which ``failures`` failed, the first of them with ``error``.
-    ``better``: whether it is another than the one that was to be refined."""
+    children that were measured, of which ``failures`` failed, the first of them with ``error``;
+    ``bred``: those that were bred for it, of which equal ones are measured once. ``better``:
+    whether it is another than the one that was to be refined."""
 
     genome: Genome
     values: Mapping[str, float]
@@ -41,6 +42,7 @@ class Climbed:
     failures: int
     error: str | None
     better: bool
+    bred: int = 0
 
 
 def climb(
@@ -101,7 +103,7 @@ def climb(
     minimise(told, tuning.start, algorithm=algorithm, most=most, **ends)
     found, child, measured = best
     better = child is not genome
-    return Climbed(child, measured, found, evaluated, failures, error, better)
+    return Climbed(child, measured, found, evaluated, failures, error, better, bred)
 
 
 def _child(breed: Breed, tuning: Tuning, point: np.ndarray) -> Outcome:

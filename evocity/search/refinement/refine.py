@@ -42,7 +42,8 @@ class Refined:
     ``score`` of both, lower is better: each goal's loss over its range in the run's first
     generation, summed. ``violation``: how far it breaks the constraints, 0 if it keeps them.
     ``evaluations``: children that were measured, of which ``failures`` failed, the first with
-    ``error``; ``others``: those whose fabric was offered, by id.
+    ``error``; ``bred``: children that were bred, of which equal ones are measured once;
+    ``others``: those whose fabric was offered, by id.
 
     ``better``: whether anything better was found; else the genome is the individual's own.
     """
@@ -58,6 +59,7 @@ class Refined:
     others: tuple[int, ...] = ()
     better: bool = False
     violation: float = 0.0
+    bred: int = 0
 
     @property
     def city(self) -> CityMap:
@@ -194,6 +196,7 @@ def refine(
         tuple(chosen),
         climbed.better,
         climbed.score[0],
+        climbed.bred,
     )
 
 
@@ -266,7 +269,7 @@ def _in_rounds(
 ) -> Climbed:
     """The best of several climbs, each from the best of the one before; what a round leaves of the
     budget, the last have."""
-    each, done, failures, error = -(-budget // rounds), 0, 0, None
+    each, done, failures, bred, error = -(-budget // rounds), 0, 0, 0, None
     genome, values, better = birth.genome, birth.values, False
     for number in range(rounds):
         if done >= budget:
@@ -275,8 +278,9 @@ def _in_rounds(
         found = climb_by(genome, values, field(genome), most, done)
         genome, values = found.genome, found.values
         done, failures = done + found.evaluations, failures + found.failures
-        error, better = error or found.error, better or found.better
-    return replace(found, evaluations=done, failures=failures, error=error, better=better)
+        bred, error, better = bred + found.bred, error or found.error, better or found.better
+    totals = {"evaluations": done, "failures": failures, "error": error, "bred": bred}
+    return replace(found, better=better, **totals)
 
 
 def _fitted(
@@ -316,6 +320,7 @@ def _fitted(
         (),
         fitted is not birth.genome,
         after[0],
+        tried,
     )
 
 
