@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long bench format clean
+.PHONY: help demo test test-long soak bench format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -25,6 +25,9 @@ test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tes
 
 test-long: .venv/installed-dev  ## the tests that take more than ten seconds each
 	$(BIN)/pytest -m long
+
+soak: .venv/installed-dev  ## long tests under faults: hours of them
+	$(BIN)/pytest -m long tests/faults
 
 bench: .venv/installed-bench  ## every side-by-side measurement of benchmarks/
 	@for script in $(BENCHMARKS); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
@@ -59,8 +62,8 @@ clean:  ## remove .venv and the caches; runs stay
 	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator and three into .venv (once) ..."; \
 		npm install --silent --no-fund --no-audit --no-save --no-package-lock \
 		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 three@0.187.0 \
+		&& touch $@ \
 		|| echo "gltf-validator and three could not be had; their tests are skipped" >&2; fi
-	@touch $@
 
 .venv/installed-bench: .venv/installed-dev
 	@echo "Installing what benchmarks compare with into .venv (once) ..."

@@ -75,6 +75,17 @@ def told(polygons: np.ndarray, source: Originals) -> dict[str, float]:
     }
 
 
+def of_one_building(polygons: np.ndarray, source: Originals) -> float:
+    """By how much the area of a building differs from that of the footprints that lie in it, the
+    median over buildings; a share."""
+    polygons = np.asarray(polygons)
+    middles = shapely.point_on_surface(source.footprints)
+    footprint, polygon = shapely.STRtree(polygons).query(middles, predicate="within")
+    true = np.bincount(polygon, shapely.area(source.footprints)[footprint], len(polygons))
+    known = true > 0
+    return float(np.median(np.abs(shapely.area(polygons[known]) / true[known] - 1)))
+
+
 def nearest(facades: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of each façade the angle to the wall nearest to its middle, degrees, and how far that is."""
     lines = shapely.linestrings(walls)

@@ -29,6 +29,8 @@ STOREY = 3.0
 #: Largest map that is read, coded or decoded: its side (corners of domain blocks are int16)
 #: and its pixels in all (about 11 500²).
 MAX_SIDE = 32_767
+#: The side of a pixel, metres: what lies beyond is no city, and its square no number.
+PIXEL_SIDES = (1e-6, 1e6)
 MAX_PIXELS = 1 << 27
 
 
@@ -80,10 +82,11 @@ class CityMap:
         if site is not None:
             site = _checked_site(site, array.shape, name)
             array = _read_only(np.where(site, array, np.float32(0)))
-        if not (isinstance(metres_per_pixel, Real) and 0 < metres_per_pixel < np.inf):
+        low, high = PIXEL_SIDES
+        if not (isinstance(metres_per_pixel, Real) and low <= metres_per_pixel <= high):
             raise MapError(
                 f"{name}: {setting('metres_per_pixel', metres_per_pixel)}",
-                "a positive number of metres",
+                f"a positive number of metres, {low:g} to {high:g}",
                 "give the side of a pixel in metres, for example 2.0",
             )
         self.__dict__.update(

@@ -6,7 +6,7 @@ Every message has three parts: what was found, what was expected, what to do.
 import contextlib
 import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 
 class EvocityError(Exception):
@@ -19,15 +19,69 @@ class EvocityError(Exception):
     remedy : what to do next, one sentence.
 
     Where these name a parameter they do it by `keyword`, `setting`, `set_to` or `unset`: the
-    command line then names its own option in its place. The rest of a text is told as it is.
+    command line then names its own option in its place. The rest of a text is told as it is, but
+    for control characters, see `plain_text`. The three have their whole length; the message, which
+    is ``str(error)``, has `LONGEST` bytes at most.
     """
+
+    _kept = ""  # control characters that a message may have
 
     def __init__(self, found: str, expected: str, remedy: str):
         super().__init__(found, expected, remedy)  # with its marks, see `keyword`
-        self.found, self.expected, self.remedy = map(unmarked, (found, expected, remedy))
+        parts = (plain_text(unmarked(part), self._kept) for part in (found, expected, remedy))
+        self.found, self.expected, self.remedy = parts
 
     def __str__(self) -> str:
-        return f"{self.found}\n  expected: {self.expected}\n  what to do: {self.remedy}"
+        parts = (self.found, self.expected, self.remedy)
+        found, expected, remedy = _fitted(parts, LONGEST - len(_MESSAGE))
+        return _MESSAGE.format(found, expected, remedy)
+
+
+#: A message is no longer than that, bytes of UTF-8.
+LONGEST = 1000
+
+_LONGEST_FAULT = 400
+_MESSAGE = "{}\n  expected: {}\n  what to do: {}"
+
+
+def _fitted(parts: Sequence[str], most: int) -> list[str]:
+    """``parts`` of ``most`` bytes together: the longest are cut short."""
+    sizes = [len(part.encode()) for part in parts]
+    fair, left = most, len(parts)
+    for size in sorted(sizes):  # what the short ones leave is shared by the long ones
+        if size * left > fair:
+            break
+        fair, left = fair - size, left - 1
+    longest = fair // max(left, 1)
+    return [
+        part if sum(sizes) <= most or size <= longest else cut_short(part, longest)
+        for part, size in zip(parts, sizes, strict=True)
+    ]
+
+
+def cut_short(text: str, most: int) -> str:
+    """``text`` in ``most`` bytes of UTF-8: what is longer ends in an ellipsis."""
+    content = text[: most + 1].encode()
+    if len(content) <= most:
+        return text
+    return content[: most - 3].decode(errors="ignore") + "…"
+
+
+# C0 and C1, line and paragraph separators, what turns the direction of text, lone surrogates.
+_UNTOLD = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u2028\u2029\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+def plain_text(text: str, kept: str = "") -> str:
+    """``text`` without what a terminal would obey: a space for each tab and end of a line, U+FFFD
+    for each other control character, but for those ``kept``."""
+
+    def told(match: re.Match) -> str:
+        one = match[0]
+        return one if one in kept else " " if one.isspace() else "\ufffd"
+
+    return _UNTOLD.sub(told, text)
 
 
 # A parameter in a text: name, what stands between name and value, value. The characters are none
@@ -95,7 +149,30 @@ class FitnessError(EvocityError):
 
 
 class RecipeError(EvocityError):
-    """A recipe has faults; the message lists all of them."""
+    """A recipe has faults; ``found`` lists all of them, the message those it has room for."""
+
+    _kept = "\n"
+
+    def __str__(self) -> str:
+        return self.listed(LONGEST)
+
+    def listed(self, most: int) -> str:
+        """The message with as many faults, a line each, as have room in ``most`` bytes; then how
+        many more there are."""
+        room = most - 60 - sum(len(part.encode()) for part in (self.expected, self.remedy))
+        if len(self.found.encode()) <= room:
+            return _MESSAGE.format(self.found, self.expected, self.remedy)
+        head, *faults = self.found.split("\n")
+        lines = [cut_short(head, 200)]
+        for number, fault in enumerate(faults):
+            fault = cut_short(fault, _LONGEST_FAULT)
+            room -= len(fault.encode()) + 1
+            if room < 200 and number:
+                lines.append(f"  and {len(faults) - number} more")
+                break
+            lines.append(fault)
+        expected, remedy = _fitted((self.expected, self.remedy), most - 700)
+        return _MESSAGE.format("\n".join(lines), expected, remedy)
 
 
 class RunError(EvocityError):
@@ -123,7 +200,11 @@ def near_miss(name: str, known: Iterable[str]) -> str:
 
 def told(error: BaseException) -> str:
     """Class and message of an error of foreign code, for a text of ours."""
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    try:
+        text = str(error)
+    except Exception:  # its own code runs here
+        text = ""
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def with_near_miss(found: str, name: str, known: Iterable[str]) -> str:

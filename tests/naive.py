@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+import shapely.affinity
 from scipy import ndimage
 
 from evocity import isometries
@@ -1371,3 +1372,34 @@ def paint_mixed(surface, lit, edge, colours, finer):
     blocks = mixed.reshape(height, finer, width, finer, 3)
     some = (surface >= 0).reshape(height, finer, width, finer)
     return np.minimum(blocks.mean(axis=(1, 3)), 255), some.any(axis=(1, 3))
+
+
+def shared_areas(matrices, which, where, shapes, grounds):
+    """Areas that shapes under affine maps share with grounds."""
+    found = []
+    for ((a, b, c), (d, e, f)), k, ground in zip(matrices, which, where, strict=True):
+        laid = shapely.affinity.affine_transform(shapes[k], [a, b, d, e, c, f])
+        found.append(shapely.intersection(laid, grounds[ground]).area)
+    return found
+
+
+def tried_by_points(
+    numbers, flips, shape, where, points, inside, sides, sizes, cells, low, step, areas
+):
+    """IoU by points that lie on a building's cells, less four times the share on forbidden ones."""
+    found = []
+    for (turn, along, across, x, y), flip, j, k in zip(numbers, flips, shape, where, strict=True):
+        own = points[inside[j]] * sides[j] * (along * flip, across)
+        c, s = math.cos(turn), math.sin(turn)
+        laid = own @ np.array([[c, s], [-s, c]]) + (x, y)
+        column, row = np.floor((laid - low[k]) / step[k]).astype(int).T
+        high, wide = cells.shape[1:]
+        on = (row >= 0) & (row < high) & (column >= 0) & (column < wide)
+        what = np.where(on, cells[k][row.clip(0, high - 1), column.clip(0, wide - 1)], 0)
+        if not len(what):
+            found.append(0.0)
+            continue
+        area = sizes[j] * along * across
+        common = (what == 2).mean() * area
+        found.append(common / (area + areas[k] - common) - 4 * (what == 0).mean())
+    return found

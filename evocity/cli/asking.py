@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from evocity.cli.common import echo
 from evocity.errors import EvocityError, shown
 
 _RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
@@ -90,7 +91,7 @@ def stop(run: Path) -> None:
     from evocity.search import commands
 
     commands.send(run, commands.Stop())
-    click.echo(f"{run} stops after this generation; go on with: evocity resume {run}")
+    echo(f"{run} stops after this generation; go on with: evocity resume {run}")
 
 
 def _weight(text: str) -> tuple[str, float]:
@@ -111,4 +112,4 @@ def _tell(told: str, run: Path, going: bool) -> None:
     when = "from the next generation on"
     if not going:
         when = f"once it goes on: evocity resume {run} (--generations for more)"
-    click.echo(f"{told}; {when}")
+    echo(f"{told}; {when}")

@@ -10,6 +10,7 @@ import evocity
 from evocity.cli.common import (
     check_output,
     describe,
+    echo,
     json_option,
     map_options,
     note_compiling,
@@ -177,19 +178,19 @@ def autosimilarity(
             }
         )
         return
-    click.echo(describe(city))
+    echo(describe(city))
     seconds = sum(one.seconds for one in every)
-    click.echo(
+    echo(
         f"{title}: {lowest:.4g} to {highest:.4g}{unit and ' ' + unit}, mean {mean:.4g}"
         f"; {seconds:.1f} s"
         if known.size
         else f"{title}: no pixel has a value, all blocks are flat; {seconds:.1f} s"
     )
     if 0 < known.size < values.size:
-        click.echo(f"{known.size / values.size:.0%} of the pixels have a value")
+        echo(f"{known.size / values.size:.0%} of the pixels have a value")
     for path in (output, curve):
         if path:
-            click.echo(f"wrote {path}")
+            echo(f"wrote {path}")
 
 
 def _check_measure(measure: str, free: bool | None, blocks: list[int]) -> None:

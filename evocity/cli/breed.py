@@ -7,6 +7,7 @@ import click
 
 from evocity.cli.common import (
     check_output,
+    echo,
     json_option,
     note,
     note_compiling,
@@ -82,14 +83,14 @@ def breed(
         return
     p = child.pavement
     sides = f"B = {p.block}" if p.uniform else f"leaves of {p.finest} to {p.coarsest} px"
-    click.echo(
+    echo(
         f"{operator}: {len(child)} lifs, {sides}, {p.height} × {p.width} px at "
         f"{child.metres_per_pixel:g} m"
     )
-    click.echo("stone of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
+    echo("stone of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
     for key, value in made.items():
-        click.echo(f"{key}: {_told(value)}")
-    click.echo(f"wrote {output}")
+        echo(f"{key}: {_told(value)}")
+    echo(f"wrote {output}")
 
 
 def _note_fill(made: Mapping[str, object]) -> None:

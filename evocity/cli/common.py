@@ -11,7 +11,16 @@ from pathlib import Path
 
 import click
 
-from evocity.errors import EvocityError, RecipeError, told_by
+from evocity.errors import EvocityError, RecipeError, plain_text, told_by
+
+# The faults of a recipe are told all at once, as far as anyone reads them, bytes.
+_LONGEST_LIST = 20_000
+
+
+def echo(text: str = "", err: bool = False) -> None:
+    """Print a line, or several: whatever a file called its city or its measure, a terminal obeys
+    none of it, see `plain_text`. All that commands print goes through here."""
+    click.echo(plain_text(text, "\n"), err=err)
 
 
 class InputFault(click.ClickException):
@@ -39,7 +48,7 @@ class Commands(click.Group):
             command = self.commands[ctx.invoked_subcommand]
             raise InputFault(told(error, command)) from error
         except KeyboardInterrupt:
-            click.echo("\nStopped.", err=True)
+            echo("\nStopped.", err=True)
             ctx.exit(130)
 
 
@@ -47,9 +56,9 @@ def told(error: EvocityError, command: click.Command) -> str:
     """The message of an ``error``, in the terms of the ``command``: its options in place of the
     library's parameters, and each part on one line, whatever a measure of the user's own raised."""
     parts = [_in_options(str(part), command) for part in error.args]
-    if not isinstance(error, RecipeError):  # its faults stand in lines of their own
-        parts = [" ".join(part.split()) for part in parts]
-    return str(EvocityError(*parts))
+    if isinstance(error, RecipeError):  # its faults stand in lines of their own
+        return RecipeError(*parts).listed(_LONGEST_LIST)
+    return str(EvocityError(*(" ".join(part.split()) for part in parts)))
 
 
 def _in_options(text: str, command: click.Command) -> str:
@@ -238,7 +247,7 @@ def writing(path: Path) -> Iterator[None]:
 
 def print_json(document: Mapping) -> None:
     """Print one JSON document; NaN and infinities, which JSON lacks, become null."""
-    click.echo(json.dumps(_finite(document), indent=2, allow_nan=False))
+    echo(json.dumps(_finite(document), indent=2, allow_nan=False))
 
 
 def _finite(value):
@@ -251,10 +260,11 @@ def _finite(value):
 
 def print_table(rows: list[tuple[str, ...]]) -> None:
     """Print columns side by side, each as wide as its widest entry; the first row heads them."""
+    rows = [tuple(map(plain_text, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        click.echo("  ".join(cells).rstrip())
+        echo("  ".join(cells).rstrip())
 
 
 def describe(city) -> str:
@@ -283,12 +293,12 @@ def span(bounds: tuple[float, float]) -> str:
 
 
 def warn(text: str) -> None:
-    click.echo(f"Warning: {text}", err=True)
+    echo(f"Warning: {text}", err=True)
 
 
 def note(text: str) -> None:
     """One line on standard error about what was taken for granted."""
-    print(f"Note: {text}", file=sys.stderr)  # click.echo would write into a live line
+    print(f"Note: {plain_text(text)}", file=sys.stderr)  # click.echo would write into a live line
 
 
 def note_compiling() -> None:

@@ -10,6 +10,7 @@ from evocity.cli.common import (
     converged,
     count_option,
     describe,
+    echo,
     note_compiling,
     output_option,
 )
@@ -105,8 +106,8 @@ def decode(
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output, raw=raw)
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
-        click.echo(line)
-    click.echo(f"wrote {output}")
+        echo(line)
+    echo(f"wrote {output}")
 
 
 def _filtered(code, name: str, f_c: float, count: str) -> tuple:

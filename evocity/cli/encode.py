@@ -9,6 +9,7 @@ import evocity
 from evocity.cli.common import (
     check_output,
     describe,
+    echo,
     json_option,
     map_options,
     note_compiling,
@@ -239,28 +240,28 @@ def encode(
             }
         )
         return
-    click.echo(describe(city))
+    echo(describe(city))
     if city.height_rules:
         rules = ", ".join(f"{count} by {rule}" for rule, count in city.height_rules.items())
-        click.echo(f"heights of buildings: {rules}")
+        echo(f"heights of buildings: {rules}")
     if layer is not None:
-        click.echo(f"locked: {len(layer)} of {layer.mask.size} px")
-    click.echo(
+        echo(f"locked: {len(layer)} of {layer.mask.size} px")
+    echo(
         f"{len(encoding.genome)} lifs{_leaves(encoding.genome.pavement)}, {encoding.uniform} of "
         "them uniform; "
         f"{encoding.pairs:,} pairs searched{', attractor fitted,' if fit else ''} "
         f"in {encoding.seconds:.1f} s"
     )
     if encoding.above:
-        click.echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
+        echo(f"{encoding.above} leaves of the finest side stay above {max_error:g} m")
     flat = ""
     if encoding.genome.settle:
         raw = encoding.psnr_unsettled
         before = "exact" if raw == inf else f"{raw:.1f} dB"
         flat = f" ({before} before its roofs were settled: each building flat, so that it is whole)"
     fidelity = "exactly" if psnr == inf else f"PSNR {psnr:.1f} dB{flat}"
-    click.echo(f"decoded {fidelity}, collage error {encoding.collage_rmse:.2f} m (RMS)")
-    click.echo(f"wrote {output}")
+    echo(f"decoded {fidelity}, collage error {encoding.collage_rmse:.2f} m (RMS)")
+    echo(f"wrote {output}")
 
 
 def _locked(city, lock: str | None, heights: float | str | None):

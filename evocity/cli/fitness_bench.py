@@ -5,6 +5,7 @@ import click
 import evocity
 from evocity.cli.common import (
     describe,
+    echo,
     json_option,
     map_options,
     print_json,
@@ -64,7 +65,7 @@ def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json
         each = {k: {"alone": _ms(v.alone), "shared": _ms(v.shared)} for k, v in costs.items()}
         print_json({"measures": each, "together": _ms(together)})
         return
-    click.echo(describe(case.city))
+    echo(describe(case.city))
     rows = [("milliseconds", "alone", "(median)", "shared", "(median)")]
     rows += [(name, *_cells(one.alone), *_cells(one.shared)) for name, one in costs.items()]
     if len(costs) > 1:

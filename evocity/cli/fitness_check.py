@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from evocity.cli.common import (
+    echo,
     json_option,
     near,
     note_compiling,
@@ -72,7 +73,7 @@ def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
             usable = False
             documents[word] = {"usable": False, "findings": [_fault(error, word)]}
             if not as_json:
-                click.echo(_message("Error", error))
+                echo(_message("Error", error))
             continue
         hung = set()  # functions given up: those of several numbers are not tried for each
         for place, measure in enumerate(found):
@@ -86,7 +87,7 @@ def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
                 documents[measure.name] = _document(report)
             else:
                 if number or place:
-                    click.echo()
+                    echo()
                 _tell(report, word)
     if as_json:
         print_json(documents)
@@ -108,24 +109,24 @@ def _report(measure, timeout: float):
 def _tell(report, word: str) -> None:
     measure = report.measure
     unit = f" {measure.unit}" if measure.unit else ""
-    click.echo(
+    echo(
         f"{measure.name}: goal {measure.goal or 'none'}, {span(measure.range)}{unit}; "
         f"{near(measure.file)}, line {measure.line}"
     )
-    click.echo()
+    echo()
     rows = [("map", "value", "ms", "")]
     for trial in report.trials:
         rows.append((trial.map, _value(trial), _milliseconds(trial.seconds), trial.reason))
     print_table(rows)
-    click.echo()
+    echo()
     for line in _facts(report):
-        click.echo(line)
+        echo(line)
     for one in report.findings:
         error = EvocityError(one.found, one.expected, one.remedy)
-        click.echo()
-        click.echo(_message(f"{one.kind.capitalize()}: {near(one.file)}, line {one.line}", error))
-    click.echo()
-    click.echo(_verdict(report, word))
+        echo()
+        echo(_message(f"{one.kind.capitalize()}: {near(one.file)}, line {one.line}", error))
+    echo()
+    echo(_verdict(report, word))
 
 
 def _facts(report) -> list[str]:

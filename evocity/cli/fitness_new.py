@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_folder, writing
+from evocity.cli.common import check_folder, echo, writing
 from evocity.errors import EvocityError
 
 _TEMPLATE = '''\
@@ -82,13 +82,13 @@ def new(name: str, goal: str, unit: str, output: Path | None) -> None:
     text = written(name, goal, unit, path.name)
     with writing(path), open(path, "x", encoding="utf-8") as file:
         file.write(text)
-    click.echo(f"wrote {path}")
-    click.echo()
-    click.echo(f"Change its formula, then:\n  evocity fitness check {path}")
-    click.echo(f"  evocity score lyon-1er --fitness {path}")
-    click.echo("To breed with it, in a recipe beside it (docs/recipe.md):")
+    echo(f"wrote {path}")
+    echo()
+    echo(f"Change its formula, then:\n  evocity fitness check {path}")
+    echo(f"  evocity score lyon-1er --fitness {path}")
+    echo("To breed with it, in a recipe beside it (docs/recipe.md):")
     wanted = "\n  target = 1.0" if goal == "none" else ""
-    click.echo(f'  [[fitness]]\n  file = "{path.name}"{wanted}')
+    echo(f'  [[fitness]]\n  file = "{path.name}"{wanted}')
 
 
 def written(name: str, goal: str, unit: str, file: str) -> str:

@@ -10,6 +10,7 @@ import click
 
 from evocity.cli.common import (
     check_output,
+    echo,
     json_option,
     output_option,
     print_json,
@@ -241,24 +242,22 @@ def grow(
         print_json({**facts, "seconds": seconds})
         return
     pixel = fabric.metres_per_pixel
-    click.echo(
+    echo(
         f"{fabric.name}: {height} × {width} px at {pixel:g} m, "
         f"{height * pixel / 1000:.3g} × {width * pixel / 1000:.3g} km, "
         f"from row {top}, column {left}"
     )
-    click.echo(
+    echo(
         f"{made['groups']} groups of {made['side_min']:g} to {made['side_max']:g} m laid "
         f"in {seconds:.1f} s; mean step along their outlines {made['step']:.2f} m"
     )
     if made["forced"]:
-        click.echo(
-            f"{made['forced']} of them had no admissible candidate: the least step was taken"
-        )
+        echo(f"{made['forced']} of them had no admissible candidate: the least step was taken")
     if made["repeated"]:
-        click.echo(f"{made['repeated']} of them make a window of 64 × 64 px come twice")
+        echo(f"{made['repeated']} of them make a window of 64 × 64 px come twice")
     if "repaired" in made:
-        click.echo(f"{made['repaired']} lifs repaired")
-    click.echo(f"wrote {output}")
+        echo(f"{made['repaired']} lifs repaired")
+    echo(f"wrote {output}")
 
 
 def _write(fabric, output: Path) -> dict:

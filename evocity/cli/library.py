@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -9,6 +10,7 @@ import click
 import evocity
 from evocity.cli.common import (
     Commands,
+    check_output,
     json_option,
     map_options,
     note_compiling,
@@ -84,9 +86,12 @@ def new(
     from evocity.views.classes import ClassTable
 
     _check_folder(output)
+    if output.is_dir():
+        for source in maps:
+            check_output(output / "objects.gpkg", source)
     note_compiling()
     table = None if classes is None else ClassTable.read(classes)
-    made = []
+    made, named = [], Counter()
     for source in maps:
         city = evocity.read_map(source, **reading)
         told = licence or _licence_of(source)
@@ -97,6 +102,9 @@ def new(
                 "name it, for example with --licence ODbL-1.0",
             )
         note_reading(city, reading)
+        named[city.name] += 1
+        if named[city.name] > 1:  # ids begin with it
+            city = city.replace(city.heights, name=f"{city.name} ({named[city.name]})")
         objects = Library.of(
             city,
             licence=told,

@@ -4,7 +4,7 @@ import inspect
 
 import click
 
-from evocity.cli.common import json_option, print_json, print_table, warn
+from evocity.cli.common import echo, json_option, print_json, print_table, warn
 
 
 @click.group()
@@ -45,8 +45,8 @@ def list_operators(as_json: bool) -> None:
         print_table(rows)
         for name, about in told.items():
             parameters = "  ".join(f"{k}={_typed(v)}" for k, v in about["parameters"].items())
-            click.echo()
-            click.echo(click.wrap_text(f"{name}: {parameters}", 100, subsequent_indent="  "))
+            echo()
+            echo(click.wrap_text(f"{name}: {parameters}", 100, subsequent_indent="  "))
     for text in plugin_warnings():
         warn(text)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, describe, output_option
+from evocity.cli.common import check_output, describe, echo, output_option
 from evocity.cli.settings import settings_of, settings_option
 from evocity.errors import EvocityError, near_miss
 
@@ -72,8 +72,8 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
     chosen = _chosen(settings, name, town)
     city = town(pixels, metres_per_pixel, rng=_generator(seed), **chosen)
     evocity.write_map(city, output)
-    click.echo(describe(city))
-    click.echo(f"wrote {output}")
+    echo(describe(city))
+    echo(f"wrote {output}")
 
 
 def _generator(seed: int | None):

@@ -11,6 +11,7 @@ from evocity.cli.common import (
     FILE_OPTIONS,
     Commands,
     check_output,
+    echo,
     json_option,
     near,
     note,
@@ -136,18 +137,18 @@ def new(
         )
         return
     _print_values(found.values, bounds)
-    click.echo(
+    echo(
         f"{found.births} births of about {1000 * found.seconds:.0f} ms: "
         f"{duration(found.duration)} on {found.recipe.worker_count} cores"
     )
-    click.echo(f"wrote {output}")
-    click.echo()
+    echo(f"wrote {output}")
+    echo()
     before = "Correct what makes births fail" if found.failing else "Look at its comments"
-    click.echo(f"{before}, then:\n  evocity run {near(str(output))}")
+    echo(f"{before}, then:\n  evocity run {near(str(output))}")
 
 
 def _tell(text: str) -> None:
-    click.echo(f"{text} …", err=True)
+    echo(f"{text} …", err=True)
 
 
 def _note_parent(city, parent) -> None:

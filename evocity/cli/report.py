@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output
+from evocity.cli.common import check_output, echo
 from evocity.errors import RunError
 
 
@@ -41,4 +41,4 @@ def report(run: str, output: Path | None) -> None:
             "at least one",
             f"wait for the first generation to end, or go on: evocity resume {run}",
         )
-    click.echo(f"report: {write_report(run, output)}")
+    echo(f"report: {write_report(run, output)}")

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
+from evocity.cli.common import note
 from evocity.cli.searching import blaming_options, carry_out
 
 
@@ -32,7 +33,13 @@ Examples:
     is_flag=True,
     help="Go on although a measure's source, or what else the run started from, has changed.",
 )
-def resume(folder: Path, generations, workers, accept_changes) -> None:
+@click.option(
+    "--set-aside",
+    is_flag=True,
+    help="Move damaged files at the end of the run to its folder damaged/, and breed their "
+    "generations again: the same births.",
+)
+def resume(folder: Path, generations, workers, accept_changes, set_aside) -> None:
     """Go on with the run in the folder RUN.
 
     It goes on after its last whole generation, however it ended, as if it had not been
@@ -40,6 +47,15 @@ def resume(folder: Path, generations, workers, accept_changes) -> None:
     again, unless --generations asks for more. Measures of your own that the recipe names are
     executed.
     """
+
+    if set_aside:
+        from evocity import store
+
+        moved = store.set_aside(folder)
+        for name in moved:
+            click.echo(f"set aside: {name}", err=True)
+        if not moved:
+            note("no file of births or membership is damaged")
 
     def start(tell):
         with blaming_options(generations=generations):

@@ -10,12 +10,16 @@ from evocity.cli.common import (
     describe,
     json_option,
     map_options,
+    note,
     note_compiling,
     output_option,
     print_json,
 )
 from evocity.cli.given import city_of, decoded, genome_of, id_option, is_genome, is_run
 from evocity.errors import EvocityError
+
+#: As `evocity.views.walls.DETAIL`, which is slow to load.
+DETAIL = 2.2
 
 
 @click.command(
@@ -39,9 +43,9 @@ Examples:
     "detail",
     type=float,
     metavar="METRES",
-    default=2.0,
+    default=DETAIL,
     show_default=True,
-    help="Significant detail: shorter pieces of wall are left out.",
+    help="Pieces of wall shorter than this are left out.",
 )
 @click.option(
     "--angles",
@@ -55,7 +59,7 @@ Examples:
     type=float,
     metavar="METRES",
     show_default="heights as they are",
-    help="Height of a storey, to whole numbers of which heights are rounded.",
+    help="Round heights to whole storeys of this height, one at least.",
 )
 @click.option(
     "--least-area",
@@ -90,12 +94,36 @@ Examples:
 )
 @click.option(
     "--seed",
-    type=int,
+    type=click.IntRange(min=0),
     default=0,
     show_default=True,
     help="With --library: draws among objects that fit alike.",
 )
 @click.option("--streets", is_flag=True, help="Streets as surfaces; in .gpkg as layers.")
+@click.option(
+    "--colours",
+    type=click.Choice(["heights", "classes"]),
+    show_default="classes with --classes, else heights",
+    help="Of .png: what roofs are coloured by.",
+)
+@click.option(
+    "--azimuth",
+    type=float,
+    show_default="25",
+    help="Of .png: where one looks to, degrees clockwise from north.",
+)
+@click.option(
+    "--tilt",
+    type=click.FloatRange(1, 90),
+    show_default="40",
+    help="Of .png: from how many degrees above the horizon; 90 is a plan.",
+)
+@click.option(
+    "--width",
+    type=click.IntRange(16, 8192),
+    show_default="900",
+    help="Of .png: width of what is drawn, px.",
+)
 @map_options
 @json_option
 def scene(
@@ -111,13 +139,17 @@ def scene(
     library,
     seed,
     streets,
+    colours,
+    azimuth,
+    tilt,
+    width,
     reading,
     as_json,
 ) -> None:
     """Write a map in three dimensions: solids with floors, walls and flat roofs, on their ground.
 
-    The map is that of a file or a bundled name, the one a GENOME decodes to, or that of one
-    individual of a RUN folder, named by --id. Walls are straight lines fitted to the pixels.
+    MAP is a file or a bundled name, GENOME a genome file, and RUN a run folder, of which --id names
+    one individual. Walls are straight lines fitted to the pixels.
 
     Coordinates are metres from the map's south-west corner; the file keeps where that corner lies,
     the reference system and the attribution. `evocity` reads its own .city.json again.
@@ -127,7 +159,8 @@ def scene(
     from evocity.scene import check_suffix
 
     check_suffix(output)
-    check_output(output, what)
+    for source in filter(None, (what, classes, library and library / "objects.gpkg")):
+        check_output(output, str(source))
     note_compiling()
     how = {
         "detail": detail,
@@ -144,11 +177,19 @@ def scene(
         from evocity.scene.library import Library
 
         how["library"] = Library.read(library)
+    drawn = {"colours": colours, "azimuth": azimuth, "tilt": tilt, "width": width}
+    drawn = {name: value for name, value in drawn.items() if value is not None}
+    if drawn and check_suffix(output) != ".png":
+        option = f"--{next(iter(drawn))}"
+        raise EvocityError(f"{option} with {output.name}", "a .png", f"leave {option} out")
+    if classes is not None and check_suffix(output) == ".png":
+        drawn = {"colours": "classes"} | drawn
     found = []
     for path, city in _levels(what, reading, identifier, zoom, output):
         made = evocity.scene(city, rng=np.random.default_rng(seed), **how)
-        made.write(path)
+        made.write(path, **drawn)
         found.append((path, made))
+        _note_fitted(made)
         if not as_json:
             click.echo(describe(city))
             click.echo(_told(made))
@@ -178,9 +219,15 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
         check_zoom(genome.pavement, zoom)
     ending = len(suffix_of(output))
     stem, suffix = output.name[:-ending], output.name[-ending:]
-    for zoom in sorted(set(zooms)):
-        several = len(set(zooms)) > 1
-        path = output.with_name(f"{stem}-z{zoom:g}{suffix}") if several else output
+    named = {f"{zoom:g}": zoom for zoom in zooms}
+    if len(named) < len(set(zooms)):
+        raise EvocityError(
+            f"--zoom {' --zoom '.join(map(str, zooms))}, of which some have the same file name",
+            "levels that differ in six digits",
+            "leave one of them out",
+        )
+    for told, zoom in sorted(named.items(), key=lambda one: one[1]):
+        path = output.with_name(f"{stem}-z{told}{suffix}") if len(named) > 1 else output
         yield path, decoded(genome, what, identifier, zoom)
 
 
@@ -189,6 +236,19 @@ def _measures(what: str, identifier: int | None) -> dict[str, float]:
     if identifier is None or not is_run(what):
         return {}
     return dict(evocity.open_run(what).individuals([identifier])[0].values)
+
+
+def _note_fitted(made) -> None:
+    """Say why no object of the library fits anywhere, where that is by the classes."""
+    if made.substitution is None or made.substitution.counts["fitted"]:
+        return
+    own = {made.classes.names[number] for number in set(made.classes.of_buildings.tolist())}
+    theirs = set(made.substitution.library.classes)
+    if own and not own & theirs:
+        note(
+            f"no building found an object: the library has {', '.join(sorted(theirs))}, the map "
+            f"{', '.join(sorted(own))}; make the library with the same --classes"
+        )
 
 
 def _told(made) -> str:
@@ -200,9 +260,10 @@ def _told(made) -> str:
     if walls.stairs:
         left.append(f"{walls.stairs} left as the pixels are")
     if walls.dropped:
-        left.append(f"{walls.dropped} specks dropped")
+        left.append(f"{walls.dropped} buildings under the least area dropped")
     if made.substitution is not None:
-        left.append(f"{made.substitution.counts['fitted']} of them objects of the library")
+        fitted = made.substitution.counts["fitted"]
+        left.append(f"{fitted} of them objects of the library, {len(walls) - fitted} as they were")
     return ", ".join([f"{len(walls)} buildings, {triangles} triangles", *left])
 
 

@@ -12,6 +12,7 @@ import click
 import evocity
 from evocity.cli.common import (
     describe,
+    echo,
     json_option,
     map_options,
     note_compiling,
@@ -21,7 +22,10 @@ from evocity.cli.common import (
     warn,
 )
 from evocity.cli.given import case_of, city_of, ids_option, is_genome, is_run, measures_of
-from evocity.errors import EvocityError, FitnessError
+from evocity.errors import EvocityError, FitnessError, plain_text
+
+# What begins a formula, wide forms too.
+_FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 
 
 @click.command(
@@ -77,7 +81,8 @@ def score(maps, identifiers, wanted, references, within, reading, as_json, as_cs
     compare with what --reference names.
 
     JSON: each measure's name to its number; null where the measure is undefined. Several maps
-    give each map's name to these. CSV: a column a measure, empty where it is undefined.
+    give each map's name to these. CSV: a column a measure, empty where it is undefined; a map's
+    name that a spreadsheet would take for a formula (=, +, -, @ first) gets an apostrophe before.
     """
     if as_json and as_csv:
         raise click.UsageError("--json and --csv: one document at a time, leave one out")
@@ -114,9 +119,9 @@ def score(maps, identifiers, wanted, references, within, reading, as_json, as_cs
         print_json(table if len(table) > 1 else next(iter(table.values())))
     else:
         for case in cases.values():
-            click.echo(describe(case.city))
+            echo(describe(case.city))
         for title, part in parts.items():
-            click.echo(_described(part, title if len(parts) > 1 else "", cases[title].city))
+            echo(_described(part, title if len(parts) > 1 else "", cases[title].city))
         if len(table) == 1:
             (values,) = table.values()
             print_table([_row(measure, values[measure.name]) for measure in measures])
@@ -248,14 +253,21 @@ def _print_columns(table, measures) -> None:
                 reasons.setdefault((measure.name, _reason(value)), []).append(title)
     print_table(rows)
     for (name, reason), titles in reasons.items():
-        click.echo(f"undefined: {name} of {', '.join(titles)}: {reason}")
+        echo(f"undefined: {name} of {', '.join(titles)}: {reason}")
 
 
 def _print_csv(table, names: list[str]) -> None:
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["map", *names])
+    rows.writerow(["map", *map(_cell, names)])
     for title, values in table.items():
         numbers = [values[name] for name in names]
-        rows.writerow([title, *("" if math.isnan(n) else repr(float(n)) for n in numbers)])
-    click.echo(text.getvalue(), nl=False)
+        rows.writerow([_cell(title), *("" if math.isnan(n) else repr(float(n)) for n in numbers)])
+    echo(text.getvalue().removesuffix("\n"))
+
+
+def _cell(text: str) -> str:
+    """``text`` as a cell of CSV: an apostrophe goes before what a spreadsheet takes for a formula,
+    as OWASP advises."""
+    text = plain_text(text)
+    return f"'{text}" if text.startswith(_FORMULA) else text

@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import RunFailed, note, note_heights, note_window, told
-from evocity.errors import RecipeError, RunError
+from evocity.cli.common import RunFailed, echo, note, note_heights, note_window, told
+from evocity.errors import RecipeError, RunError, plain_text
 
 #: In a log file, seconds between two lines.
 _BETWEEN_LINES = 10.0
@@ -32,9 +32,9 @@ def carry_out(start: Start, folder: Path, made: str = "") -> None:
         _report(folder)
     except KeyboardInterrupt:
         if folder.is_dir():
-            click.echo(f"Stopped. Go on with: evocity resume {folder}{_look(folder)}", err=True)
+            echo(f"Stopped. Go on with: evocity resume {folder}{_look(folder)}", err=True)
         else:
-            click.echo("Stopped before the first generation; nothing was written.", err=True)
+            echo("Stopped before the first generation; nothing was written.", err=True)
         click.get_current_context().exit(130)
 
 
@@ -87,7 +87,7 @@ def _commands_told():
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr)  # click.echo would write into a live line
+    print(plain_text(text), file=sys.stderr)  # click.echo would write into a live line
 
 
 def _report(folder: Path) -> None:
@@ -100,8 +100,8 @@ def _report(folder: Path) -> None:
             f"the report could not be written ({type(error).__name__}: {error})\n"
             f"  The run's data are safe in {folder}; to try again: evocity report {folder}"
         ) from error
-    click.echo(f"run:    {folder}")
-    click.echo(f"report: {report}")
+    echo(f"run:    {folder}")
+    echo(f"report: {report}")
 
 
 def _look(folder: Path) -> str:
@@ -139,9 +139,9 @@ def _tell_failures(folder: Path) -> None:
     with contextlib.suppress(RunError):  # no generation was whole
         run = evocity.open_run(folder)
         for kind in failures(run):
-            click.echo(f"failed: {kind}", err=True)
+            echo(f"failed: {kind}", err=True)
         if text := unrecorded(run):
-            click.echo(f"not recorded in {text}", err=True)
+            echo(f"not recorded in {text}", err=True)
         if text := repeated(run):
             note(f"{text}: few street blocks can change. A window of more pixels has more of them")
 
@@ -234,7 +234,7 @@ class LiveLine:
     def __call__(self, line: str) -> None:
         from rich.text import Text
 
-        self._spinner.update(text=Text(line))
+        self._spinner.update(text=Text(plain_text(line)))
 
     prepared = __call__
 
@@ -256,12 +256,12 @@ class LogLines:
             self._print()
 
     def prepared(self, text: str) -> None:
-        click.echo(f"{text} …", err=True)
+        echo(f"{text} …", err=True)
 
     def __exit__(self, *_) -> None:
         if self._held is not None:
             self._print()
 
     def _print(self) -> None:
-        click.echo(self._held, err=True)
+        echo(self._held, err=True)
         self._held, self._next = None, time.monotonic() + _BETWEEN_LINES

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, count_option, map_options, output_option, writing
+from evocity.cli.common import check_output, count_option, echo, map_options, output_option, writing
 from evocity.cli.given import city_of, decoded, genome_of, id_option, refuse_reading
 from evocity.errors import EvocityError
 
@@ -83,7 +83,7 @@ def show(
         evocity.write_map(city_of(what, reading, identifier), output)
     else:
         _show_run(what, output, reading)
-    click.echo(f"wrote {output}")
+    echo(f"wrote {output}")
 
 
 def _check_wanted(asked: list[str], count: str | None, depth: int | None) -> None:
@@ -101,7 +101,7 @@ def _show_leaves(genome, city, output: Path) -> None:
 
     write_leaves(Leaves(city, genome.pavement), output)
     each = (f"{which.size} of {side}" for side, which in genome.pavement.levels.items())
-    click.echo(f"{len(genome)} lifs, a range block each: {', '.join(each)} px")
+    echo(f"{len(genome)} lifs, a range block each: {', '.join(each)} px")
 
 
 def _show_usage(genome, city, count: str, output: Path) -> None:
@@ -113,7 +113,7 @@ def _show_usage(genome, city, count: str, output: Path) -> None:
     values = getattr(found, count)
     write_field(Field(city, values.astype("float32"), _COUNTS[count], "calls"), output)
     calling, never = int((found.calls > 0).sum()), float((found.pixels == 0).mean())
-    click.echo(
+    echo(
         f"{len(found.domain_calls)} domain blocks serve {calling} of {len(genome)} lifs, "
         f"the most called {found.domain_calls.max(initial=0)} of them; "
         f"a pixel is called up to {found.pixels.max()} times, {never:.0%} of them never"
@@ -132,7 +132,7 @@ def _show_ancestry(genome, source: str, identifier, depth: int | None, output: P
     parts = tuple(f"{VOID} (bare ground)" if name == VOID else name for name in genome.cities)
     write_shares(Shares(city, weights, parts, title), output)
     shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
-    click.echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
+    echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
 
 
 def _show_run(folder: str, output: Path, reading) -> None:

@@ -2,17 +2,16 @@
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from evocity.errors import FitnessError, near_miss, shown, with_near_miss
 from evocity.views.boxes import Box, corner_near, left_over, meet
+from evocity.views.limits import is_number, parsed
 
 #: What a table may set limits to: by name the unit, the highest value there is, and what a house
 #: has, for examples.
@@ -80,7 +79,7 @@ class TypeTable:
         Raises `FitnessError` for what is no such table; and if a building there may be is of no
         type, or of two.
         """
-        told = _parsed(text)
+        told = parsed(text, "types", FitnessError)
         listed = told.get("type", [])
         _check_parts(told)
         if not isinstance(listed, list) or not (listed or "shares" in told):
@@ -125,15 +124,6 @@ class TypeTable:
 def packaged() -> TypeTable:
     """The table of this package, ``evocity/data/building-types.toml``."""
     return TypeTable.read(Path(__file__).parent.parent / "data" / "building-types.toml")
-
-
-def _parsed(text: str | bytes) -> dict:
-    try:
-        return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FitnessError(
-            f"no TOML: {error}", "a table of types in TOML", "correct that place"
-        ) from None
 
 
 def _check_parts(told: Mapping) -> None:
@@ -183,7 +173,7 @@ def _limits(name: str, feature: str, told, end: float) -> tuple[float, float]:
     if not isinstance(told, dict) or not told or set(told) - {"from", "below"}:
         raise _fault(what, "{ from = NUMBER, below = NUMBER }, either left out where there is none")
     low, high = told.get("from", 0), told.get("below", end)
-    if not all(_is_number(one) for one in (low, high)):
+    if not all(is_number(one) for one in (low, high)):
         raise _fault(what, "numbers, 0 or more")
     if not low < min(high, end):
         raise _fault(what, f"a number from which on, of 0 to {end:g}, below the number it ends at")
@@ -201,7 +191,7 @@ def _shares(told, names: tuple[str, ...]) -> np.ndarray | None:
     for name, share in told.items():
         if name not in names:
             faults.append(with_near_miss(f"{name}, which is no type", name, names))
-        if not _is_number(share):
+        if not is_number(share):
             faults.append(f"{name} = {_typed(share)}")
     if faults:
         raise FitnessError(
@@ -283,11 +273,6 @@ def _typed(value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return shown(value)
-
-
-def _is_number(value) -> bool:
-    real = isinstance(value, Real) and not isinstance(value, bool)
-    return real and value >= 0  # NaN is none
 
 
 def _fault(found: str, expected: str) -> FitnessError:

@@ -1,6 +1,7 @@
 """Solids become files that others open: arrays in, text or bytes out.
 
-- `solids`: `Group`, solids of one kind: prisms on polygons, and their triangles
+- `solids`: `Group`, solids of one kind: prisms on polygons, and their triangles; `Copies`, which of
+  them are the same but for where they stand
 - `cityjson`: CityJSON 2.0, LoD 1.2, surfaces with semantics
 - `gltf`: glTF 2.0, binary
 - `vrml`: VRML97, the papers' format, and X3D
@@ -10,7 +11,7 @@
 from evocity.formats.cityjson import cityjson
 from evocity.formats.gltf import glb
 from evocity.formats.obj import obj
-from evocity.formats.solids import About, Group
+from evocity.formats.solids import About, Copies, Group
 from evocity.formats.vrml import vrml97, x3d
 
-__all__ = ["About", "Group", "cityjson", "glb", "obj", "vrml97", "x3d"]
+__all__ = ["About", "Copies", "Group", "cityjson", "glb", "obj", "vrml97", "x3d"]

@@ -74,14 +74,16 @@ def _told(about: About) -> dict:
 def _objects(group: Group, vertices: _Vertices) -> Iterator[tuple[str, dict]]:
     tall = np.round(group.heights / SCALE).astype(np.int64).tolist()
     for number, (rings, high) in enumerate(zip(_rings(group), tall, strict=True)):
-        attributes = {name: column[number] for name, column in group.attributes.items()}
+        told = ((name, column[number]) for name, column in group.attributes.items())
+        attributes = {name: value for name, value in told if value is not None}
+        kind = group.city_objects[number]
         if high:
             attributes = {"measuredHeight": round(high * SCALE, 3)} | attributes
         geometry = _solid(rings, high, vertices) if high else _surface(rings, vertices)
-        if high and group.city_object == "Building":
+        if high and kind == "Building":
             geometry["semantics"] = _semantics(len(geometry["boundaries"][0]))
         found = {
-            "type": group.city_object,
+            "type": kind,
             "attributes": {"class": group.name} | attributes,
             "geometry": [geometry],
         }

@@ -1,12 +1,13 @@
-"""glTF 2.0 in one binary file, y up: a mesh a group."""
+"""glTF 2.0 in one binary file, y up: a mesh a group, and one of each shape of several copies."""
 
 import json
+import math
 import struct
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evocity.formats.solids import About, Group, Mesh
+from evocity.formats.solids import About, Copies, Group, Mesh
 
 # numbers of the specification
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
@@ -17,9 +18,12 @@ _MOST = 2**16 - 1
 
 
 def glb(groups: Sequence[Group], about: About) -> bytes:
-    """The bytes of a .glb: one mesh and one material a group, colours linear. It has no normals:
-    who shows it makes flat ones, as the specification asks (3.7.2.1), and corners need not be told
-    once for each wall.
+    """The bytes of a .glb: a node, a mesh and a material a group, colours linear.
+
+    A shape of which a group has two copies or more is a mesh of its own, and each copy a node below
+    the group's. A mirrored one has a scale of x below 0: its triangles are then seen from the other
+    side, by the specification (3.7.4). There are no normals: who shows it makes flat ones, 3.7.2.1,
+    and corners need not be told once for each wall.
 
     Source: Khronos, glTF 2.0 specification.
     """
@@ -41,19 +45,17 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
         mesh = group.mesh
         if not len(mesh.triangles):
             continue
-        number = len(document["meshes"])
-        primitives = [
-            {
-                "attributes": {"POSITION": _accessor(document, parts, points, "VEC3", _ARRAY)},
-                "indices": _accessor(document, parts, triangles, "SCALAR", _ELEMENTS),
-                "material": number,
-            }
-            for points, triangles in _parts(mesh)
-        ]
-        document["meshes"].append({"name": group.name, "primitives": primitives})
+        material = len(document["materials"])
         document["materials"].append(_material(group))
-        document["nodes"].append({"name": group.name, "mesh": number})
-        document["scenes"][0]["nodes"].append(number)
+        node: dict = {"name": group.name}
+        document["scenes"][0]["nodes"].append(len(document["nodes"]))
+        document["nodes"].append(node)
+        single = _single(group)
+        alone = mesh.only(single[mesh.owner])
+        if len(alone.triangles):
+            node["mesh"] = _mesh(document, parts, group.name, alone, material)
+        if not single.all():
+            node["children"] = _copies(document, parts, group.copies, ~single, material)
     body = b"".join(parts)
     document["buffers"] = [{"byteLength": len(body)}]
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
@@ -61,6 +63,55 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(body), b"BIN\0") + body
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _single(group: Group) -> np.ndarray:
+    """Bool ``(n,)``: which solids of a group are no copies, or the only one of their shape."""
+    if group.copies is None:
+        return np.ones(len(group), bool)
+    of = group.copies.of
+    return (np.bincount(of + 1, minlength=1)[of + 1] < 2) | (of < 0)
+
+
+def _copies(document: dict, parts: list[bytes], copies: Copies, chosen, material: int) -> list[int]:
+    """Numbers of the nodes of the copies ``chosen``, bool ``(n,)``."""
+    shapes, nodes = copies.mesh, document["nodes"]
+    meshes = {
+        shape: _mesh(
+            document, parts, copies.names[shape], shapes.only(shapes.owner == shape), material
+        )
+        for shape in np.unique(copies.of[chosen]).tolist()
+    }
+    first = len(nodes)
+    for k in np.flatnonzero(chosen).tolist():
+        (x, y), (along, across, up) = copies.places[k].tolist(), copies.scales[k].tolist()
+        half = float(copies.turns[k]) / 2
+        shape = int(copies.of[k])
+        found = {"name": copies.names[shape], "mesh": meshes[shape]}
+        found["translation"] = _short(x, 0.0, -y)
+        found["rotation"] = _short(0.0, math.sin(half), 0.0, math.cos(half))
+        found["scale"] = _short(along, up, across)
+        nodes.append(found)
+    return list(range(first, len(nodes)))
+
+
+def _short(*numbers: float) -> list[float]:
+    """As many digits as a viewer's numbers have."""
+    return [float(f"{number:.9g}") + 0.0 for number in numbers]
+
+
+def _mesh(document: dict, parts: list[bytes], name: str, mesh: Mesh, material: int) -> int:
+    """Number of a new mesh."""
+    primitives = [
+        {
+            "attributes": {"POSITION": _accessor(document, parts, points, "VEC3", _ARRAY)},
+            "indices": _accessor(document, parts, triangles, "SCALAR", _ELEMENTS),
+            "material": material,
+        }
+        for points, triangles in _parts(mesh)
+    ]
+    document["meshes"].append({"name": name, "primitives": primitives})
+    return len(document["meshes"]) - 1
 
 
 def _parts(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evocity.formats.solids import About, Group
+from evocity.formats.solids import WALL, About, Group
 
 
 def obj(groups: Sequence[Group], about: About) -> str:
@@ -18,17 +18,27 @@ def obj(groups: Sequence[Group], about: About) -> str:
         lines.append(f"g {group.name}")
         x, y, z = np.round(mesh.points, 3).T
         lines += [
-            f"v {a:.3f} {b:.3f} {c:.3f}"
+            f"v {a:.9g} {b:.9g} {c:.9g}"
             for a, b, c in zip(x.tolist(), z.tolist(), (-y + 0.0).tolist(), strict=True)
         ]
-        order = np.argsort(mesh.owner, kind="stable")
-        before = -1
-        for owner, face in zip(
-            mesh.owner[order].tolist(), (mesh.triangles[order] + base).tolist(), strict=True
-        ):
-            if owner != before:
-                lines.append(f"o {group.name}-{owner + 1}")
-                before = owner
-            lines.append("f {} {} {}".format(*face))
+        lines += _faces(group, base)
         base += len(mesh.points)
     return "\n".join(lines) + "\n"
+
+
+def _faces(group: Group, base: int) -> list[str]:
+    """Lines of the objects of a group, whose points are numbered from ``base`` on: walls have four
+    corners, floors and roofs are of triangles."""
+    mesh = group.mesh
+    walls, owner = mesh.quads
+    flat = mesh.part != WALL
+    faces = ["f {} {} {} {}".format(*one) for one in (walls + base).tolist()]
+    faces += ["f {} {} {}".format(*one) for one in (mesh.triangles[flat] + base).tolist()]
+    owners = np.r_[owner, mesh.owner[flat]]
+    lines, before = [], -1
+    for face in np.argsort(owners, kind="stable").tolist():
+        if owners[face] != before:
+            before = owners[face]
+            lines.append(f"o {group.name}-{before + 1}")
+        lines.append(faces[face])
+    return lines

@@ -1,6 +1,6 @@
 """Solids as arrays: prisms that stand on polygons, in metres from a local corner."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -35,6 +35,32 @@ class About:
 
 
 @dataclass(frozen=True, eq=False)
+class Copies:
+    """Shapes, and which solids of a group are copies of them, scaled, turned and moved.
+
+    names, polygons, heights : of m shapes, m texts, objects ``(m,)`` and float64 ``(m,)``, metres
+        about an origin of their own.
+    of : int ``(n,)``, of each solid its shape; -1 of what is no copy.
+    scales : float64 ``(n, 3)``, along the shape's x, y and z; x below 0 mirrors it.
+    turns : float64 ``(n,)``, radians against the clock, once it is scaled.
+    places : float64 ``(n, 2)``, metres, where the shape's origin comes to lie.
+    """
+
+    names: tuple[str, ...]
+    polygons: np.ndarray
+    heights: np.ndarray
+    of: np.ndarray
+    scales: np.ndarray
+    turns: np.ndarray
+    places: np.ndarray
+
+    @cached_property
+    def mesh(self) -> "Mesh":
+        """The shapes as triangles."""
+        return _mesh(self.polygons, self.heights)
+
+
+@dataclass(frozen=True, eq=False)
 class Group:
     """Solids of one kind, which have one colour: prisms on polygons, or, of height 0, surfaces.
 
@@ -43,8 +69,9 @@ class Group:
     polygons : objects ``(n,)``, valid shapely polygons, metres from the south-west corner, x to the
         east, y to the north.
     heights : float64 ``(n,)``, metres.
-    attributes : by name, a list of n values each: text, whole numbers or numbers.
-    city_object : what CityJSON calls one of them.
+    attributes : by name, a list of n values each: text, whole numbers, numbers, or None.
+    city_object : what CityJSON calls one of them; or a list, what it calls each.
+    copies : which are copies of a shape; None if none is. `polygons` and `heights` hold them too.
     """
 
     name: str
@@ -52,10 +79,17 @@ class Group:
     polygons: np.ndarray
     heights: np.ndarray
     attributes: Mapping[str, list[Any]] = field(default_factory=dict)
-    city_object: str = "Building"
+    city_object: str | Sequence[str] = "Building"
+    copies: Copies | None = None
 
     def __len__(self) -> int:
         return len(self.polygons)
+
+    @property
+    def city_objects(self) -> Sequence[str]:
+        """What CityJSON calls each."""
+        one = self.city_object
+        return [one] * len(self) if isinstance(one, str) else one
 
     @property
     def volume(self) -> float:
@@ -73,7 +107,8 @@ class Mesh:
     """Triangles of solids, each closed and manifold by itself.
 
     points : float64 ``(p, 3)``, x, y, z up, metres.
-    triangles : int32 ``(t, 3)``, against the clock seen from outside.
+    triangles : int32 ``(t, 3)``, against the clock seen from outside; those of walls last their
+        other halves, in the same order.
     owner : int32 ``(t,)``, which solid each is of. part : uint8 ``(t,)``: `FLOOR`, `WALL`, `ROOF`.
     """
 
@@ -81,6 +116,19 @@ class Mesh:
     triangles: np.ndarray
     owner: np.ndarray
     part: np.ndarray
+
+    @property
+    def quads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Walls as they are, each of two of the triangles: int32 ``(w, 4)``, as `triangles`; and
+        which solid each is of."""
+        halves, owner = self.triangles[self.part == WALL], self.owner[self.part == WALL]
+        count = len(halves) // 2
+        return np.column_stack([halves[:count], halves[count:, 2]]), owner[:count]
+
+    def only(self, chosen: np.ndarray) -> "Mesh":
+        """The triangles ``chosen``, bool ``(t,)``."""
+        rows = (self.triangles[chosen], self.owner[chosen], self.part[chosen])
+        return Mesh(self.points, *rows)
 
     @property
     def normals(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from evocity.formats.solids import About, Group
+from evocity.formats.solids import WALL, About, Group
 
 
 def vrml97(groups: Sequence[Group], about: About) -> str:
@@ -74,15 +74,20 @@ def _viewpoint(about: About) -> str:
 
 
 def _lists(group: Group) -> tuple[str, str]:
+    """Points, and faces by their numbers: walls of four corners, floors and roofs of three."""
     mesh = group.mesh
-    used, index = np.unique(mesh.triangles, return_inverse=True)
+    walls, _ = mesh.quads
+    flat = mesh.triangles[mesh.part != WALL]
+    used, index = np.unique(np.r_[walls.ravel(), flat.ravel()], return_inverse=True)
+    walls, flat = index[: walls.size].reshape(-1, 4), index[walls.size :].reshape(-1, 3)
     x, y, z = np.round(mesh.points[used], 3).T
     points = ",\n".join(
         f"{a:g} {b:g} {c:g}" if max(a, b, -c) < 1000 else f"{a:.3f} {b:.3f} {c:.3f}"
         for a, b, c in zip(x.tolist(), z.tolist(), (-y + 0.0).tolist(), strict=True)
     )
-    faces = "\n".join(f"{a} {b} {c} -1" for a, b, c in index.reshape(-1, 3).tolist())
-    return points, faces
+    faces = [f"{a} {b} {c} {d} -1" for a, b, c, d in walls.tolist()]
+    faces += [f"{a} {b} {c} -1" for a, b, c in flat.tolist()]
+    return points, "\n".join(faces)
 
 
 def _quoted(text: str) -> str:

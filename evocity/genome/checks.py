@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from evocity.citymap import PIXEL_SIDES
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
 from evocity.genome._kernels import in_bounds
@@ -46,8 +47,9 @@ def check_description(genome) -> None:
         return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
     pixel, origin = genome.metres_per_pixel, genome.origin
+    low, high = PIXEL_SIDES
     faults = {
-        f"metres_per_pixel = {pixel!r}": number(pixel) and 0 < pixel < math.inf,
+        f"metres_per_pixel = {pixel!r}": number(pixel) and low <= pixel <= high,
         f"sigma_max = {genome.sigma_max!r}": number(genome.sigma_max) and genome.sigma_max > 0,
         "cities that are no names": 0 < len(genome.cities) <= 256
         and all(isinstance(city, str) for city in genome.cities),
@@ -62,8 +64,8 @@ def check_description(genome) -> None:
     if found:
         raise GenomeError(
             "; ".join(found),
-            "a pixel size above 0 m, 1…256 names of cities, text, (x, y) or None, a Condensation "
-            "of the map's size or None",
+            f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text, (x, y) or None, "
+            "a Condensation of the map's size or None",
             "correct them, or encode the map again",
         )
 

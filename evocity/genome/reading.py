@@ -2,20 +2,27 @@
 
 import json
 import os
+import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pyproj import CRS
+from pyproj.exceptions import ProjError
 
 from evocity.citymap import MAX_PIXELS
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError
+from evocity.errors import GenomeError, shown
 from evocity.genome.files import CONDENSED, LEAVES, SCHEMA_VERSIONS
 from evocity.genome.genome import Genome
 from evocity.genome.nucleotides import FIELDS, NEWER, packed
 from evocity.pavement import Pavement
+
+# A PROJ string may name files.
+_CODE_OR_WKT = re.compile(r"[A-Za-z]+:[\w.:]+\Z|[A-Z_]+\s*\[", re.ASCII)
 
 #: What reading a file that is no genome, or a damaged one, can end in.
 _DAMAGE = (
@@ -50,7 +57,7 @@ def read_genome(path: str | os.PathLike) -> Genome:
                 raise _another_table(path, metadata)
             about = dict(json.loads(metadata[b"evocity.genome"]))
             version = about.pop("schema_version")
-            rows, names = file.metadata.num_rows, file.schema_arrow.names
+            told, names = file.metadata, file.schema_arrow.names
     except _DAMAGE:
         raise GenomeError(
             f"{path} is not a genome file, or is damaged",
@@ -64,12 +71,14 @@ def read_genome(path: str | os.PathLike) -> Genome:
             "read it with the release of evocity that wrote it, or encode the map again",
         )
     try:
+        _check_size(told, about)
         table = pq.read_table(path, columns=_columns(version, names))
-        pavement = _pavement(about, table, rows)
+        pavement = _pavement(about, table, told.num_rows)
         if about["sigma_max"] is None:
             about["sigma_max"] = float("inf")
         if about["origin"] is not None:
             about["origin"] = tuple(about["origin"])
+        _check_system(about["crs"])
         if CONDENSED in table.column_names:
             about["condensation"] = Condensation.from_column(table.column(CONDENSED), pavement)
         arrays = {
@@ -82,9 +91,36 @@ def read_genome(path: str | os.PathLike) -> Genome:
         raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None
     except _DAMAGE as error:
         raise GenomeError(
-            f"{path} lacks a part of a genome, or holds one that does not fit ({error})",
+            f"{path} lacks a part of a genome, or holds one that does not fit ({str(error)[:200]})",
             f"columns {', '.join(FIELDS)} and their description",
             "write it again: evocity encode MAP -o GENOME.parquet",
+        ) from None
+
+
+def _check_size(file: pq.FileMetaData, about: Mapping) -> None:
+    """Raise ValueError for more lifs, or more values of a column, than the map has pixels: a value
+    may be told once for a billion of them."""
+    most = min(_whole(about["height"]) * _whole(about["width"]), MAX_PIXELS)
+    values = 0
+    for group in map(file.row_group, range(file.num_row_groups)):
+        columns = map(group.column, range(group.num_columns))
+        # a list that is empty counts as a value too
+        values += max((one.num_values for one in columns), default=0)
+    if file.num_rows > most or values > 2 * most:
+        raise ValueError(f"{file.num_rows} lifs, {values} values of {most} pixels")
+
+
+@lru_cache(maxsize=64)
+def _check_system(crs: str | None) -> None:
+    """Raise `GenomeError` for a reference system that nobody can find a place by."""
+    try:
+        if crs is not None:
+            CRS.from_user_input(crs if _CODE_OR_WKT.match(crs) else None)
+    except (ProjError, TypeError):
+        raise GenomeError(
+            f"crs = {shown(crs)}",
+            "a code PROJ knows, such as EPSG:2154, or WKT",
+            "encode the map again, or write the file with crs = null",
         ) from None
 
 

@@ -3,6 +3,7 @@
 - `reading`: `read_map`, and the table of readers `READERS`
 - `sources`: what a reader takes and returns
 - `geojson`, `cityjson`, `osm`, `vector`, `raster`: the readers
+- `computed`: what a GeoPackage computes, under a bound; `mending`: outlines that cross themselves
 - `heights`: the rules by which a building gets its height
 - `projection`: reference systems, true metres
 - `burning`, `resampling`: footprints and rasters on square pixels

@@ -13,6 +13,7 @@ from rasterio.features import rasterize
 from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword
 from evocity.io.heights import RULES, height_of, is_building
+from evocity.io.mending import geometry_trouble, mended
 from evocity.io.projection import (
     WGS84,
     code_of,
@@ -36,6 +37,13 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
     pixels = request.pixels or PIXELS
     side = request.metres_per_pixel or METRES_PER_PIXEL
     check_size(name, pixels, pixels)
+    with geometry_trouble(name):
+        return _burnt(footprints, request, name, pixels, side)
+
+
+def _burnt(
+    footprints: Footprints, request: Request, name: str, pixels: int, side: float
+) -> CityMap:
     polygons, tags = _buildings(footprints, name)
     if footprints.crs.is_engineering:
         crs, (x, y) = None, _local_center(polygons, footprints, request, name)
@@ -104,6 +112,13 @@ def burnt_onto(
             "polygons of footprints",
             "check that the right file or layer was exported",
         )
+    with geometry_trouble(name):
+        return _burnt_onto(city, crs, footprints, name, default_height)
+
+
+def _burnt_onto(
+    city: CityMap, crs: CRS, footprints: Footprints, name: str, default_height: float
+) -> np.ndarray:
     places = _places(footprints.polygons, footprints, name)
     (rows, columns), side, (left, top) = city.shape, city.metres_per_pixel, city.origin
     window = shapely.box(left, top - rows * side, left + columns * side, top)
@@ -228,12 +243,9 @@ def _inside(
     near = np.flatnonzero(
         (boxes[:, 0] < east) & (boxes[:, 2] > west) & (boxes[:, 1] < north) & (boxes[:, 3] > south)
     )
-    polygons = polygons[near]
-    broken = ~shapely.is_valid(polygons)
-    polygons[broken] = shapely.make_valid(
-        polygons[broken], method="structure", keep_collapsed=False
-    )
-    meets = shapely.intersects(polygons, window) & (shapely.area(polygons) > 0)
+    polygons, tangled = mended(polygons[near])
+    # what is too tangled to be repaired is painted as it is, by the even-odd rule
+    meets = tangled | (shapely.intersects(polygons, window) & (shapely.area(polygons) > 0))
     return polygons[meets], [tags[i] for i in near[meets]]
 
 

@@ -15,6 +15,7 @@ from pyproj import CRS
 
 from evocity.errors import MapError
 from evocity.formats.cityjson import PLACE
+from evocity.io.mending import MOST, crossings
 from evocity.io.projection import WGS84, crs_named, is_metric, moved, plane
 from evocity.io.sources import Footprints
 
@@ -148,7 +149,11 @@ def _seen_from_above(surface: list, vertices: np.ndarray) -> shapely.Geometry | 
     polygon = shapely.Polygon(rings[0], rings[1:])
     if polygon.area <= 1e-6:  # a wall
         return None
-    return polygon if polygon.is_valid else polygon.buffer(0)
+    if polygon.is_valid:
+        return polygon
+    if crossings(polygon) > MOST:
+        raise ValueError(f"a surface that crosses itself more than {MOST} times")
+    return polygon.buffer(0)
 
 
 def _extent(geometries: list[dict], vertices: np.ndarray) -> float:

@@ -18,6 +18,7 @@ from evocity.errors import MapError
 from evocity.io.burning import burnt_onto, crs_of
 from evocity.io.heights import TALLEST
 from evocity.io.reading import data_of, options_of
+from evocity.io.resampling import placing_trouble
 from evocity.io.sources import Footprints, Grid, Request, north_up
 
 
@@ -123,15 +124,16 @@ def _on_grid(grid: Grid, city: CityMap, name: str) -> np.ndarray:
     source, target = (
         rasterio.crs.CRS.from_wkt(crs.to_wkt()) for crs in (grid.crs, crs_of(city, name))
     )
-    reproject(
-        grid.heights.astype(np.float32, copy=False),
-        values,
-        src_transform=grid.transform,
-        src_crs=source,
-        dst_transform=north_up(*city.origin, city.metres_per_pixel),
-        dst_crs=target,
-        resampling=Resampling.nearest,
-    )
+    with placing_trouble(name):
+        reproject(
+            grid.heights.astype(np.float32, copy=False),
+            values,
+            src_transform=grid.transform,
+            src_crs=source,
+            dst_transform=north_up(*city.origin, city.metres_per_pixel),
+            dst_crs=target,
+            resampling=Resampling.nearest,
+        )
     return values
 
 

@@ -7,7 +7,10 @@ areas that are only a ``building:part`` for lines; osmium loses nodes with the n
 of what is not uploaded yet, and fills the courts of multipolygons tagged on the outer way.
 """
 
+import bz2
+import gzip
 import itertools
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +29,9 @@ _SILENT_TAGS = {"type", "source", "created_by", "note", "fixme"}
 
 _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")
 
+# Times that a packed file may grow, and how large it then is before anybody minds, bytes.
+_DENSEST, _LEAST_BOMB = 100, 1 << 26
+
 # what libosmium has for x where a node has no place, as in a deletion
 _NOWHERE = 2**31 - 1
 
@@ -38,15 +44,32 @@ def read_osm(path: Path, request: Request) -> Footprints:
     """Read the buildings of an extract; the suffix of its name tells how it is packed."""
     packing = next(known for known in _FORMATS if path.name.lower().endswith(known))
     try:
+        _check_unpacked(path, packing)
         # absolute, for libosmium would hand a name like "http:a.osm" to curl
         relations, ways, places = _elements(osmium.io.File(str(path.absolute()), packing))
-    except (RuntimeError, ValueError, OSError, osmium.InvalidLocationError) as error:
+    except (
+        *(RuntimeError, ValueError, OSError, EOFError, zlib.error),
+        osmium.InvalidLocationError,
+    ) as error:
         raise MapError(
-            f"{path.name} cannot be read as OpenStreetMap data: {error}",
+            f"{path.name} cannot be read as OpenStreetMap data: {str(error)[:200]}",
             "a whole extract, as XML (.osm) or PBF (.osm.pbf)",
             "download it again; it may have been cut off",
         ) from error
     return _assembled(relations, ways, places)
+
+
+def _check_unpacked(path: Path, packing: str) -> None:
+    """Raise ValueError for a packed file that is a bomb: XML of OpenStreetMap packs to a tenth."""
+    opened = {"osm.gz": gzip.open, "osm.bz2": bz2.open}.get(packing)
+    if opened is None:
+        return
+    most, size = max(_LEAST_BOMB, _DENSEST * path.stat().st_size), 0
+    with opened(path) as file:
+        while content := file.read(1 << 20):
+            size += len(content)
+            if size > most:
+                raise ValueError(f"more than {most >> 20} MiB in {path.stat().st_size} bytes")
 
 
 def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Places]:

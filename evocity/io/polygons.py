@@ -8,7 +8,7 @@ written beside them.
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -48,11 +48,13 @@ def write_geopackage(
     raw: bool = False,
     streets: bool = False,
     walls: Walls | None = None,
+    columns: Mapping[str, np.ndarray] | None = None,
 ) -> None:
     """A GeoPackage of the layer `LAYER`, in the map's reference system; in metres from its
     south-west corner if it has none. ``raw``: pixels' edges in place of straight walls.
-    ``walls``: in place of `CityMap.walls`. ``streets``: `CityMap.street_graph` too, as layers
-    `EDGES`, `NODES` and `PLACES`, and of each building its quarter."""
+    ``walls``: in place of `CityMap.walls`, with ``columns`` of their own. ``streets``:
+    `CityMap.street_graph` too, as layers `EDGES`, `NODES` and `PLACES`, and of each building its
+    quarter."""
     crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
     x, y = _middle(city)
     if is_placed(city):
@@ -60,10 +62,10 @@ def write_geopackage(
         crs = code_of(own)
         x, y = moved(x, y, own, WGS84)
     tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
-    polygons, *columns = _footprints(city, raw, walls)
-    fields = dict(zip(_FIELDS, columns, strict=True))
+    polygons, *told = _footprints(city, raw, walls)
+    fields = dict(zip(_FIELDS, told, strict=True)) | dict(columns or {})
     if streets:
-        fields["quarter"] = city.street_graph.quarters[columns[0] - 1] + np.int32(1)
+        fields["quarter"] = city.street_graph.quarters[told[0] - 1] + np.int32(1)
     _layer(city, path, crs, LAYER, "Polygon", _oriented(polygons), fields, tags)
     if streets:
         told = {key: tags[key] for key in ("NAME", "ATTRIBUTION")}

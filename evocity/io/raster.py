@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import rasterio
-from PIL import Image, UnidentifiedImageError
+from affine import Affine
+from PIL import Image
 from pyproj import CRS
+from pyproj.exceptions import ProjError
 from rasterio._err import CPLE_BaseError  # what some properties of a dataset raise
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.windows import Window
 
 from evocity.errors import MapError, keyword
 from evocity.io.projection import flat
@@ -20,6 +23,9 @@ PIXEL_TAG = "METRES_PER_PIXEL"
 
 # No sidecar files: they may point anywhere.
 _ENVIRONMENT = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
+
+# Pixels that are read at once.
+_AT_ONCE = 1 << 22
 
 _FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937}
 
@@ -37,32 +43,66 @@ def read_geotiff(path: Path, request: Request) -> Grid:
         ):
             check_size(path.name, *source.shape)
             band = _height_band(path, source)
-            heights = source.read(band, masked=True)
+            if "complex" in source.dtypes[band - 1]:
+                raise _no_heights(path, "complex numbers")
             scale, offset = source.scales[band - 1], source.offsets[band - 1]
             unit = _FEET.get((source.units[band - 1] or "").lower(), 1.0)
+            factor = scale * unit * (request.height_scale or 1.0)
+            ground = _ground(source, band, factor, offset * unit * (request.height_scale or 1.0))
             crs, transform, tags = source.crs, source.transform, source.tags()
-    except (RasterioError, CPLE_BaseError, OSError, ValueError) as error:
+            if crs is not None:
+                _check_transform(path, transform)
+                crs = _crs(crs)
+    except (RasterioError, CPLE_BaseError, OSError, ValueError, ProjError) as error:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
             "a whole GeoTIFF",
             "download or export it again; it may have been cut off",
         ) from error
-    if np.iscomplexobj(heights):
-        raise _no_heights(path, "complex numbers")
-    factor = scale * unit * (request.height_scale or 1.0)
-    if factor != 1.0 or offset != 0.0:
-        heights = heights.astype(np.float64) * factor + offset * factor / scale
-    with np.errstate(over="ignore"):
-        ground = np.ma.filled(heights.astype(np.float32), np.float32(0))
-    ground[~(ground > 0)] = 0
     return Grid(
         heights=ground,
-        crs=_crs(crs),
+        crs=crs,
         transform=transform,
         metres_per_pixel=_number(tags.get(PIXEL_TAG)),
         attribution=tags.get("ATTRIBUTION") or tags.get("TIFFTAG_COPYRIGHT") or "",
         name=tags.get("NAME"),
     )
+
+
+def _ground(source: rasterio.DatasetReader, band: int, factor: float, offset: float) -> np.ndarray:
+    """Float32 ``(H, W)``: metres of a ``band``, read some rows at a time, for the largest that are
+    read fill gigabytes in float64."""
+    height, width = source.shape
+    ground = np.empty((height, width), np.float32)
+    deep = source.block_shapes[band - 1][0]
+    step = max(deep, _AT_ONCE // max(width, 1) // deep * deep)
+    for top in range(0, height, step):
+        rows = min(step, height - top)
+        heights = source.read(band, masked=True, window=Window(0, top, width, rows))
+        with np.errstate(all="ignore"):
+            if factor != 1.0 or offset != 0.0:
+                heights = heights.astype(np.float64) * factor + offset
+            ground[top : top + rows] = np.ma.filled(heights.astype(np.float32), np.float32(0))
+        part = ground[top : top + rows]
+        part[~(part > 0)] = 0
+    return ground
+
+
+def _check_transform(path: Path, transform: Affine) -> None:
+    """Raise unless pixels have a place and a size with which coordinates can be computed."""
+    numbers = np.array(transform[:6], float)
+    with np.errstate(all="ignore"):
+        steps = np.hypot(numbers[[0, 1]], numbers[[3, 4]])
+        area = abs(numbers[0] * numbers[4] - numbers[1] * numbers[3])
+        right = np.isfinite(numbers).all() and (np.abs(numbers) < 1e12).all()
+        right &= (steps > 1e-12).all() and area > 1e-6 * steps.prod()
+    if not right:
+        told = ", ".join(f"{number:.6g}" for number in numbers)
+        raise MapError(
+            f"{path.name}: pixels laid by the transform ({told})",
+            "finite numbers that give each pixel a side and an area",
+            "repair its georeference, for example with gdal_edit -a_ullr",
+        )
 
 
 def read_png(path: Path, request: Request) -> Grid:
@@ -78,10 +118,12 @@ def read_png(path: Path, request: Request) -> Grid:
                     "its .tif or .npy does",
                 )
             levels = np.asarray(image)
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
+    except MapError:
+        raise
+    except Exception as error:  # bombs of pixels and of text, and what a damaged chunk raises
         raise MapError(
-            f"{path.name} cannot be read as PNG: {error}",
-            "a whole PNG of at most 170 million pixels",
+            f"{path.name} cannot be read as PNG: {str(error)[:200] or type(error).__name__}",
+            "a whole PNG of at most 170 million pixels, with little text in it",
             "export it again; it may have been cut off",
         ) from error
     if request.height_scale is None:
@@ -137,9 +179,7 @@ def _no_heights(path: Path, found: str) -> MapError:
     )
 
 
-def _crs(crs: rasterio.crs.CRS | None) -> CRS | None:
-    if crs is None:
-        return None
+def _crs(crs: rasterio.crs.CRS) -> CRS | None:
     known = flat(CRS.from_wkt(crs.to_wkt()))
     return known if known.is_projected or known.is_geographic else None
 

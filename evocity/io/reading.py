@@ -1,14 +1,13 @@
 """`read_map`: which reader, which window; and the table of readers."""
 
 import dataclasses
-import math
 import numbers
 import os
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from evocity.citymap import MAX_SIDE, CityMap
+from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
 from evocity.errors import MapError, keyword, setting
 from evocity.io import bundled
 from evocity.io.burning import burnt
@@ -288,10 +287,11 @@ def _positive(option: str, value: object) -> float | None:
     if value is None and option != "default_height":
         return None
     number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not number or not (math.isfinite(value) and value > 0):
+    low, high = PIXEL_SIDES  # heights lie within these too
+    if not number or not low <= value <= high:
         raise MapError(
             setting(option, value),
-            "a positive number of metres",
+            f"a positive number of metres, {low:g} to {high:g}",
             f"correct {keyword(option)}, or leave it out",
         )
     return float(value)

@@ -6,12 +6,17 @@ one its centre lies in, so that heights are never mixed.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import rasterio
 from affine import Affine
 from pyproj import CRS
+from pyproj.exceptions import ProjError
+from rasterio._err import CPLE_BaseError  # what a warp raises
 from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
 from rasterio.transform import array_bounds
 from rasterio.warp import reproject, transform_bounds
 
@@ -29,9 +34,31 @@ from evocity.io.sources import Grid, Request, check_size, north_up
 
 
 def gridded(grid: Grid, request: Request, name: str) -> CityMap:
-    """The window of ``request``, or the whole raster, on square pixels in metres."""
+    """The window of ``request``, or the whole raster, on square pixels in metres.
+
+    Raises `MapError` where it lies nowhere that its reference system knows.
+    """
     if grid.crs is None:
         return _unplaced(grid, request, name)
+    with placing_trouble(name):
+        return _placed(grid, request, name)
+
+
+@contextmanager
+def placing_trouble(name: str) -> Iterator[None]:
+    """Turn what PROJ and GDAL raise of the place of the raster ``name`` into a `MapError`."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (CPLE_BaseError, RasterioError, ProjError, ArithmeticError, ValueError) as error:
+        raise MapError(
+            f"{name}: its pixels cannot be laid on the ground ({str(error)[:200]})",
+            "a transform and a reference system that belong together",
+            "repair its georeference, for example with gdal_edit",
+        ) from error
+
+
+def _placed(grid: Grid, request: Request, name: str) -> CityMap:
     center = request.center or _middle(grid, name)
     true = is_metric(grid.crs) and is_true_to_scale(grid.crs, *center)
     crs = grid.crs if true else local_metres(*center)
@@ -197,4 +224,4 @@ def _too_large(name: str, asked: str, there: str) -> MapError:
     )
 
 
-__all__ = ["gridded"]
+__all__ = ["gridded", "placing_trouble"]

@@ -19,6 +19,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError as BadCRS
 
 from evocity.errors import MapError, keyword
+from evocity.io.computed import check_views
 from evocity.io.heights import BUILDING_FIELDS, plain_name
 from evocity.io.polygons import CENTER_TAG
 from evocity.io.projection import crs_named, flat, is_metric
@@ -44,6 +45,8 @@ _GDAL_ERRORS = (
 def read_layers(path: Path, request: Request) -> Footprints:
     """Read the buildings of a GeoPackage or Shapefile, from ``request.layer`` if named."""
     _check_whole(path)
+    if path.suffix.lower() == ".gpkg":
+        check_views(path)
     polygons, tags, crs, metadata = _read(path, _chosen_layer(path, request.layer))
     if crs is None:
         raise MapError(
@@ -166,7 +169,7 @@ def _gdal_trouble(path: Path) -> Iterator[None]:
             yield
     except _GDAL_ERRORS as error:
         raise MapError(
-            f"{path.name} cannot be read: {str(error).splitlines()[0][:200]}",
+            f"{path.name} cannot be read: {(str(error).splitlines() or ['damaged'])[0][:200]}",
             "a whole file of the format its name says",
             "download or export it again; it may have been cut off or be incomplete",
         ) from error

@@ -5,7 +5,7 @@ import functools
 import os
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -16,7 +16,7 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, Geomet
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap, Walls
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.files import whole_file
 from evocity.io.polygons import write_geojson, write_geopackage
 from evocity.io.raster import PIXEL_TAG
@@ -49,6 +49,7 @@ def write_map(
     raw: bool = False,
     streets: bool = False,
     walls: Walls | None = None,
+    columns: Mapping[str, np.ndarray] | None = None,
 ) -> None:
     """Write a map; the suffix of ``path`` chooses the format.
 
@@ -70,7 +71,7 @@ def write_map(
     ``places``; and of each building the ``quarter`` it is of.
 
     ``walls``, of ``.gpkg`` alone: those to write, as `CityMap.walled` made them, in place of
-    `CityMap.walls`.
+    `CityMap.walls`; ``columns``: what else to tell of each of their polygons, by name.
 
     Raises
     ------
@@ -80,6 +81,10 @@ def write_map(
         was.
     """
     writers = WRITERS | RAW_WRITERS if raw else WRITERS
+    if raw and walls is not None:
+        raise MapError(
+            "raw outlines and walls of one's own", "one of them", f"leave {keyword('raw')} out"
+        )
     if streets or walls is not None:
         suffix, what = Path(path).suffix.lower(), "streets" if streets else "walls of one's own"
         if suffix in writers and suffix != ".gpkg":
@@ -88,7 +93,8 @@ def write_map(
                 "a .gpkg, which has a layer for each kind of thing",
                 f"write a .gpkg, or leave {what} out",
             )
-        own = functools.partial(writers[".gpkg"], streets=streets, walls=walls)
+        how = {"streets": streets, "walls": walls, "columns": columns}
+        own = functools.partial(writers[".gpkg"], **how)
         writers = writers | {".gpkg": own}
     _write(city, path, writers)
 

@@ -1,4 +1,4 @@
-"""Compiled loops over triangles and pixels."""
+"""Compiled loops over triangles and pixels, and over sides of polygons."""
 
 import numpy as np
 
@@ -108,3 +108,109 @@ def painted(surface, lit, edge, colours, picture, covered):
             picture[row, column, 0] = round(min(255.0, red / count))
             picture[row, column, 1] = round(min(255.0, green / count))
             picture[row, column, 2] = round(min(255.0, blue / count))
+
+
+@kernel
+def shared(matrix, shape, where, edges, starts, grounds, begins):
+    """M² ``(n,)`` that objects share with grounds: row n is object ``shape[n]`` under ``matrix[n]``
+    (2, 3), x' = a x + b y + c, and ground ``where[n]``. ``edges`` (e, 4) = x, y, x', y' of sides
+    of all objects, shells against the clock, holes with it; object k has those from ``starts[k]``
+    to ``starts[k + 1]``. ``grounds`` and ``begins`` as well. Exact to rounding: some 1e-10 m² of
+    what lies within 1 km.
+
+    A polygon is what lies below its upper sides less what lies below its lower ones; so what two
+    share is a sum over pairs of sides, of what lies below both.
+    """
+    found = np.zeros(len(shape))
+    most = 0
+    for k in range(len(starts) - 1):
+        most = max(most, starts[k + 1] - starts[k])
+    line = np.empty((most, 5))  # from, to, height at from, slope, sign
+    for n in range(len(shape)):
+        a, b, c = matrix[n, 0, 0], matrix[n, 0, 1], matrix[n, 0, 2]
+        d, e, f = matrix[n, 1, 0], matrix[n, 1, 1], matrix[n, 1, 2]
+        way = 1.0 if a * e - b * d > 0 else -1.0
+        count = 0
+        left, right = np.inf, -np.inf
+        for k in range(starts[shape[n]], starts[shape[n] + 1]):
+            x, y, u, v = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+            x, y = a * x + b * y + c, d * x + e * y + f
+            u, v = a * u + b * v + c, d * u + e * v + f
+            if x == u:
+                continue
+            if x < u:
+                line[count, 0], line[count, 1], line[count, 2] = x, u, y
+                line[count, 4] = -way
+            else:
+                line[count, 0], line[count, 1], line[count, 2] = u, x, v
+                line[count, 4] = way
+            line[count, 3] = (v - y) / (u - x)
+            left, right = min(left, line[count, 0]), max(right, line[count, 1])
+            count += 1
+        total = 0.0
+        for k in range(begins[where[n]], begins[where[n] + 1]):
+            x, y, u, v = grounds[k, 0], grounds[k, 1], grounds[k, 2], grounds[k, 3]
+            if x == u:
+                continue
+            sign = -1.0
+            if x > u:
+                x, y, u, v, sign = u, v, x, y, 1.0
+            if u <= left or x >= right:
+                continue
+            slope = (v - y) / (u - x)
+            for i in range(count):
+                low, high = max(x, line[i, 0]), min(u, line[i, 1])
+                if low >= high:
+                    continue
+                wide = high - low
+                here = y + slope * (low - x)  # the ground's side, at both ends
+                there = y + slope * (high - x)
+                first = line[i, 2] + line[i, 3] * (low - line[i, 0]) - here  # the object's, above
+                last = line[i, 2] + line[i, 3] * (high - line[i, 0]) - there
+                below = (here + there) / 2 * wide
+                if first < 0 and last < 0:
+                    below += (first + last) / 2 * wide
+                elif first < 0:
+                    below += first / 2 * wide * (first / (first - last))
+                elif last < 0:
+                    below += last / 2 * wide * (last / (last - first))
+                total += sign * line[i, 4] * below
+        found[n] = total
+    return found
+
+
+@kernel
+def tried(numbers, flips, shape, where, points, inside, sides, sizes, cells, low, step, areas):
+    """Float64 ``(n,)``: IoU of objects with buildings, less four times the share of the object that
+    lies where it must not, by points. Row n lays object ``shape[n]`` on building ``where[n]`` by
+    ``numbers[n]`` = radians, scale along and across, x and y of the middle; ``flips`` is -1 where
+    it is mirrored along. ``points`` (p, 2) are shares of a frame's sides from its middle, and
+    ``inside`` (objects, p) tells which lie in an object; its sides are ``sides`` (objects, 2), m,
+    its area ``sizes``. ``cells`` (buildings, h, w) = 0 where nothing may stand, 2 on the building,
+    1 else, from the corner ``low`` (x, y) on in steps of ``step``; ``areas`` are the buildings'."""
+    found = np.zeros(len(shape))
+    high, wide = cells.shape[1], cells.shape[2]
+    for n in range(len(shape)):
+        k, j = where[n], shape[n]
+        along, across = sides[j, 0] * numbers[n, 1] * flips[n], sides[j, 1] * numbers[n, 2]
+        c, s = np.cos(numbers[n, 0]), np.sin(numbers[n, 0])
+        ux, uy = c * along / step[k, 0], s * along / step[k, 1]
+        vx, vy = -s * across / step[k, 0], c * across / step[k, 1]
+        x, y = (numbers[n, 3] - low[k, 0]) / step[k, 0], (numbers[n, 4] - low[k, 1]) / step[k, 1]
+        whole, own, wrong = 0, 0, 0
+        for i in range(len(points)):
+            if not inside[j, i]:
+                continue
+            whole += 1
+            column = int(np.floor(x + points[i, 0] * ux + points[i, 1] * vx))
+            row = int(np.floor(y + points[i, 0] * uy + points[i, 1] * vy))
+            what = 0
+            if 0 <= row < high and 0 <= column < wide:
+                what = cells[k, row, column]
+            own += what == 2
+            wrong += what == 0
+        if whole:
+            area = sizes[j] * numbers[n, 1] * numbers[n, 2]
+            common = own / whole * area
+            found[n] = common / (area + areas[k] - common) - 4 * wrong / whole
+    return found

@@ -2,15 +2,17 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from scipy import ndimage
 
 from evocity.citymap import STOREY, CityMap
+from evocity.errors import MapError, plain_text, shown
 from evocity.formats import About, Group
 from evocity.io.polygons import placing
 from evocity.io.writing import save_picture, write_map
@@ -18,6 +20,7 @@ from evocity.scene.library import Library
 from evocity.scene.picture import drawn
 from evocity.scene.substitution import Substitution, substituted
 from evocity.scene.writing import check_place, check_suffix, whole, write
+from evocity.views.buildings import outlines
 from evocity.views.classes import Classes, ClassTable
 from evocity.views.walls import Walls, walls_of
 
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
 #: The ground's colour and the streets', sRGB.
-_GROUND, _STREETS = (0.86, 0.84, 0.79), (0.74, 0.73, 0.71)
+_GROUND, _STREETS = (0.86, 0.84, 0.79), (0.66, 0.69, 0.74)
 #: What CityJSON calls an object of a class; all others are buildings.
 _CITY_OBJECTS = {
     "furniture": "CityFurniture",
@@ -34,8 +37,8 @@ _CITY_OBJECTS = {
     "tree": "SolitaryVegetationObject",
     "ground": "OtherConstruction",
 }
-#: Objects level with the ground share their class's name with the ground itself.
-_NAMED = {"ground": "ground-levelled"}
+#: Classes that share their name with the ground and the streets themselves.
+_NAMED = {"ground": "ground-levelled", "street": "street-object"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class Scene:
     city : the map. walls : its buildings, as they were fitted. classes : what each is, and what is
     lower than buildings. streets : whether they are surfaces of their own. substitution : objects
     of a library in place of buildings, or None. measures : values of the map's measures, by name,
-    which files keep.
+    which files keep. storey : height by which storeys are counted, metres.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -61,6 +64,7 @@ class Scene:
     streets: bool = False
     substitution: Substitution | None = None
     measures: Mapping[str, float] = field(default_factory=dict)
+    storey: float = STOREY
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -89,14 +93,14 @@ class Scene:
         wide, deep = self.about.size
         if city.site is None:
             return np.array([shapely.box(0, 0, wide, deep)], dtype=object)
-        rows, columns = np.nonzero(city.site)
-        left, top = columns * pixel, deep - rows * pixel
-        return _parts(shapely.union_all(shapely.box(left, top - pixel, left + pixel, top)))
+        labels, _ = ndimage.label(city.site)
+        return np.array(outlines(labels.astype(np.int32), pixel, (0.0, deep)), dtype=object)
 
     def _roads(self, ground: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Surfaces of the streets that overlap nowhere, and the kind of each."""
         graph = self.city.street_graph
-        ribbons = self.local(np.array(graph.ribbons(self.walls.polygons), dtype=object))
+        standing = self.walls.polygons if self.substitution is None else self.substitution.polygons
+        ribbons = self.local(np.array(graph.ribbons(standing), dtype=object))
         own, taken = shapely.union_all(ground), shapely.Polygon()
         roads, names = [], []
         for kind in dict.fromkeys(graph.kind.tolist()):
@@ -114,12 +118,14 @@ class Scene:
         polygons = np.array(walls.polygons, dtype=object)
         heights, which = walls.heights, classes.of_buildings[walls.buildings - 1]
         told: dict[str, np.ndarray] = {"id": walls.buildings}
-        if self.substitution is not None:
-            polygons, heights = self.substitution.polygons, self.substitution.heights
-            told["object"] = np.array([one or "" for one in self.substitution.ids], dtype=object)
+        laid = self.substitution
+        if laid is not None:
+            polygons, heights = laid.polygons, laid.heights
+            told["object"] = np.array([one or "" for one in laid.ids], dtype=object)
         polygons = self.local(polygons)
         told["area"] = np.round(shapely.area(polygons), 3)
-        told["storeysAboveGround"] = np.maximum(np.round(heights / STOREY), 1).astype(int)
+        storeys = np.floor(heights / self.storey + 0.5)
+        told["storeysAboveGround"] = np.maximum(storeys, 1).astype(int)
         groups = []
         low = self._low
         for number, name in enumerate(classes.names):
@@ -127,15 +133,20 @@ class Scene:
             if not (own.any() or lower.any() or name == "building"):
                 continue
             columns = {key: column[own].tolist() for key, column in told.items()}
-            if lower.any():  # objects lower than buildings have no storeys
-                columns = {"area": columns["area"] + shapely.area(low[0][lower]).tolist()}
+            # objects lower than buildings have an area alone
+            areas = np.round(shapely.area(low[0][lower]), 3).tolist()
+            more = dict.fromkeys(columns, [None] * len(areas)) | {"area": areas}
+            columns = {key: one + more[key] for key, one in columns.items()}
+            kinds = [_CITY_OBJECTS.get(name, "Building")] * int(own.sum())
+            kinds += [_CITY_OBJECTS.get(name, "OtherConstruction")] * len(areas)
             group = Group(
                 _NAMED.get(name, name),
                 tuple(float(c) / 255 for c in classes.table.rgb[number]),
                 np.concatenate([polygons[own], low[0][lower]]),
                 np.concatenate([heights[own], low[1][lower]]),
                 columns,
-                _CITY_OBJECTS.get(name, "Building"),
+                kinds,
+                None if laid is None else laid.copies(self.about.offset, own, int(lower.sum())),
             )
             groups.append(group)
         return groups
@@ -167,12 +178,13 @@ class Scene:
         offset = (0.0, 0.0) if city.origin is None else (city.origin[0], city.origin[1] - deep)
         crs, center = placing(city)
         window = (*center, city.metres_per_pixel)
-        lines = [city.attribution]
+        lines = city.attribution.split("; ")
         if self.substitution is not None:
-            lines.append(self.substitution.attribution)
-        attribution = "; ".join(line for line in lines if line)
-        measures = dict(self.measures)
-        return About(city.name, attribution, crs, offset, (wide, deep), window, measures)
+            lines += self.substitution.attribution.split("; ")
+        attribution = "; ".join(line for line in dict.fromkeys(lines) if line)
+        measures = {name: float(value) for name, value in self.measures.items()}
+        name, attribution = plain_text(city.name), plain_text(attribution)
+        return About(name, attribution, crs, offset, (wide, deep), window, measures)
 
     def picture(self, **how) -> "Image.Image":
         """An axonometric picture, with shadows: parallel lines stay parallel, and lengths along the
@@ -191,7 +203,7 @@ class Scene:
         Raises `MapError` for what these cannot be. Source: the z-buffer, Catmull 1974; shadows by a
         second one from the sun, Williams 1978. About .2 s for a dense map of 256².
         """
-        return drawn(self.city, self.groups, **how)
+        return drawn(self._thanked, self.groups, **how)
 
     def write(self, path: str | os.PathLike, **how) -> None:
         """Write the scene; the end of ``path`` chooses the format: `evocity.scene.SUFFIXES`. A .png
@@ -203,14 +215,38 @@ class Scene:
         path = Path(path)
         suffix = check_suffix(path)
         if suffix == ".gpkg":
-            write_map(self.city, path, streets=self.streets, walls=self.walls)
+            walls, more = self._footprints
+            write_map(self._thanked, path, streets=self.streets, walls=walls, columns=more)
         elif suffix == ".png":
             check_place(path)
             picture = self.picture(**how)
             with whole(path) as temporary:
-                save_picture(picture, self.city, self.city.name, temporary)
+                save_picture(picture, self._thanked, self.city.name, temporary)
         else:
             write(self.groups, self.about, path)
+
+    @property
+    def _thanked(self) -> CityMap:
+        """The map with the attribution of all that stands on it."""
+        credit = self.about.attribution
+        return (
+            self.city
+            if credit == self.city.attribution
+            else self.city.replace(self.city.heights, attribution=credit)
+        )
+
+    @property
+    def _footprints(self) -> tuple[Walls, dict[str, np.ndarray]]:
+        """What stands where, as `write_map` takes it, and columns of it: class and object."""
+        walls, classes = self.walls, self.classes
+        names = np.array(classes.names, dtype=object)
+        columns = {"class": names[classes.of_buildings[walls.buildings - 1]]}
+        laid = self.substitution
+        if laid is not None:
+            polygons = tuple(laid.polygons)
+            walls = replace(walls, polygons=polygons, heights=laid.heights)
+            columns["object"] = np.array([one or "" for one in laid.ids], dtype=object)
+        return walls, columns
 
 
 def _parts(shape: shapely.Geometry) -> np.ndarray:
@@ -223,8 +259,8 @@ def _parts(shape: shapely.Geometry) -> np.ndarray:
 def scene(
     city: CityMap,
     *,
-    classes: ClassTable | None = None,
-    library: Library | None = None,
+    classes: ClassTable | str | os.PathLike | None = None,
+    library: Library | str | os.PathLike | None = None,
     rng: np.random.Generator | None = None,
     streets: bool = False,
     measures: Mapping[str, float] | None = None,
@@ -233,18 +269,30 @@ def scene(
     """A map in three dimensions: its buildings as solids with floors, walls and flat roofs, what
     is lower than buildings, and its ground.
 
-    classes : what is told apart, and in which colours; None for the seven of this package.
-    library : objects that take the place of buildings where they fit; which of several that fit
-        alike, ``rng`` draws (None: of the seed 0).
+    classes : what is told apart, and in which colours, or the path of its TOML file; None for the
+        seven of this package.
+    library : objects that take the place of buildings where they fit, or their folder; which of
+        several that fit alike, ``rng`` draws (None: of the seed 0).
     streets : whether the streets are surfaces of their own.
     measures : values of the map's measures, by name, which CityJSON keeps as attributes.
     ``how`` the walls are fitted: ``detail``, ``relative``, ``squared``, ``storeys``, ``least_area``
         of `CityMap.walled`, which raises `MapError` for what they cannot be.
     """
+    if not isinstance(city, CityMap):
+        raise MapError(
+            f"a scene of {shown(city)}",
+            "a CityMap",
+            "read it first, with evocity.read_map(…), or evocity.decode(genome).city",
+        )
+    if isinstance(classes, str | os.PathLike):
+        classes = ClassTable.read(classes)
+    if isinstance(library, str | os.PathLike):
+        library = Library.read(library)
     walls = city.walled(**how) if how else city.walls
     found = city.classes if classes is None else city.classified(classes)
     laid = None
     if library is not None:
         rng = np.random.default_rng(0) if rng is None else rng
         laid = substituted(city, library, rng, walls=walls, classes=found)
-    return Scene(city, walls, found, streets, laid, measures or {})
+    storey = how.get("storeys") or STOREY
+    return Scene(city, walls, found, streets, laid, measures or {}, storey)

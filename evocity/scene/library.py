@@ -18,11 +18,12 @@ from evocity.citymap import CityMap, ClassTable
 from evocity.errors import MapError, keyword
 from evocity.files import whole_file
 from evocity.io.sources import content_of
+from evocity.views.walls.coverage import pinched
 
 #: The table of a library's folder, and its layer.
 TABLE, LAYER = "objects.gpkg", "objects"
-#: What the table tells of each object besides its footprint. `path` and `attached` may be left out.
-COLUMNS = ("id", "class", "height", "atmosphere", "licence", "attribution", "attached", "path")
+#: What the table tells of each object besides its footprint; the last two may be left out.
+COLUMNS = ("id", "class", "height", "atmosphere", "licence", "attribution", "attached")
 #: No object is higher, metres: as `read_map` has it.
 TALLEST = 1000.0
 #: Footprints under this area, m², are no objects: as `evocity.views.buildings.CRUMB`.
@@ -52,7 +53,6 @@ class Library:
     licences, attributions : under which licence each may be used, and the line that it asks for;
         that may be "".
     attached : bool ``(n,)``: whether it stands wall to wall with others.
-    paths : of each the file of a mesh, in the library's folder; "" for none.
 
     >>> import numpy as np, evocity
     >>> from evocity.scene.library import Library
@@ -71,7 +71,6 @@ class Library:
     licences: tuple[str, ...]
     attributions: tuple[str, ...]
     attached: np.ndarray
-    paths: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -128,7 +127,6 @@ class Library:
             (licence.strip(),) * count,
             (credit,) * count,
             beside[chosen],
-            ("",) * count,
         )
 
     @classmethod
@@ -153,7 +151,6 @@ class Library:
             texts("licences"),
             texts("attributions"),
             arrays("attached", bool),
-            texts("paths"),
         )
 
     def only(self, chosen: Sequence[int] | np.ndarray) -> "Library":
@@ -173,7 +170,6 @@ class Library:
             licences=texts(self.licences),
             attributions=texts(self.attributions),
             attached=self.attached[at],
-            paths=texts(self.paths),
         )
 
     @classmethod
@@ -184,8 +180,8 @@ class Library:
 
         Raises `MapError`, naming the object, if there is no such folder, table, layer or column;
         for an id that is missing or there twice; a footprint that is open, invalid or in degrees; a
-        height that is none of up to `TALLEST` metres; a class or licence that is missing; a mesh
-        that lies outside the folder, or is not there.
+        height that is none of up to `TALLEST` metres; a class or licence that is missing; a column
+        ``path`` that names a mesh, wherever it lies.
         """
         folder = Path(folder)
         path = folder / TABLE
@@ -203,7 +199,8 @@ class Library:
         count = len(ids)
         names = [f"{path}: object {one}" for one in ids]
         empty = np.full(count, "", dtype=object)
-        library = cls(
+        _check_no_meshes(fields.get("path", empty), names)
+        return cls(
             tuple(ids),
             _told(fields["class"], names, "class", "building, or another class"),
             _centred(_checked(shapes, names)),
@@ -214,16 +211,12 @@ class Library:
             np.array(
                 [one in (True, 1) for one in fields.get("attached", np.zeros(count, bool))], bool
             ),
-            tuple(_texts(fields.get("path", empty))),
         )
-        for name, mesh in zip(names, library.paths, strict=True):
-            _check_path(folder, name, mesh)
-        return library
 
     def write(self, folder: str | os.PathLike) -> Path:
         """Write the table into a ``folder``, which is made if its own folder is there; a table that
-        is there is written over. Objects lie beside each other, to be looked at in a GIS. Meshes
-        are not copied. Returns the table's path; raises `MapError` where it cannot be written."""
+        is there is written over. Objects lie beside each other, to be looked at in a GIS. Returns
+        the table's path; raises `MapError` where it cannot be written."""
         folder = Path(folder)
         try:
             folder.mkdir(exist_ok=True)
@@ -250,8 +243,8 @@ class Library:
 
     def _columns(self) -> list[np.ndarray]:
         told = (self.ids, self.classes, self.heights, self.atmospheres, self.licences)
-        told += (self.attributions, self.attached, self.paths)
-        kinds = (object, object, float, object, object, object, bool, object)
+        told += (self.attributions, self.attached)
+        kinds = (object, object, float, object, object, object, bool)
         return [np.array(one, dtype=kind) for one, kind in zip(told, kinds, strict=True)]
 
 
@@ -369,6 +362,13 @@ def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
         if not (polygon.is_valid and polygon.area > 0 and np.isfinite(polygon.bounds).all()):
             reason = shapely.is_valid_reason(polygon) if polygon.area > 0 else "no area"
             raise MapError(f"{name}: an invalid footprint, {reason}", wanted, "repair it")
+        if pinched(np.array([polygon]))[0]:
+            raise MapError(
+                f"{name}: a footprint that comes to one point twice, as where a courtyard touches "
+                "a wall",
+                "one whose walls stand apart, of which a solid can be made",
+                "move that corner by some centimetres, or open the courtyard",
+            )
     parts = [one.geoms[0] if one.geom_type == "MultiPolygon" else one for one in polygons]
     found = np.empty(len(parts), object)
     found[:] = parts
@@ -405,24 +405,15 @@ def _told(column: np.ndarray, names: Sequence[str], what: str, expected: str) ->
     return tuple(texts)
 
 
-def _check_path(folder: Path, name: str, mesh: str) -> None:
-    """Raise unless ``mesh`` is "" or a file in the ``folder``."""
-    if not mesh:
-        return
-    home = folder.resolve()
-    try:
-        place = (home / mesh).resolve()
-        there = place.is_relative_to(home) and place != home
-        found = there and place.is_file()
-    except (OSError, ValueError):
-        there = found = False
-    if found and not Path(mesh).is_absolute():
-        return
-    raise MapError(
-        f"{name}: the path {mesh!r} " + ("is no file" if there else "leaves the folder"),
-        "a file in the library's folder, by its path from there",
-        "copy it into the folder and name it so, or leave the path out",
-    )
+def _check_no_meshes(column: np.ndarray, names: Sequence[str]) -> None:
+    """Raise where a column ``path`` names a mesh: nothing would come of it."""
+    for told, name in zip(_texts(column), names, strict=True):
+        if told:
+            raise MapError(
+                f"{name}: a mesh in the path {told!r}",
+                "a footprint with a height: no file beside the table is opened",
+                "leave the column path out",
+            )
 
 
 __all__ = ["COLUMNS", "LAYER", "LEAST", "TABLE", "TALLEST", "Library"]

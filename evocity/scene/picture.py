@@ -61,8 +61,14 @@ def drawn(
     _check("tilt", tilt, 1, 90)
     if colours not in ("heights", "classes"):
         raise MapError(f"colours = {colours!r}", "'heights' or 'classes'", "choose one of them")
+    if not (isinstance(sun, Sequence) and len(sun) == 2):
+        raise MapError(
+            setting("sun", sun), "two numbers: azimuth and height, degrees", "such as (250, 40)"
+        )
     _check("sun", sun[0], -math.inf, math.inf)
     _check("sun", sun[1], 1, 90)
+    if highest is not None:
+        _check("highest", highest, 1e-3, 1e6)
     end = scale_end(city) if highest is None else float(highest)
     surfaces = _surfaces(groups, colours, end)
     towards, sunwards = _directions(azimuth, tilt), _directions(sun[0] + 180, sun[1])
@@ -255,7 +261,9 @@ def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surface
             own[roof] += 0.3 * (255 - own[roof])
         corners.append(mesh.points[mesh.triangles])
         normals.append(mesh.normals)
-        owners.append(mesh.owner.astype(np.int64) + solids)
+        # surfaces of one kind are one: no line is drawn where two of them meet
+        solid = mesh.owner if group.heights.any() else np.zeros_like(mesh.owner)
+        owners.append(solid.astype(np.int64) + solids)
         own_colours.append(own)
         solids += len(group)
     normal, owner = np.concatenate(normals), np.concatenate(owners)

@@ -1,17 +1,19 @@
 """Generated buildings give way to objects of a library that nearly fill the same ground."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from evocity.citymap import STOREY, CityMap, Classes, Walls
 from evocity.errors import MapError, keyword, setting
+from evocity.formats import Copies
 from evocity.scene.library import LEAST, Library
-from evocity.scene.likeness import SCALE, Boards, Placing, likest, placed
+from evocity.scene.likeness import SCALE, Boards, Placing, Sides, frames_of, likest, placed
 
 #: An object may stand so far out of its building's footprint, metres, on open ground; but no
 #: farther than a third of the way to the next building. 6 m: half a house's depth.
@@ -23,12 +25,18 @@ LEAST_IOU = 0.6
 _TIE = 0.01
 # At what shares of the margin the ground about a building is bounded.
 _RINGS = (0.125, 0.25, 0.5, 1.0)
-# Of how many of the likest objects are placings tried on boards, step by step finer, and how many
-# placings are kept after each: degrees, share of a scale, metres. The last is tried on polygons, of
-# the best placings, then of the next where none of them fits.
-_TRIED = 40
-_STEPS = (((6.0, 0.06, 1.5), 20), ((4.0, 0.04, 0.8), 16), ((2.0, 0.03, 0.5), 12))
-_LAST = (1.0, 0.015, 0.25), ((0, 2), (2, 6), (6, 12))
+# So many of the likest objects are tried on boards; how many of the best placings are bettered
+# there, step by step finer: degrees, share of a scale, metres. Then the best are bettered on
+# polygons, and the next where none of them fits.
+_LAST = (1.0, 0.015, 0.25)
+_TRIED = 200
+_STEPS = (
+    *((40, (6.0, 0.06, 1.5)), (40, (6.0, 0.06, 1.5))),
+    *((24, (4.0, 0.04, 0.8)), (24, (4.0, 0.04, 0.8))),
+    *((24, (2.0, 0.03, 0.5)), (24, (2.0, 0.03, 0.5)), (24, _LAST)),
+)
+_FINELY = (_LAST, _LAST)
+_TURNS = ((0, 4), (4, 12), (12, 24))
 # How an object shrinks where it does not fit; the last tells that it does not.
 _SHRINKS = (1.0, 0.99, 0.975, 0.95, 0.92, 0.89)
 # What is worse than a fit by more than this, what lies where it must not counted, is given up.
@@ -91,6 +99,37 @@ class Substitution:
         told |= {"fitted": fitted, "kept": ~fitted}
         return {name: int(np.count_nonzero(one)) for name, one in told.items()}
 
+    def copies(
+        self, offset: tuple[float, float], chosen: np.ndarray, more: int = 0
+    ) -> Copies | None:
+        """Which of the buildings ``chosen``, bool ``(n,)``, are copies of which objects, in metres
+        from ``offset``; after them ``more`` that are none. None if no object is among them."""
+        objects = np.r_[self.objects[chosen], np.full(more, -1)]
+        used, of = np.unique(objects, return_inverse=True)
+        used, of = used[used >= 0], of - int((objects < 0).any())
+        if not len(used):
+            return None
+        frames, library = frames_of(self.library), self.library
+        shapes = np.empty(len(used), object)
+        for k, number in enumerate(used):
+            angle, x, y = frames[number]
+            turned = shapely.affinity.translate(library.polygons[number], -x, -y)
+            shapes[k] = shapely.affinity.rotate(turned, -angle, origin=(0, 0), use_radians=True)
+        # what is scaled and turned in one, parted again
+        laid = np.concatenate([self.transforms[chosen], np.full((more, 2, 3), np.nan)])
+        own, x, y = frames[objects].T
+        c, s = np.cos(own), np.sin(own)
+        along = laid[:, :, 0] * c[:, None] + laid[:, :, 1] * s[:, None]
+        across = laid[:, :, 1] * c[:, None] - laid[:, :, 0] * s[:, None]
+        turns = np.arctan2(-across[:, 0], across[:, 1])
+        wide = along[:, 0] * np.cos(turns) + along[:, 1] * np.sin(turns)
+        up = np.r_[self.vertical[chosen], np.full(more, np.nan)]
+        middles = np.stack([x, y], axis=1)
+        places = (laid[:, :, :2] @ middles[:, :, None])[:, :, 0] + laid[:, :, 2] - offset
+        names = tuple(library.ids[number] for number in used)
+        scales = np.stack([wide, np.hypot(*across.T), up], axis=1)
+        return Copies(names, shapes, library.heights[used], of, scales, turns, places)
+
     @property
     def attribution(self) -> str:
         """The lines that the licences of the objects used here ask for."""
@@ -139,8 +178,9 @@ def substituted(
     classes = city.classes if classes is None else classes
     polygons = np.array(walls.polygons, dtype=object).reshape(-1)
     kinds = [classes.names[k] for k in classes.of_buildings[walls.buildings - 1]]
-    offset = np.array(city.origin or (0.0, 0.0))  # near 0 numbers are exact to less
-    local = shapely.transform(polygons, lambda points: points - offset)
+    # from the map's corner, to the micrometre: the same is fitted wherever on Earth it lies
+    offset = np.array(city.origin or (0.0, city.shape[0] * city.metres_per_pixel))
+    local = shapely.transform(polygons, lambda points: np.round(points - offset, 6))
     ground = _Ground(local, margin, _frame(city, offset))
     draws = rng.random((len(polygons), 2))
     placing = likest(local, ground.party, walls.heights, kinds, library, STOREY, _TRIED)
@@ -171,7 +211,7 @@ class _Ground:
 
     def __init__(self, polygons: np.ndarray, margin: float, frame: shapely.Polygon):
         self.polygons = polygons
-        self.areas = shapely.area(polygons)
+        self.areas, self.sides = shapely.area(polygons), Sides(polygons)
         tree = shapely.STRtree(polygons)
         one, other = tree.query(polygons, predicate="intersects")
         one, other = one[one != other], other[one != other]
@@ -184,7 +224,7 @@ class _Ground:
         met = length > 0.5
         if met.any():
             self.party = _directions(shared[met], one[met], len(polygons))
-        shapely.prepare(self.allowed)
+        self.open = Sides(self.allowed)
 
     def _about(self, tree: shapely.STRtree, margin: float) -> np.ndarray:
         """The polygons, and what is about them: in rings, each as far as it reaches from its own
@@ -225,50 +265,79 @@ def _best(
     placing: Placing, ground: _Ground, library: Library, draws: np.ndarray, least: float
 ) -> tuple[Placing, np.ndarray]:
     """One placing a building that has any, and its IoU."""
+    placing = placing.joined(_centred(placing, ground.polygons))
     boards = Boards(ground.polygons, ground.allowed, library)
     score = boards.measured(placing)
-    for step, most in _STEPS:
-        placing, score = _bettered(placing, score, boards.measured, step)
+    for most, step in _STEPS:
         kept = _first(placing.building, score, most)
         placing, score = placing.only(kept), score[kept]
-    placing, score = _bettered(placing, score, boards.measured, _LAST[0])
+        placing, score = _bettered(placing, score, boards.measured, step)
     hope = score > least - _HOPE
     placing, score = placing.only(hope), score[hope]
     found, scores = placing.only(np.zeros(0, int)), np.zeros(0)
-    for begin, end in _LAST[1]:  # the next best where the best do not fit
+    exactly = _Exactly(ground, library)
+    for begin, end in _TURNS:  # the next best where the best do not fit
         waiting = ~np.isin(placing.building, found.building)
         left, worth = placing.only(waiting), score[waiting]
         rank = np.setdiff1d(_first(left.building, worth, end), _first(left.building, worth, begin))
-        fitted, new = _exactly(left.only(rank), ground, library, least)
+        fitted, new = exactly.fitted(left.only(rank), least)
         found, scores = found.joined(fitted), np.concatenate([scores, new])
     chosen = _drawn(found.building, scores, draws)
     return found.only(chosen), scores[chosen]
 
 
-def _exactly(
-    placing: Placing, ground: _Ground, library: Library, least: float
-) -> tuple[Placing, np.ndarray]:
-    """Those of the placings, bettered, that fit where they may stand, and their IoU."""
-
-    def measure(one: Placing) -> np.ndarray:
-        return _measured(one, ground, library)[0]
-
-    placing, _ = _bettered(placing, measure(placing), measure, _LAST[0])
-    placing, score = _fitting(placing, ground, library, least)
-    return placing.only(score >= least), score[score >= least]
+def _centred(placing: Placing, polygons: np.ndarray) -> Placing:
+    """The placings with the objects' centroids on those of their buildings: shapes of several wings
+    may be more alike so than in the rectangles about them."""
+    there = shapely.get_coordinates(shapely.centroid(polygons)).reshape(-1, 2)
+    numbers = placing.numbers.copy()
+    numbers[:, 3:] += there[placing.building] - placing.matrices[:, :, 2]
+    return replace(placing, numbers=numbers)
 
 
-def _measured(placing: Placing, ground: _Ground, library: Library) -> tuple[np.ndarray, np.ndarray]:
-    """IoU of each placing, less four times the share of it that lies where it must not; and how
-    much that is, m²."""
-    shapes = placed(placing, library.polygons)
-    own, allowed = ground.polygons[placing.building], ground.allowed[placing.building]
-    common = shapely.area(shapely.intersection(shapes, own))
-    areas, beyond = shapely.area(shapes), np.zeros(len(shapes))
-    out = ~shapely.covers(allowed, shapes)
-    beyond[out] = areas[out] - shapely.area(shapely.intersection(shapes[out], allowed[out]))
-    union = areas + ground.areas[placing.building] - common
-    return common / union - 4 * beyond / areas, beyond
+class _Exactly:
+    """Placings measured by their polygons."""
+
+    def __init__(self, ground: _Ground, library: Library):
+        self.ground, self.library, self.sides = ground, library, Sides(library.polygons)
+        self.areas = shapely.area(library.polygons)
+
+    def fitted(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
+        """Those of the placings, bettered, that fit where they may stand, and their IoU."""
+        score = self.measured(placing)
+        for step in _FINELY:
+            placing, score = _bettered(placing, score, self.measured, step)
+        placing, score = self._shrunk(placing, least)
+        return placing.only(score >= least), score[score >= least]
+
+    def measured(self, placing: Placing) -> np.ndarray:
+        """IoU of each placing, less four times the share of it that lies where it must not."""
+        return self._told(placing)[0]
+
+    def _told(self, placing: Placing) -> tuple[np.ndarray, np.ndarray]:
+        """As `measured`; and how much lies where it must not, m²."""
+        ground, areas = self.ground, self.areas[placing.object]
+        areas = areas * placing.numbers[:, 1] * placing.numbers[:, 2]
+        common = self.sides.shared(placing, ground.sides)
+        beyond = areas - self.sides.shared(placing, ground.open)
+        union = areas + ground.areas[placing.building] - common
+        return common / union - 4 * beyond / areas, beyond
+
+    def _shrunk(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
+        """Each placing, shrunk until it stands where it may, and its IoU: below 0 where none
+        does."""
+        done, score = placing, np.full(len(placing), -1.0)
+        waiting = np.arange(len(placing))
+        for shrink in _SHRINKS:
+            trial = placing.only(waiting).shrunk(shrink).slackened(_SLACK, self.library)
+            found, beyond = self._told(trial)
+            fits = (beyond <= _GRAIN) & trial.within_scale
+            at = waiting[fits]
+            done, score[at] = done.replaced(at, trial.only(fits)), found[fits]
+            waiting = waiting[~fits & (found > least - _HOPE)]
+            if not len(waiting):
+                break
+        return done, score
 
 
 def _bettered(
@@ -291,24 +360,6 @@ def _bettered(
             better = found > score + 1e-4
             placing, score = placing.where(better, other), np.where(better, found, score)
     return placing, score
-
-
-def _fitting(
-    placing: Placing, ground: _Ground, library: Library, least: float
-) -> tuple[Placing, np.ndarray]:
-    """Each placing, shrunk until it stands where it may, and its IoU: below 0 where none does."""
-    done, score = placing, np.full(len(placing), -1.0)
-    waiting = np.arange(len(placing))
-    for shrink in _SHRINKS:
-        trial = placing.only(waiting).shrunk(shrink).slackened(_SLACK, library)
-        found, beyond = _measured(trial, ground, library)
-        fits = (beyond <= _GRAIN) & trial.within_scale
-        at = waiting[fits]
-        done, score[at] = done.replaced(at, trial.only(fits)), found[fits]
-        waiting = waiting[~fits & (found > least - _HOPE)]
-        if not len(waiting):
-            break
-    return done, score
 
 
 def _first(group: np.ndarray, score: np.ndarray, most: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 - `open_run`: a run folder, read only, safe on a stranger's folder and while the run goes on
 - `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
+- `set_aside`: moves damaged files at the end of a run away, so that it can go on
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Source`: a source city and its genome, as the run started from them
 - `append_command`, `read_commands`: what other processes ask of a run that goes on
@@ -19,7 +20,7 @@ from evocity.store.provenance import (
 from evocity.store.run import Run, open_run
 from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header, Member
 from evocity.store.sources import Source
-from evocity.store.writer import RunWriter, refuse_existing
+from evocity.store.writer import RunWriter, refuse_existing, set_aside
 
 __all__ = [
     "SCHEMA_VERSIONS",
@@ -39,4 +40,5 @@ __all__ = [
     "open_run",
     "read_commands",
     "refuse_existing",
+    "set_aside",
 ]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic_core import from_json
 
-from evocity.store.events import append_line
+from evocity.store.events import append_line, lines_of
 from evocity.store.parts import read_bytes
 
 #: A line is no longer than that, bytes; what is longer is not read.
@@ -26,7 +26,7 @@ def read_commands(path: Path, first: int = 0) -> list[tuple[int, dict | None]]:
     Nothing without a file. Raises OSError, `RunError`."""
     if not os.path.lexists(path):
         return []
-    *lines, _ = read_bytes(path).split(b"\n")  # what follows the last is not whole
+    *lines, _ = lines_of(read_bytes(path), path)  # what follows the last is not whole
     return [(number, _document(line)) for number, line in enumerate(lines) if number >= first]
 
 

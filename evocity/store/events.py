@@ -7,7 +7,11 @@ from pathlib import Path
 
 from pydantic_core import from_json
 
+from evocity.errors import RunError
 from evocity.store.parts import open_to_append, read_bytes
+
+#: Lines of a file of events, or of commands, at most.
+MOST_LINES = 200_000
 
 
 def append_event(path: Path, event: str, **details) -> None:
@@ -30,10 +34,23 @@ def append_line(path: Path, document: dict) -> None:
         os.fsync(file.fileno())
 
 
+def lines_of(content: bytes, path: Path) -> list[bytes]:
+    """The lines of ``content``, read at ``path``, what follows the last end of a line too. Raises
+    `RunError` for more than `MOST_LINES`."""
+    count = content.count(b"\n")
+    if count > MOST_LINES:
+        raise RunError(
+            f"{path} has {count} lines",
+            f"at most {MOST_LINES}: one for each start, stop, resume, warning or command",
+            "bring the file back from a copy",
+        )
+    return content.split(b"\n")
+
+
 def read_events(path: Path) -> list[dict]:
     """All whole lines, oldest first; what was cut short is left out. Raises OSError, `RunError`."""
     events = []
-    for line in read_bytes(path).splitlines():
+    for line in lines_of(read_bytes(path), path):
         try:
             event = from_json(line)
         except ValueError:

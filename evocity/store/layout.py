@@ -51,6 +51,7 @@ class Folder:
         self.events = self.root / "events.jsonl"
         self.commands = self.root / "commands.jsonl"
         self.lock = self.root / "lock"
+        self.damaged = self.root / "damaged"
 
     def single(self, kind: str, generation: int) -> Path:
         return self.root / kind / f"generation-{generation:08d}.parquet"

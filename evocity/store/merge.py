@@ -3,23 +3,21 @@
 import contextlib
 import json
 
-import pyarrow.parquet as pq
+import pyarrow as pa
 
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, Piece
 from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN
-
-#: How every Parquet file of a run is written.
-COMPRESSION = {"compression": "zstd", "compression_level": 3, "use_dictionary": True}
+from evocity.store.seals import opened, sealed
 
 KINDS = (BIRTHS, MEMBERSHIP)
 
 
 def write_single(table, path) -> None:
     """Write one generation as one row group; the file appears whole or not at all."""
-    with whole_file(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=max(len(table), 1), **COMPRESSION)
+    with whole_file(path) as temporary, sealed(temporary, table.schema) as writer:
+        writer.write_table(table, row_group_size=max(len(table), 1))
 
 
 def merge(folder: Folder) -> None:
@@ -72,23 +70,35 @@ def drop_leftovers(folder: Folder, last: int) -> None:
 
 def _write_segment(block: list[Piece], target) -> None:
     summaries: dict = {}
-    with whole_file(target) as temporary:
-        writer = None
-        try:
-            for piece in block:
-                with pq.ParquetFile(piece.path) as file:
-                    table = file.read()
-                metadata = table.schema.metadata
-                summaries |= json.loads(metadata.get(ABOUT_GENERATIONS, "{}"))
-                if writer is None:
-                    shared = table.schema.with_metadata({ABOUT_RUN: metadata[ABOUT_RUN]})
-                    writer = pq.ParquetWriter(temporary, shared, **COMPRESSION)
-                writer.write_table(table, row_group_size=max(len(table), 1))
-            if summaries:
-                writer.add_key_value_metadata({ABOUT_GENERATIONS: json.dumps(summaries)})
-        finally:
-            if writer is not None:
-                writer.close()
+    schema = _read(block[0]).schema
+    shared = schema.with_metadata({ABOUT_RUN: schema.metadata[ABOUT_RUN]})
+    with whole_file(target) as temporary, sealed(temporary, shared) as writer:
+        for piece in block:
+            table = _read(piece)
+            summaries |= json.loads(table.schema.metadata.get(ABOUT_GENERATIONS, "{}"))
+            writer.write_table(table, row_group_size=max(len(table), 1))
+        if summaries:
+            writer.add_key_value_metadata({ABOUT_GENERATIONS: json.dumps(summaries)})
+
+
+def _read(piece: Piece) -> pa.Table:
+    """A file that is to be merged. Raises `RunError` if it is damaged: nothing is merged then."""
+    try:
+        with opened(piece.path) as file:
+            return file.read()
+    except (ValueError, pa.ArrowException) as error:
+        raise damaged(piece.path, error) from error
+
+
+def damaged(path, error: Exception) -> RunError:
+    """What is told of a file of births or membership that is not what was written."""
+    reason = "; ".join(map(str.strip, str(error).splitlines()[:3]))
+    return RunError(
+        f"{path} is damaged or not part of a run ({type(error).__name__}: {reason})",
+        "a run folder as `evocity run` writes it",
+        "bring the file back from a copy; or put it aside, and what follows it, and breed that "
+        f"again: evocity resume {path.parent.parent} --set-aside",
+    )
 
 
 def _remove(path) -> None:

@@ -20,21 +20,28 @@ _LIBRARIES = (
     "moocore",
     "nlopt",
     "pyarrow",
-    "pebble",
     "pydantic",
 )
 
 
 def environment() -> dict:
-    """Command, versions of evocity and of what computes for it, Python, platform."""
+    """Command, versions of evocity and of what computes for it, Python, platform. Of absolute paths
+    in the command the names alone: whoever gets the run need not know the user's folders."""
     return {
-        "command": sys.argv,
+        "command": [_told(word) for word in sys.argv],
         "versions": {"evocity": __version__} | {name: _version(name) for name in _LIBRARIES},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "machine": platform.machine(),
         "cores": os.cpu_count(),
     }
+
+
+def _told(word: str) -> str:
+    option, joint, value = word.partition("=")
+    if joint and os.path.isabs(value):
+        return f"{option}={Path(value).name}"
+    return Path(word).name if os.path.isabs(word) else word
 
 
 def hash_of_text(text: str) -> str:

@@ -17,8 +17,11 @@ from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
+from evocity.store.bounds import check_bounds, read_bounded
+from evocity.store.ending import Ending
 from evocity.store.events import read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
+from evocity.store.merge import KINDS, damaged
 from evocity.store.parts import read_bytes, read_json
 from evocity.store.schema import (
     ABOUT_GENERATIONS,
@@ -32,6 +35,7 @@ from evocity.store.schema import (
     membership_schema,
     summaries_of,
 )
+from evocity.store.seals import check_digests, check_seal, opened
 from evocity.store.sources import (
     Source,
     read_condensation,
@@ -63,6 +67,7 @@ class Run:
     def __init__(self, path: str | os.PathLike):
         self.path = Path(path)
         self._folder = Folder(self.path)
+        self._ending = Ending(self._folder)
         if not os.path.lexists(self._folder.provenance):
             inside = self.path.glob("*/provenance.json") if os.path.isdir(self.path) else ()
             within = sorted(str(path.parent) for path in inside)
@@ -96,11 +101,24 @@ class Run:
             return read_condensation(self._folder.locked, self.header.locked)
 
     @property
-    def generations(self) -> range:
-        """Numbers of the generations that are whole now: 0…g."""
+    def written(self) -> range:
+        """Numbers of the generations that are written down, damaged ones too: 0…g."""
         with self._readable(self.path):
-            last = min(self._folder.last_generation(kind) for kind in (BIRTHS, MEMBERSHIP))
-        return range(last + 1)
+            return range(self._ending.written + 1)
+
+    @property
+    def generations(self) -> range:
+        """Numbers of the generations that are whole now: 0…g. Damaged files at the end are not
+        among them, see `damaged`."""
+        with self._readable(self.path):
+            return range(self._ending.found()[0] + 1)
+
+    @property
+    def damaged(self) -> tuple[Path, ...]:
+        """The last files of births and membership, as far as they are damaged, and those that
+        follow them."""
+        with self._readable(self.path):
+            return self._ending.found()[1]
 
     def births(
         self, generation: int | None = None, columns: Sequence[str] | None = None
@@ -216,6 +234,7 @@ class Run:
     def sources(self) -> list[Source]:
         """The source cities, maps and genomes."""
         with self._readable(self._folder.sources):
+            self._check_digests(self._folder.sources)
             return read_sources(self._folder.sources)
 
     def references(self) -> list[CityMap]:
@@ -224,6 +243,7 @@ class Run:
         if not self._folder.references.exists():
             return []
         with self._readable(self._folder.references):
+            self._check_digests(self._folder.references)
             return read_maps(self._folder.references)
 
     def parts(self) -> list[np.ndarray]:
@@ -232,6 +252,7 @@ class Run:
         if not self._folder.within.exists():
             return []
         with self._readable(self._folder.within):
+            self._check_digests(self._folder.within)
             masks = read_masks(self._folder.within)
             for mask in masks:
                 if mask.shape != (self.header.height, self.header.width):
@@ -245,11 +266,16 @@ class Run:
 
     def history(self) -> list[dict]:
         """One summary a generation: births and failures so far, hypervolume, best, …"""
+        whole = self.generations
         summaries = self._with_pieces(
-            lambda: [self._summaries(piece.path) for piece in self._folder.pieces(MEMBERSHIP)]
+            lambda: [
+                self._summaries(piece.path)
+                for piece in self._folder.pieces(MEMBERSHIP)
+                if piece.first in whole
+            ]
         )
         together = {g: about for piece in summaries for g, about in piece.items()}
-        return [{"generation": g} | together[g] for g in self.generations if g in together]
+        return [{"generation": g} | together[g] for g in whole if g in together]
 
     def status(self) -> dict:
         """Where the run is now, in plain JSON values.
@@ -280,6 +306,9 @@ class Run:
             "evaluations_per_second": about.get("evaluations_per_second"),
             "finished": bool(states) and states[-1] == "finish",
         }
+
+    def _check_digests(self, place: Path) -> None:
+        check_digests(self.path, place, dict(self.provenance.get("files", {})))
 
     def _known(self, columns: Sequence[str]) -> list[str]:
         """``columns`` of births; `RunError` if there is no such column."""
@@ -337,17 +366,17 @@ class Run:
     def _rows(self, kind: str, piece: Piece, wanted: range, columns) -> pa.Table:
         """Generations ``wanted`` of a file, once its header and columns are those of the run."""
         expected = births_schema(self.header) if kind == BIRTHS else membership_schema(self.header)
-        with self._readable(piece.path, gone_is_damage=False), pq.ParquetFile(piece.path) as file:
+        with self._readable(piece.path, gone_is_damage=False), opened(piece.path) as file:
             schema = file.schema_arrow
+            check_bounds(file.metadata, self.header, columns)
             if Header.from_json(schema.metadata[ABOUT_RUN], piece.path) != self.header:
                 raise ValueError("it belongs to another run")
             if not schema.equals(expected):
                 raise ValueError(f"its columns are not those of {kind}")
+            groups = [g - piece.first for g in wanted]
             if piece.first == piece.last:  # without rows it has no row group
-                table = file.read(columns=columns)
-            else:
-                groups = [g - piece.first for g in wanted]
-                table = file.read_row_groups(groups, columns=columns)
+                groups = range(file.num_row_groups)
+            table = read_bounded(piece.path, file, kind, groups, columns)
             check_rows(table, () if kind == BIRTHS else self.header.marks)
             return table
 
@@ -356,6 +385,7 @@ class Run:
         whole, spans = self.generations, []
         for piece in self._folder.pieces(BIRTHS):
             with self._readable(piece.path, gone_is_damage=False):
+                check_seal(piece.path)
                 about = pq.read_metadata(piece.path)
                 at = about.schema.to_arrow_schema().names.index("id")
                 # a row group a generation; without rows there is none
@@ -367,7 +397,7 @@ class Run:
         return spans
 
     def _summaries(self, path: Path) -> dict[int, dict]:
-        with self._readable(path, gone_is_damage=False), pq.ParquetFile(path) as file:
+        with self._readable(path, gone_is_damage=False), opened(path) as file:
             return summaries_of(file.metadata.metadata[ABOUT_GENERATIONS])
 
     def _with_pieces(self, read: Callable):
@@ -392,6 +422,8 @@ class Run:
             damage += (ArithmeticError, RecursionError, MemoryError)
             if not isinstance(error, expected + damage):
                 raise
+            if what.parent.name in KINDS:
+                raise damaged(what, error) from error
             reason = "; ".join(map(str.strip, str(error).splitlines()[:3]))
             raise RunError(
                 f"{what} is damaged or not part of a run ({type(error).__name__}: {reason})",

@@ -2,9 +2,11 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,7 +16,7 @@ from pydantic_core import from_json
 
 from evocity.citymap import MAX_PIXELS
 from evocity.condensation import Condensation
-from evocity.errors import RunError
+from evocity.errors import RunError, cut_short, plain_text
 from evocity.genome import Genome
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import Pavement
@@ -28,8 +30,9 @@ from evocity.pavement import Pavement
 SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
-#: measure without a finite value; `died` a worker that ended in the middle.
-STATUSES = ("ok", "error", "timeout", "died", "invalid")
+#: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
+#: took more than it may, or than there is.
+STATUSES = ("ok", "error", "timeout", "died", "invalid", "memory")
 
 ABOUT_RUN = b"evocity.run"
 ABOUT_GENERATIONS = b"evocity.generations"
@@ -231,6 +234,25 @@ _NEVER_NULL = frozenset(
 ) | {name for name, _ in _MEMBERSHIP}
 
 
+#: An error's text has no more than that in the log, bytes: a measure may raise with a gigabyte.
+LONGEST_ERROR = 1000
+
+
+# The folders before the name of a Python file.
+_FOLDERS = re.compile(r"(?<![\w.~])(?:[A-Za-z]:)?[/\\](?:[^\s/\\:()]+[/\\])*(?=[^\s/\\:()]+\.py\b)")
+
+
+def told_short(error: str | None) -> str | None:
+    """An ``error`` as the log keeps it: in `LONGEST_ERROR` bytes, without control characters, and
+    without the user's folders: of a measure's file the name, "~" for home."""
+    if error is None:
+        return None
+    text = _FOLDERS.sub("", error[: 4 * LONGEST_ERROR])
+    home = str(Path.home())
+    text = text.replace(home, "~") if len(home) > 1 else text
+    return cut_short(plain_text(text, "\n"), LONGEST_ERROR)
+
+
 def membership_schema(header: Header) -> pa.Schema:
     """Columns of a membership file."""
     return pa.schema([*_MEMBERSHIP, *((name, pa.float64()) for name in header.marks)])
@@ -275,7 +297,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
         "operator": [b.operator for b in births],
         "made": [json.dumps(b.made, default=plain) for b in births],
         "status": [b.status for b in births],
-        "error": [b.error for b in births],
+        "error": [told_short(b.error) for b in births],
         "seconds": [b.seconds for b in births],
         "feasible": [b.ok and b.feasible for b in births],
         "genome": [b.genome.digest if b.genome is not None else None for b in births],
@@ -309,6 +331,9 @@ def births_of(
     for index in range(len(table)):
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
+        genome = genome_of(row, header, condensation) if row["genome"].is_valid else None
+        if genome is not None and genome.digest != row["genome"].as_py():
+            raise ValueError(f"the genome of individual {row['id']} is not the one that was bred")
         if row["status"].as_py() == "ok":
             _check_ok(row, values, header.measures if row["feasible"].as_py() else ())
         births.append(
@@ -316,7 +341,7 @@ def births_of(
                 **{name: row[name].as_py() for name in _PLAIN},
                 parents=tuple(row["parents"].as_py()),
                 values={name: value for name, value in values.items() if value is not None},
-                genome=genome_of(row, header, condensation) if row["genome"].is_valid else None,
+                genome=genome,
                 made=dict(from_json(row["made"].as_py())),
             )
         )

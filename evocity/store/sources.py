@@ -2,6 +2,8 @@
 measures compare with, and what is locked."""
 
 import json
+import math
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +16,7 @@ from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.files import whole_file
 from evocity.genome import Genome, read_genome
-from evocity.store.parts import plain_file, plain_folder, read_bytes
+from evocity.store.parts import open_to_read, plain_file, plain_folder, read_bytes
 
 _MASK = re.compile(r"(\d{2,3})\.npy", re.ASCII)
 _DESCRIBED = re.compile(r"(\d{2,3})-[A-Za-z0-9_-]*\.json", re.ASCII)
@@ -93,7 +95,7 @@ def _described(folder: Path) -> list[tuple[Path, CityMap]]:
     for path in plain_folder(folder).iterdir():
         if match := _DESCRIBED.fullmatch(path.name):
             about = _About.model_validate_json(read_bytes(path))
-            heights = np.load(plain_file(path.with_suffix(".npy")), allow_pickle=False)
+            heights = _array(path.with_suffix(".npy"))
             found[int(match[1])] = path, CityMap(heights, **about.model_dump())
     return [found[number] for number in sorted(found)]
 
@@ -110,7 +112,7 @@ def read_masks(folder: Path) -> list[np.ndarray]:
     found = {}
     for path in plain_folder(folder).iterdir():
         if match := _MASK.fullmatch(path.name):
-            mask = np.load(plain_file(path), allow_pickle=False)
+            mask = _array(path)
             if mask.ndim != 2 or mask.dtype != bool:
                 raise ValueError(f"{mask.dtype} of shape {mask.shape}")
             found[int(match[1])] = mask
@@ -125,10 +127,27 @@ def write_condensation(path: Path, condensation: Condensation) -> None:
 
 def read_condensation(path: Path, digest: str) -> Condensation:
     """The layer of this ``digest``. Raises as `read_sources`; ValueError if it is another."""
-    raster = np.load(plain_file(path), allow_pickle=False)
+    raster = _array(path)
     if raster.ndim != 2 or raster.dtype != np.float32:
         raise ValueError(f"{raster.dtype} of shape {raster.shape}")
     condensation = Condensation.from_raster(raster)
     if condensation.digest != digest:
         raise ValueError("another layer than the one the run began with")
     return condensation
+
+
+def _array(path: Path) -> np.ndarray:
+    """The array in an NPY file, once the file is as long as its header says: that may tell of
+    terabytes."""
+    with open_to_read(path) as file:
+        major, minor = np.lib.format.read_magic(file)
+        read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+        if major not in read:
+            raise ValueError(f"NPY of version {major}.{minor}")
+        shape, _, kind = read[major](file)
+        told = math.prod(shape) * kind.itemsize
+        there = os.fstat(file.fileno()).st_size - file.tell()
+        if kind.hasobject or told != there:
+            raise ValueError(f"{there} bytes for {kind} of shape {shape}")
+        file.seek(0)
+        return np.load(file, allow_pickle=False)

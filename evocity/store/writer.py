@@ -17,6 +17,7 @@ from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.commands import read_commands
+from evocity.store.ending import Ending
 from evocity.store.events import append_event
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
@@ -30,6 +31,7 @@ from evocity.store.schema import (
     births_table,
     membership_table,
 )
+from evocity.store.seals import digests_of
 from evocity.store.sources import (
     Source,
     write_condensation,
@@ -98,7 +100,6 @@ class RunWriter:
                 place.mkdir()
             with whole_file(folder.recipe) as temporary:
                 temporary.write_bytes(recipe_text.encode())
-            _write_provenance(folder, provenance, header)
             write_sources(folder.sources, sources)
             if references:
                 folder.references.mkdir()
@@ -109,6 +110,8 @@ class RunWriter:
             if condensation is not None:
                 write_condensation(folder.locked, condensation)
             write_own(hidden, own or {})
+            files = digests_of(hidden, folder.sources, folder.references, folder.within)
+            _write_provenance(folder, {**provenance, "files": files}, header)
             folder.events.touch()
             refuse_existing(path)
             if os.name == "nt":  # there a folder with an open file in it cannot be renamed
@@ -142,7 +145,16 @@ class RunWriter:
         folder = Folder(Path(path).absolute())
         writer = cls(folder, run.header, Lock(folder.lock))
         try:
-            whole = run.generations
+            whole = run.written
+            if broken := run.damaged:
+                names = ", ".join(str(one.relative_to(run.path)) for one in broken[:4])
+                more = f" and {len(broken) - 4} more" if len(broken) > 4 else ""
+                raise RunError(
+                    f"{run.path}: {names}{more} cannot be read, or follow what cannot",
+                    "files as they were written",
+                    "bring them back from a copy; or put them aside, and breed those generations "
+                    f"again: evocity resume {run.path} --set-aside",
+                )
             with writer._explained():
                 drop_leftovers(folder, len(whole) - 1)
                 merge(folder)
@@ -215,6 +227,36 @@ class RunWriter:
                 "a run folder that stays in place, on a disk with space",
                 f"free space or bring it back, then: evocity resume {self.path}",
             ) from error
+
+
+def set_aside(path: str | os.PathLike) -> list[Path]:
+    """Move the damaged files of births and membership of the run in ``path``, and all that follow
+    them, into its folder ``damaged``; their generations are bred again once the run goes on.
+    Returns the names of what was moved, below ``path``.
+
+    Raises `RunError` if it is no run, another process writes it, or nothing can be moved.
+    """
+    run = open_run(path)
+    folder = Folder(Path(path).absolute())
+    writer = RunWriter(folder, run.header, Lock(folder.lock))
+    try:
+        moved = []
+        with writer._explained():
+            for one in Ending(folder).found(thorough=True)[1]:
+                name = one.relative_to(folder.root)
+                target = folder.damaged / f"{name.parent.name}-{name.name}"
+                folder.damaged.mkdir(exist_ok=True)
+                number = 1
+                while os.path.lexists(target):
+                    number += 1
+                    target = target.with_name(f"{name.parent.name}-{name.stem}-{number}.parquet")
+                (folder.root / name).rename(target)
+                moved.append(name)
+            if moved:
+                append_event(folder.events, "set aside", files=[one.as_posix() for one in moved])
+        return moved
+    finally:
+        writer.close()
 
 
 def _clear_unfinished(path: Path) -> None:

@@ -1,5 +1,6 @@
 """Scenes read back from their files, by parsers of the tests' own: triangles of each group."""
 
+import itertools
 import json
 import re
 import struct
@@ -50,14 +51,35 @@ def _glb(path: Path) -> Triangles:
         count = accessor["count"] * width
         return np.frombuffer(body, kind, count, view["byteOffset"]).reshape(-1, width)
 
-    found = {}
-    for mesh in document["meshes"]:
-        parts = []
-        for primitive in mesh["primitives"]:
-            points = _z_up(array(primitive["attributes"]["POSITION"]).astype(float))
-            parts.append(points[array(primitive["indices"]).ravel()].reshape(-1, 3, 3))
-        found[mesh["name"]] = np.concatenate(parts)
-    return found
+    def triangles(node: dict) -> np.ndarray:
+        """Of a node and what is below it, where it stands; y up."""
+        parts = [
+            np.empty((0, 3, 3)),
+            *(triangles(document["nodes"][k]) for k in node.get("children", [])),
+        ]
+        if "mesh" in node:
+            for primitive in document["meshes"][node["mesh"]]["primitives"]:
+                points = array(primitive["attributes"]["POSITION"]).astype(float)
+                parts.append(points[array(primitive["indices"]).ravel()].reshape(-1, 3, 3))
+        return _moved(np.concatenate(parts), node)
+
+    roots = [document["nodes"][k] for k in document["scenes"][document["scene"]]["nodes"]]
+    return {node["name"]: _z_up(triangles(node)) for node in roots}
+
+
+def _moved(corners: np.ndarray, node: dict) -> np.ndarray:
+    """Scaled, turned, moved; turned inside out again where the node mirrors (3.7.4)."""
+    scale = np.array(node.get("scale", (1, 1, 1)))
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    found = (corners * scale) @ turn.T + node.get("translation", (0, 0, 0))
+    return found[:, ::-1] if scale.prod() < 0 else found
 
 
 def _obj(path: Path) -> Triangles:
@@ -69,16 +91,21 @@ def _obj(path: Path) -> Triangles:
         elif word == "g":
             (group,) = rest
         elif word == "f":
-            faces.setdefault(group, []).append([int(x) - 1 for x in rest])
+            faces.setdefault(group, []).extend(_fan([int(x) - 1 for x in rest]))
     placed = _z_up(np.array(points, float).reshape(-1, 3))
     return {name: placed[np.array(own)] for name, own in faces.items()}
 
 
+def _fan(face: list[int]) -> list[list[int]]:
+    """Triangles of a face without dents."""
+    return [[face[0], b, c] for b, c in itertools.pairwise(face[1:])]
+
+
 def _indexed(points: str, faces: str) -> np.ndarray:
     placed = _z_up(np.array(re.split(r"[\s,]+", points.strip(" \n,")), float).reshape(-1, 3))
-    index = np.array(faces.split(), int).reshape(-1, 4)
-    assert (index[:, 3] == -1).all()
-    return placed[index[:, :3]]
+    *told, last = faces.replace("\n", " ").split("-1")
+    assert not last.strip()
+    return placed[[three for face in told for three in _fan([int(x) for x in face.split()])]]
 
 
 def _wrl(path: Path) -> Triangles:

@@ -1,6 +1,7 @@
 """A bred city as glTF in three.js, in a browser without a window."""
 
 import contextlib
+import dataclasses
 import functools
 import http.server
 import json
@@ -45,15 +46,19 @@ new GLTFLoader().load("/scene.glb", file => {
   camera.position.set(middle.x, size.x * .8, middle.z + size.z);
   camera.lookAt(middle);
   renderer.render(scene, camera);
-  const triangles = {};
+  const triangles = {}, meshes = new Set();
+  let mirrored = 0;
   file.scene.traverse(one => {
     if (one.isMesh) {
       const count = one.geometry.index.count / 3;
       const name = one.material.name;
       triangles[name] = (triangles[name] || 0) + count;
+      meshes.add(one.geometry.uuid);
+      mirrored += one.matrixWorld.determinant() < 0;
     }
   });
-  told.textContent = JSON.stringify({ triangles, size: size.toArray() });
+  told.textContent = JSON.stringify(
+    { triangles, size: size.toArray(), meshes: meshes.size, mirrored });
   document.body.append(told);
 }, undefined, error => { told.textContent = "failed: " + error; document.body.append(told); });
 </script></body></html>"""
@@ -73,31 +78,59 @@ def served(folder: Path) -> Iterator[str]:
         server.shutdown()
 
 
-@pytest.mark.skipif(
+def opened(scene, folder: Path) -> tuple[dict, np.ndarray]:
+    """What the page tells of a scene, and what is seen of it, int ``(600, 800, 3)``."""
+    folder.mkdir()
+    scene.write(folder / "scene.glb")
+    (folder / "index.html").write_text(PAGE, encoding="utf-8")
+    (folder / "three").symlink_to(THREE)
+    with served(folder) as address:
+        words = (BROWSER, "--headless=new", "--no-sandbox", "--use-angle=swiftshader")
+        words += ("--enable-unsafe-swiftshader", f"--user-data-dir={folder / 'profile'}")
+        words += ("--window-size=800,600", "--virtual-time-budget=10000", "--dump-dom")
+        words += (f"--screenshot={folder / 'seen.png'}", address)
+        page = subprocess.run(
+            words, capture_output=True, check=True, timeout=120, cwd=folder
+        ).stdout.decode()
+    found = re.search(r"<pre>(.*?)</pre>", page)
+    assert found, page
+    return json.loads(found[1]), np.asarray(Image.open(folder / "seen.png").convert("RGB"), int)
+
+
+in_browser = pytest.mark.skipif(
     BROWSER is None or not THREE.is_dir(),
     reason="chromium or npm's three is not there: make .venv/installed-node",
 )
+
+
+@in_browser
 def test_a_bred_city_opens_in_three_js(tmp_path):
     towns = [evocity.encode(draw_town(seed, side=96)).genome for seed in (11, 12)]
     child = make("quarter_fusion")(towns, np.random.default_rng(1))
     scene = evocity.scene(evocity.decode(child).city)
-    scene.write(tmp_path / "scene.glb")
-    (tmp_path / "index.html").write_text(PAGE, encoding="utf-8")
-    (tmp_path / "three").symlink_to(THREE)
-    with served(tmp_path) as address:
-        words = (BROWSER, "--headless=new", "--no-sandbox", "--use-angle=swiftshader")
-        words += ("--enable-unsafe-swiftshader", f"--user-data-dir={tmp_path / 'profile'}")
-        words += ("--window-size=800,600", "--virtual-time-budget=10000", "--dump-dom")
-        words += (f"--screenshot={tmp_path / 'seen.png'}", address)
-        page = subprocess.run(
-            words, capture_output=True, check=True, timeout=120, cwd=tmp_path
-        ).stdout.decode()
-    found = re.search(r"<pre>(.*?)</pre>", page)
-    assert found, page
-    told = json.loads(found[1])
+    told, seen = opened(scene, tmp_path / "bred")
     assert told["triangles"] == {g.name: len(g.mesh.triangles) for g in scene.groups}
+    assert told["meshes"] == len(scene.groups)
     wide, deep = scene.about.size
     assert told["size"] == pytest.approx([wide, scene.groups[-1].heights.max(), deep], abs=1e-3)
-    seen = np.asarray(Image.open(tmp_path / "seen.png").convert("RGB"))
     colours = np.unique(seen.reshape(-1, 3) // 16, axis=0)
     assert len(colours) > 8  # ground, roofs and walls, in light and in shade
+
+
+@in_browser
+def test_copies_of_objects_are_seen_as_if_each_were_its_own(tmp_path):
+    library = evocity.scene.Library.of(draw_town(5, side=96), licence="CC0-1.0")
+    city = draw_town(11, side=96)
+    scene = evocity.scene(city, library=library.only(np.arange(12)), rng=np.random.default_rng(2))
+    told, seen = opened(scene, tmp_path / "copies")
+    assert told["mirrored"] > 0
+    assert told["meshes"] > len(scene.groups)
+    assert told["triangles"] == {g.name: len(g.mesh.triangles) for g in scene.groups}
+    groups = tuple(dataclasses.replace(group, copies=None) for group in scene.groups)
+    plain = dataclasses.replace(scene)
+    plain.__dict__["groups"] = groups
+    other, wanted = opened(plain, tmp_path / "plain")
+    assert other["meshes"] == len(groups)
+    assert other["mirrored"] == 0
+    differ = (np.abs(seen - wanted) > 12).any(axis=2)
+    assert differ.mean() < 1e-3

@@ -332,7 +332,7 @@ def test_a_full_disk_keeps_the_generations_before(writer, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(merge.pq, "write_table", full)
+    monkeypatch.setattr(pq, "ParquetWriter", full)
     with pytest.raises(RunError, match="No space left on device"):
         writer.write_generation(*generation_of(1))
     monkeypatch.undo()

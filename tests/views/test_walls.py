@@ -15,8 +15,9 @@ from scipy import ndimage
 from evocity import CityMap, read_map
 from evocity.errors import MapError
 from evocity.io import cities
-from evocity.views.walls import _kernels, walls_of
+from evocity.views.walls import coverage, walls_of
 from evocity.views.walls.arcs import traced
+from evocity.views.walls.fitting import _kernels as _fitting
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
@@ -54,6 +55,14 @@ def check_coverage(city: CityMap, **how):
     total = shapely.union_all(polygons).area if len(polygons) else 0.0
     assert shapely.area(polygons).sum() == pytest.approx(total, rel=1e-9)
     assert len(walls) == len(walls.buildings) == len(walls.heights)
+    for ring in shapely.get_rings(polygons):
+        points = shapely.get_coordinates(ring)
+        assert (points[1:] != points[:-1]).any(axis=1).all()
+    if len(polygons):  # nothing is beyond the map
+        left, top = city._north_west
+        tall, wide = (side * city.metres_per_pixel for side in city.shape)
+        west, south, east, north = shapely.total_bounds(polygons) - (left, top, left, top)
+        assert min(west, south + tall, wide - east, -north) >= -1e-9
     return walls
 
 
@@ -62,10 +71,19 @@ def check_coverage(city: CityMap, **how):
 def test_any_map_gives_a_valid_coverage(seed, side, how):
     city = CityMap(ragged(seed, side), float(1 + seed % 3))
     walls = check_coverage(city, **how)
-    if not how:
+    if "least_area" not in how:
+        labels = traced(city.building_labels).labels
         assert walls.dropped == 0
-        assert set(walls.buildings) <= set(range(1, len(city.buildings) + 1))
+        assert set(walls.buildings.tolist()) == set(labels[labels > 0].tolist())
         assert len(set(walls.buildings)) >= len(city.buildings) - walls.changed
+        polygons = {}
+        for label, polygon in zip(walls.buildings.tolist(), walls.polygons, strict=True):
+            polygons[label] = polygon.union(polygons.get(label, shapely.Polygon()))
+        for label, polygon in polygons.items():
+            size = np.count_nonzero(labels == label) * city.metres_per_pixel**2
+            assert 0.5 <= polygon.area / size <= 2
+        for one, other in naive.party_walls(labels, least=1):
+            assert polygons[one].intersection(polygons[other]).length > 0
 
 
 @pytest.mark.parametrize("how", HOW, ids=["plain", "squared", "coarse"])
@@ -118,13 +136,13 @@ def test_lines_and_what_douglas_and_peucker_leave_are_those_of_others(seed, coun
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(size=(count, 2)), axis=0)
     sums = np.empty(6)
-    _kernels._sums(points, 0, count, sums)
-    *_, dx, dy, error = _kernels.line_of(sums)
+    _fitting._sums(points, 0, count, sums)
+    *_, dx, dy, error = _fitting.line_of(sums)
     values, vectors = np.linalg.eigh(np.cov(points.T, bias=True))
     assert error == pytest.approx(values[0] * count, abs=1e-9)
     assert abs(vectors[:, 1] @ [dx, dy]) == pytest.approx(1, abs=1e-6)
     keep = np.zeros(count, bool)
-    _kernels._douglas_peucker(points, 0.9, keep, np.empty((count + 2, 2), np.int64))
+    _fitting._douglas_peucker(points, 0.9, keep, np.empty((count + 2, 2), np.int64))
     left = shapely.get_coordinates(
         shapely.LineString(points).simplify(0.9, preserve_topology=False)
     )
@@ -203,6 +221,73 @@ def test_small_and_nested_buildings():
     assert walls.heights.tolist() == [9, 14, 20, 26]
 
 
+@pytest.mark.parametrize("squared", [False, True])
+def test_a_building_of_a_pixel_is_a_square_wherever_it_is(squared):
+    heights = np.zeros((7, 9))
+    places = [*itertools.product((0, 3, 6), (0, 4, 8))]
+    for number, place in enumerate(places):
+        heights[place] = 9 + 4 * number
+    walls = CityMap(heights, 2.0).walled(squared=squared)
+    for (row, column), polygon in zip(places, walls.polygons, strict=True):
+        assert polygon.equals(shapely.box(2 * column, 12 - 2 * row, 2 * column + 2, 14 - 2 * row))
+
+
+def test_wings_of_a_pixel_stay():
+    heights = np.zeros((14, 24))
+    heights[:2] = heights[:11, ::2] = 9
+    (comb,) = CityMap(heights, 1.0).walls.polygons
+    assert comb.area == pytest.approx(156, rel=0.05)
+    strips = np.zeros((40, 9), np.int32)  # side by side they are no façade that goes on
+    strips[5:34, 3], strips[4:34, 4], strips[4:34, 5] = 1, 2, 3
+    given = np.array([9.0, 20.0, 14.0]), np.full(3, np.nan), 1.0, (0, 0)
+    for polygon, size in zip(walls_of(strips, *given).polygons, (29, 30, 30), strict=True):
+        assert polygon.area == pytest.approx(size, abs=1)
+
+
+def test_a_courtyard_s_corner_on_its_building_s_wall_is_told():
+    around = shapely.box(0, 0, 9, 9)
+    inside = [shapely.Polygon([(2, y), (8, 4), (4, 8)]) for y in (0, 1)]
+    polygons = np.array([shapely.difference(around, one) for one in inside])
+    assert shapely.is_valid(polygons).all()
+    assert coverage.pinched(polygons).tolist() == [True, False]
+
+
+@settings(max_examples=60, deadline=None)
+@given(slope=st.floats(-0.95, 0.95), offset=st.floats(20, 21), count=st.integers(6, 40))
+def test_a_settled_line_parts_the_pixels_as_the_true_one_does(slope, offset, count):
+    rows = np.ceil(offset + slope * (np.arange(count) + 0.5) - 0.5).astype(int)  # first below it
+    y, vertices = rows[0], [(0, rows[0])]
+    for x, row in enumerate(rows):
+        while y != row:
+            y += np.sign(row - y)
+            vertices.append((x, y))
+        vertices.append((x + 1, y))
+    vertices = np.array(vertices, dtype=np.int32)
+    runs = np.array([[0, len(vertices) - 1]])
+    sums, lines, ranges = np.empty((1, 8)), np.empty((1, 4)), np.empty((1, 3))
+    _fitting.moments(vertices, runs, sums)
+    _fitting.lines_of(sums, lines)
+    one = np.zeros(1, np.int64), np.array([0, 1])
+    _fitting.settle(vertices, runs, *one, lines, ranges)
+    true = np.arctan(slope)
+    assert ranges[0, 0] - 1e-3 <= true <= ranges[0, 1] + 1e-3
+
+    def parted():
+        x, y, dx, dy = lines[0]
+        middles = np.arange(count) + 0.5
+        line = y + (middles - x) * dy / dx
+        return (line > rows - 0.5 - 1e-6).all() and (line < rows + 0.5 + 1e-6).all()
+
+    if ranges[0, 2] == 0:
+        assert parted()
+    inside = ranges[0, 0] + 1e-6 < true + 1e-9 < ranges[0, 1] - 1e-6
+    _fitting.turn_within(vertices, runs, *one, ranges, np.array([[np.nan, true + 1e-9]]), lines)
+    if inside:
+        assert np.arctan2(lines[0, 3], lines[0, 2]) == pytest.approx(true, abs=1e-6)
+    if ranges[0, 2] == 0:
+        assert parted()
+
+
 def test_a_building_that_meets_itself_at_a_corner_is_filled_there():
     heights = np.zeros((12, 12))
     heights[2:10, 2:10] = 9
@@ -261,13 +346,15 @@ def test_what_is_no_number_is_named(how):
         CityMap(np.full((4, 4), 9.0), 1.0).walled(**how)
 
 
-# 1 − IoU beside the staircase's, angle of façades, degrees, share of the staircase's vertices
+# of organic streets: Montpellier and Lyon; of orthogonal ones: New York and Villeurbanne
+# 1 − IoU beside the staircase's, angle of façades, degrees
 @pytest.mark.parametrize(
     ("name", "pixel", "rest", "angle"),
     [
         ("lyon-1er", 1.0, 0.85, 1.5),
         ("lyon-1er", 2.0, 0.85, 2.5),
         ("new-york-west-village", 1.0, 0.75, 0.6),
+        ("new-york-west-village", 2.0, 0.75, 1.0),
         ("montpellier-pas-du-loup", 1.0, 0.75, 1.5),
         ("montpellier-pas-du-loup", 2.0, 0.75, 2.5),
     ],
@@ -278,5 +365,27 @@ def test_walls_are_nearer_to_the_originals_than_staircases(name, pixel, rest, an
     found = _walls.told(np.array(source.city.walls.polygons), source)
     assert 1 - found["IoU"] <= rest * (1 - stairs["IoU"])
     assert found["bearing"] <= angle
-    assert found["area"] == pytest.approx(1, abs=0.004)
+    assert found["area"] == pytest.approx(1, abs=0.003 if pixel == 1 else 0.006)
     assert found["overlap"] == pytest.approx(0, abs=1e-6)
+
+
+# share of the staircase's vertices at most
+@pytest.mark.parametrize(
+    ("name", "vertices"),
+    [
+        ("montpellier-pas-du-loup", 0.15),
+        ("new-york-west-village", 0.32),
+        ("villeurbanne-gratte-ciel", 0.32),
+    ],
+)
+def test_few_vertices_and_true_areas_and_right_angles(name, vertices):
+    source = _walls.originals(name, 1.0)
+    stairs = _walls.told(np.array(source.city.outline), source)
+    walls = np.array(source.city.walls.polygons)
+    found = _walls.told(walls, source)
+    assert found["vertices"] <= vertices * stairs["vertices"]
+    assert found["area"] == pytest.approx(1, abs=0.003)
+    assert _walls.of_one_building(walls, source) <= 0.015
+    squared = _walls.told(np.array(source.city.walled(squared=True).polygons), source)
+    original = _walls.told(source.footprints, source)
+    assert squared["right"] >= original["right"] - 0.1 > 0.5

@@ -3,17 +3,16 @@
 import math
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from evocity.errors import MapError, near_miss, shown, with_near_miss
 from evocity.views.boxes import Box, corner_near, left_over, meet
+from evocity.views.limits import is_number, parsed
 
 #: What a table may set limits to: by name the unit, the highest value there is, and what a house
 #: has, for examples.
@@ -77,7 +76,7 @@ class ClassTable:
         numbers that are not finite; if there is an object that no entry takes; and if an entry
         takes none, for those before it take all that it would.
         """
-        told = _parsed(text)
+        told = parsed(text, "classes", MapError)
         for name in told:
             if name not in _PARTS:
                 raise MapError(
@@ -136,15 +135,6 @@ def _names(entries) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, _ in entries))
 
 
-def _parsed(text: str | bytes) -> dict:
-    try:
-        return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MapError(
-            f"no TOML: {error}", "a table of classes in TOML", "correct that place"
-        ) from None
-
-
 def _entry(number: int, told: object) -> tuple[str, Box]:
     """Name and box of the ``number``-th ``[[class]]``."""
     name = told.get("name") if isinstance(told, Mapping) else None
@@ -174,7 +164,7 @@ def _limits(number: int, name: str, feature: str, told, end: float) -> tuple[flo
     if not isinstance(told, Mapping) or not told or set(told) - {"from", "below"}:
         expected = "{ from = NUMBER, below = NUMBER }, either left out where there is none"
         raise MapError(what, expected, _HOW)
-    if not all(_is_number(one) for one in told.values()):
+    if not all(is_number(one) and math.isfinite(one) for one in told.values()):
         raise MapError(what, "finite numbers, 0 or more", _HOW)
     low, high = float(told.get("from", 0)), min(float(told.get("below", end)), end)
     if not low < high:
@@ -276,11 +266,6 @@ def _unit(unit: str) -> str:
 def _read_only(array: np.ndarray) -> np.ndarray:
     array.setflags(write=False)
     return array
-
-
-def _is_number(value: object) -> bool:
-    real = isinstance(value, Real) and not isinstance(value, bool)
-    return real and 0 <= value < math.inf  # NaN is none
 
 
 __all__ = ["FEATURES", "MOST", "ClassTable", "packaged"]

@@ -241,7 +241,8 @@ def _told(
     straight_on(lines.first, lines.last, _headings(points, lines.starts), _STRAIGHT, street)
     street = np.unique(street, return_inverse=True)[1]
     place = _most(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
-    kind = table.named(width, np.bincount(street, length)[street]).astype("U32")
+    kind = table.named(width, np.bincount(street, length)[street])
+    kind = kind.astype(np.result_type(kind.dtype, "U5"))  # "place" and "water" have room
     kind[place >= 0] = "place"
     if water is not None:
         kind[across(lines, np.pad(water, 1).astype(np.float32))[0] > 0.5] = "water"

@@ -3,16 +3,15 @@
 import itertools
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
 from evocity.errors import MapError, near_miss, shown
+from evocity.views.limits import is_number, parsed
 
 #: What a table may set limits to, both in metres.
 FEATURES = ("width", "length")
@@ -72,7 +71,7 @@ class StreetKinds:
         Raises `MapError` for what is no such table; and if a street there may be is of no kind, or
         of two.
         """
-        told = _parsed(text)
+        told = parsed(text, "kinds of streets", MapError)
         for name in told:
             if name not in ("kind", "place"):
                 raise MapError(
@@ -103,15 +102,6 @@ def packaged() -> StreetKinds:
     return StreetKinds.read(Path(__file__).parents[2] / "data" / "street-kinds.toml")
 
 
-def _parsed(text: str | bytes) -> dict:
-    try:
-        return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MapError(
-            f"no TOML: {error}", "a table of kinds of streets in TOML", "correct that place"
-        ) from None
-
-
 def _entry(told: object) -> tuple[str, np.ndarray]:
     """Name and limits of one ``[[kind]]``."""
     name = told.get("name") if isinstance(told, Mapping) else None
@@ -138,7 +128,7 @@ def _entry(told: object) -> tuple[str, np.ndarray]:
                 _HOW,
             )
         low, high = own.get("from", 0.0), own.get("below", math.inf)
-        if not (_is_number(low) and _is_number(high) and low < high):
+        if not (is_number(low) and is_number(high) and low < high):
             raise MapError(
                 f"{feature} from {shown(low)} below {shown(high)} of the kind {name}",
                 "metres, 0 or more, the first below the second",
@@ -162,7 +152,7 @@ def _place(told: object) -> tuple[float, float, float]:
         told = dict(zip(_PLACE, usual, strict=True)) | dict(told)
     lowest, highest = (0.0, 1.0, 0.0), (math.inf, math.inf, 1.0)
     for name, low, high in zip(_PLACE, lowest, highest, strict=True):
-        if not (_is_number(told[name]) and low <= told[name] <= high and told[name] > 0):
+        if not (is_number(told[name]) and low <= told[name] <= high and told[name] > 0):
             raise MapError(
                 f"{name} = {shown(told[name])} of [place]",
                 f"a number, {low:g} to {high:g}, not 0",
@@ -195,11 +185,6 @@ def _check_cover(names: tuple[str, ...], limits: np.ndarray) -> None:
             "one kind for each street",
             "widen the limits of a kind beside it, or add one",
         )
-
-
-def _is_number(value: object) -> bool:
-    real = isinstance(value, Real) and not isinstance(value, bool)
-    return real and value >= 0  # NaN is none
 
 
 __all__ = ["FEATURES", "KEPT", "MOST", "StreetKinds", "packaged"]

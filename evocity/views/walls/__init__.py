@@ -1,7 +1,7 @@
 """Walls: straight lines fitted to the staircases of a raster, a valid coverage of polygons.
 
 - `arcs`: where walls run: each traced once, between two nodes where three labels meet
-- `lines`: the straight runs of each, the lines fitted to them, turned to common angles
+- `fitting`: the straight runs of each, the lines fitted to them, turned to common angles
 - `coverage`: the polygons they bound, and what falls back where lines cross
 - `walls`: all of it: `walls_of`, `Walls`
 """

@@ -6,13 +6,16 @@ import numpy as np
 
 from evocity.views.walls import _kernels
 from evocity.views.walls.arcs import Arcs
-from evocity.views.walls.lines import TOLERANCE, Lines, meeting
+from evocity.views.walls.fitting._kernels import place_nodes
+from evocity.views.walls.fitting.lines import TOLERANCE, Lines, meeting
 
 #: No node moves farther from where three labels meet, px, and no corner from where runs part.
 _MOST = 2.0
 #: Corners are whole multiples of a millimetre from the map's south-west corner, or of a thousandth
 #: of a pixel where that is less: files that keep no more hold the same valid polygons.
 GRAIN = 1e-3
+#: Buildings of no more pixels are told by their corners: they are no triangles.
+FEW = 4
 #: What an arc is drawn by.
 FITTED, SIMPLIFIED, STAIRS = 0, 1, 2
 
@@ -37,8 +40,9 @@ def covered(
 ) -> Coverage:
     """Polygons of all labels over 0, in metres; ``corner``: (x, y) of the north-west one.
 
-    Where fitted walls cross, or a polygon is invalid, its arcs fall back to what Douglas and
-    Peucker leave of them, then to the pixels' edges, of which any map's polygons are valid.
+    Where fitted walls cross, or a polygon is invalid, or unlike its pixels, its arcs fall back to
+    what Douglas and Peucker leave of them, then to the pixels' edges, of which any map's polygons
+    are valid.
     """
     import shapely  # slow to load
 
@@ -50,31 +54,40 @@ def covered(
     # what is closed by less than three lines is a pixel or two
     small = arcs.closed & (np.diff(lines.begins) < 3) & (lines.box_of < 0)
     levels = np.where(fixed | small, STAIRS, FITTED).astype(np.uint8)
-    while True:
+
+    def laid():
         still = np.zeros(len(arcs.nodes), bool)
         stairs = (levels == STAIRS) & ~fixed & ~arcs.closed
         still[arcs.ends[stairs].ravel()] = True
         at = np.where(still[:, None], arcs.nodes, nodes)
         points, starts = _laid(arcs, lines, at, levels)
-        points = _grained(points, metres_per_pixel, len(arcs.labels), corner)
-        polygons, labels, flat = rings.polygons(points, starts)
-        if (flat & (levels < STAIRS)).any():
-            levels[flat & (levels < STAIRS)] += 1
+        return _grained(points, metres_per_pixel, len(arcs.labels), corner), starts
+
+    while True:
+        points, starts = laid()
+        odd = rings.odd(points, starts, metres_per_pixel) & (levels < STAIRS)[:, None]
+        if odd.any():
+            levels[odd[:, 0]] += 1
+            levels[odd[:, 1]] = STAIRS
             continue
+        polygons, labels = rings.polygons(points, starts)
         bad = ~shapely.is_valid(polygons)
         edges = shapely.coverage_invalid_edges(polygons)
         bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
-        bad |= _pinched(polygons)
+        bad |= pinched(polygons)
         if not bad.any():
             return Coverage(shapely.remove_repeated_points(polygons), labels, levels)
         wrong = np.unique(labels[bad])
-        beside = (np.isin(arcs.left, wrong) | np.isin(arcs.right, wrong)) & (levels < STAIRS)
-        crossing = _crossing(points, starts, beside)
+        beside = np.isin(arcs.left, wrong) | np.isin(arcs.right, wrong)
+        crossing = _crossing(points, starts, beside) & (levels < STAIRS)
         if not crossing.any():
-            crossing = beside
+            crossing = beside & (levels < STAIRS)
         if not crossing.any():  # about these all is as the pixels are: what touches it gives way
             crossing = levels < STAIRS
-        levels[crossing] += 1
+        while crossing.any():  # which is quickly told beside what is valid
+            levels[crossing] += 1
+            points, starts = laid()
+            crossing = _crossing(points, starts, beside) & (levels < STAIRS)
 
 
 def _grained(
@@ -87,7 +100,7 @@ def _grained(
     return np.round(local / grain) * grain + (corner[0], corner[1] - deep)
 
 
-def _pinched(polygons: np.ndarray) -> np.ndarray:
+def pinched(polygons: np.ndarray) -> np.ndarray:
     """Bool ``(n,)``: which polygons come to one point twice; as solids they had an edge of four
     walls."""
     import shapely
@@ -102,6 +115,8 @@ def _pinched(polygons: np.ndarray) -> np.ndarray:
     twice = (points[1:] == points[:-1]).all(axis=1) & (owner[1:] == owner[:-1])
     found = np.zeros(len(polygons), bool)
     found[owner[1:][twice]] = True
+    holed = np.flatnonzero(shapely.get_num_interior_rings(plain))  # with a corner on a wall
+    found[holed] |= shapely.minimum_clearance(plain[holed]) < 1e-6
     return found
 
 
@@ -119,7 +134,7 @@ def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:
         sides[along_x & ~along_y] = 1
         sides[along_y & ~along_x] = 2
     which, begins = meeting(arcs, lines.begins)
-    _kernels.place_nodes(nodes, which, begins, lines.lines, lines.line, sides, _MOST)
+    place_nodes(nodes, which, begins, lines.lines, lines.line, sides, _MOST)
     nodes[:, 0] = np.clip(nodes[:, 0], 0, width)
     nodes[:, 1] = np.clip(nodes[:, 1], 0, height)
     return nodes
@@ -208,6 +223,7 @@ class _Rings:
         corners[:, 1] *= -1
         points, at = self._points(corners, arcs.starts)
         self._shell = _areas(points, at, rings) > 0
+        self._pixels = np.bincount(arcs.labels.ravel())
 
     def _points(self, points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         most = 2 * len(points) + len(self._labels)
@@ -215,23 +231,33 @@ class _Rings:
         size = _kernels.lay_rings(self._order, self._count, self._ring_of, points, starts, out, at)
         return out[:size], at[:size]
 
-    def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Polygons, their labels, and bool ``(arcs,)``: those of rings that turned over, or fell
-        together."""
+    def odd(self, points, starts, metres_per_pixel: float) -> np.ndarray:
+        """Bool ``(arcs, 2)``: those of rings that turned over, or fell together, and of buildings
+        that are less than half, or more than twice as large as their pixels; and those that are a
+        point, or of buildings of some pixels that are triangles."""
+        out, at = self._points(points, starts)
+        areas = _areas(out, at, len(self._labels))
+        same = (at[1:] == at[:-1]) & (out[1:] == out[:-1]).all(axis=1)
+        corners = np.bincount(at, minlength=len(areas)) - 1
+        corners -= np.bincount(at[1:][same], minlength=len(areas))
+        flat = (corners < 3) | (np.where(self._shell, areas, -areas) <= 1e-9)
+        share = np.bincount(self._labels, areas, len(self._pixels)) / metres_per_pixel**2
+        share /= np.maximum(self._pixels, 1)
+        unlike = ((share < 0.5) | (share > 2))[self._labels]
+        triangle = self._shell & (corners < 4) & (self._pixels[self._labels] <= FEW)
+        found = np.empty((len(starts) - 1, 2), bool)
+        for column, of_ring in enumerate((flat | unlike, triangle)):
+            of_half = (self._ring_of >= 0) & of_ring[self._ring_of]
+            found[:, column] = of_half.reshape(-1, 2).any(axis=1)
+        first, last = points[starts[:-1]], points[starts[1:] - 1]
+        found[:, 1] |= (np.diff(starts) == 2) & (first == last).all(axis=1)
+        return found
+
+    def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray]:
+        """Polygons, and their labels; of rings that are not `odd`."""
         import shapely
 
         out, at = self._points(points, starts)
-        count = len(self._labels)
-        areas = _areas(out, at, count)
-        few = np.bincount(at, minlength=count) < 4
-        flat = few | (np.where(self._shell, areas, -areas) <= 1e-9)
-        if few.any():  # a ring needs three corners: these are told as turned
-            out = np.concatenate([out, np.repeat(out[-1:] * 0, 4 * few.sum(), axis=0)])
-            at = np.concatenate([np.where(few[at], -1, at), np.repeat(np.flatnonzero(few), 4)])
-            keep = at >= 0
-            out, at = out[keep], at[keep]
-            order = np.argsort(at, kind="stable")
-            out, at = out[order], at[order]
         rings = shapely.linearrings(out, indices=at)
         shells, holes = np.flatnonzero(self._shell), np.flatnonzero(~self._shell)
         polygons = shapely.polygons(rings[shells])
@@ -242,8 +268,7 @@ class _Rings:
             parts = np.split(rings[holes][order], first[1:])
             for one, inner in zip(having, parts, strict=True):
                 polygons[one] = shapely.polygons(rings[shells[one]], inner)
-        of_flat = (self._ring_of >= 0) & flat[self._ring_of]
-        return polygons, self._labels[shells], of_flat.reshape(-1, 2).any(axis=1)
+        return polygons, self._labels[shells]
 
     def _owners(self, shells, holes, polygons, rings) -> np.ndarray:
         """Which of the ``shells`` each of the ``holes`` is in."""

@@ -9,13 +9,13 @@ import numpy as np
 from evocity.errors import MapError, keyword, setting
 from evocity.views.walls.arcs import Arcs, traced
 from evocity.views.walls.coverage import covered
-from evocity.views.walls.lines import fitted
+from evocity.views.walls.fitting.lines import fitted
 
 if TYPE_CHECKING:
     import shapely
 
 #: Shorter runs of a wall, metres, are no significant geometric detail.
-DETAIL = 2.0
+DETAIL = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,12 @@ def walls_of(
     Each wall is traced once, between nodes where three buildings, or two and the ground, meet. Its
     pixels' edges are parted into straight runs (Douglas and Peucker on their middles, each break
     then moved to where it leaves the least error), a line is fitted to each (total least squares),
-    façades that go on straight over a party wall become one line, and corners lie where lines
-    cross. A courtyard of some pixels is a rectangle along its building's walls, if it is nearly
-    one. What crosses, or bounds no valid polygon, falls back.
+    façades that go on straight over a party wall become one line. A map is burnt by the middles of
+    its pixels: where lines leave those of one building on one side and all others on the other, the
+    mean of these is taken, or that along its building's common directions, if it is one of them.
+    Corners lie where lines cross. A courtyard of some pixels is a rectangle along its building's
+    walls, if it is nearly one. What crosses, bounds no valid polygon, or one unlike its pixels,
+    falls back.
 
     Parameters
     ----------
@@ -82,7 +85,8 @@ def walls_of(
     relative : the same as a share of the smaller building's size, the root of its area, 0…1; the
         larger of both counts. The papers draw 1/20.
     squared : whether walls are turned to the one or two directions that most of their building's
-        have, with what is square to them, where they are near and no end moves by over a pixel.
+        have, with what is square to them, also where some pixels' middles change sides: where they
+        are near, and no end moves by much over a pixel.
     storeys : height of a storey, metres, to whole numbers of which heights are rounded, one at
         least; None leaves them.
     least_area : a smaller building, m², joins the neighbour with which it shares the longest wall,
@@ -101,7 +105,7 @@ def walls_of(
     _check("relative", relative, 0, 1, "a share, 0…1")
     _check("least_area", least_area, 0, np.inf, "m², 0 or more")
     if storeys is not None:
-        _check("storeys", storeys, 1e-3, np.inf, "metres, or None")
+        _check("storeys", storeys, 0.1, 100, "metres, 0.1 to 100, or None")
     pixel = float(metres_per_pixel)
     count = int(labels.max(initial=0))
     kept, dropped = _without_specks(labels, count, least_area / pixel**2)
@@ -113,7 +117,7 @@ def walls_of(
     buildings = found.labels[order]
     own = heights[buildings - 1].astype(np.float64)
     if storeys is not None:
-        own = np.maximum(np.round(own / storeys), 1) * storeys
+        own = np.maximum(np.floor(own / storeys + 0.5), 1) * storeys
     levels = np.bincount(found.levels[~arcs.beyond], minlength=3).tolist()
     own.setflags(write=False)
     buildings.setflags(write=False)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.views.walls import _kernels
 from evocity.views.walls.arcs import Arcs
+from evocity.views.walls.fitting import _kernels
 
 #: Of Douglas and Peucker on the middles of pixels' edges: so many pixels, or shares of a detail, if
 #: that is more. A straight wall's are within .5 px of it; noise of a pixel's width is not followed.
@@ -51,7 +51,8 @@ def fitted(arcs: Arcs, details: np.ndarray, squared: bool, directions: np.ndarra
     ----------
     arcs : their vertices are turned: a closed one begins at a corner from now on.
     details : float64 ``(n,)``: of each arc, how long a run must be to count, px.
-    squared : whether lines are turned to the one or two directions of their buildings.
+    squared : whether lines are turned to the one or two directions of their buildings even where
+        they part other pixels then.
     directions : float64 ``(labels,)``: of the walls of each building, radians from east to south,
         NaN where unknown: what is too small to fit lines to is a rectangle that lies so.
     """
@@ -64,12 +65,19 @@ def fitted(arcs: Arcs, details: np.ndarray, squared: bool, directions: np.ndarra
     sums = np.empty((len(runs), 8))
     _kernels.moments(arcs.vertices, runs, sums)
     group = np.empty(len(runs), np.int64)
-    _kernels.pool(sums, *meeting(arcs, begins), group, TURN, TURN_LENGTH, SPREAD)
+    _kernels.pool(sums, arcs.nodes, *meeting(arcs, begins), group, TURN, TURN_LENGTH, SPREAD)
     roots, line = np.unique(group, return_inverse=True)
     lines = np.empty((len(roots), 4))
     _kernels.lines_of(sums[roots], lines)
-    if squared and len(lines):
-        _square(arcs, begins, line, sums[roots, 0], lines)
+    members = np.argsort(line, kind="stable")
+    at = np.concatenate([[0], np.cumsum(np.bincount(line, minlength=len(lines)))])
+    pixels = arcs.vertices, runs, members, at
+    ranges = np.empty((len(lines), 3))
+    _kernels.settle(*pixels, lines, ranges)
+    common = _common(arcs, begins, line, sums[roots, 0], lines)
+    _kernels.turn_within(*pixels, ranges, common, lines)
+    if squared:
+        _square(common, sums[roots, 0], lines)
     inner = np.append(directions, [np.nan, np.nan])  # of ground, and beyond, none
     of_arc = inner[np.where(arcs.left > 0, arcs.left, 0) - 1]
     of_arc = np.where(np.isnan(of_arc), inner[np.where(arcs.right > 0, arcs.right, 0) - 1], of_arc)
@@ -91,18 +99,18 @@ def meeting(arcs: Arcs, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return run[order], np.concatenate([[0], np.cumsum(counts)])
 
 
-def _square(
+def _common(
     arcs: Arcs, begins: np.ndarray, line: np.ndarray, length: np.ndarray, lines: np.ndarray
-) -> None:
-    """Turn ``lines``, of which each has a ``length``, to the directions of their buildings where
-    these are near."""
+) -> np.ndarray:
+    """Float64 ``(k, 4)``: the one or two directions of the buildings on each side of each of the
+    ``lines``, radians, NaN for none; ``length`` float64 ``(k,)``, theirs, px."""
     arc = np.repeat(np.arange(len(arcs)), np.diff(begins))
     # one row a run and building beside it
     beside = np.concatenate([arcs.left[arc], arcs.right[arc]])
     which = np.concatenate([line, line])
     which, beside = which[beside > 0], beside[beside > 0]
     angle = np.arctan2(lines[:, 3], lines[:, 2])
-    weight = length[which]
+    weight = length[which] ** 2  # the longer, the better its angle is known
     count = int(beside.max(initial=0)) + 1
     first = _direction(beside, angle[which], weight, count)
     others = np.abs(_away(angle[which], first[beside])) > APART
@@ -111,11 +119,21 @@ def _square(
     near = np.abs(_away(angle[which], second[beside])) <= APART
     enough = np.bincount(beside[near], weight[near], count) >= SECOND * walls
     second[~enough] = np.nan
-    by = np.stack([_away(one[beside], angle[which]) for one in (first, second)], axis=1)
-    by = np.where(np.isnan(by), np.inf, by).ravel()
-    order = np.argsort(-np.abs(by), kind="stable")  # the nearest is written last
-    turn = np.zeros(len(lines))
-    turn[np.repeat(which, 2)[order]] = by[order]
+    found = np.full((len(lines), 4), np.nan)
+    for column, side in ((0, arcs.left[arc]), (2, arcs.right[arc])):
+        here = side > 0
+        found[line[here], column] = first[side[here]]
+        found[line[here], column + 1] = second[side[here]]
+    return found
+
+
+def _square(common: np.ndarray, length: np.ndarray, lines: np.ndarray) -> None:
+    """Turn ``lines``, of which each has a ``length``, to the nearest of the directions in
+    ``common`` where it is near."""
+    angle = np.arctan2(lines[:, 3], lines[:, 2])
+    by = _away(common, angle[:, None])
+    by[np.isnan(by)] = np.inf
+    turn = by[np.arange(len(lines)), np.abs(by).argmin(axis=1)]
     turn[np.abs(turn) > np.minimum(STEEP, 2 * ENDS / length)] = 0
     lines[:, 2], lines[:, 3] = np.cos(angle + turn), np.sin(angle + turn)
 

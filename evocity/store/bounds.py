@@ -1,0 +1,99 @@
+"""What of a run's Parquet file may be read: no more than a run writes.
+
+A few kilobytes may stand for gigabytes: texts without end, a value told once for a billion rows.
+What a file says of itself is looked at before any of it is unpacked.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from evocity.store.layout import BIRTHS
+from evocity.store.schema import LONGEST_ERROR, Header
+
+#: Rows of one generation, and bytes of one column of texts in it, at most.
+MOST_ROWS, MOST_TEXT = 1 << 20, 1 << 26
+#: Generations of one file, at most: a segment has 64.
+MOST_GROUPS = 1 << 10
+
+ERROR = "error"
+
+
+def check_bounds(about: pq.FileMetaData, header: Header, columns: Sequence[str] | None) -> None:
+    """Raise ValueError where a file, by its metadata, holds more than a run's does. The texts of
+    errors, which older releases wrote at any length, are not looked at: see `read_bounded`."""
+    if about.num_row_groups > MOST_GROUPS:
+        raise ValueError(f"{about.num_row_groups} row groups")
+    pixels = header.height * header.width
+    for group in map(about.row_group, range(about.num_row_groups)):
+        if group.num_rows > MOST_ROWS:
+            raise ValueError(f"{group.num_rows} rows in one generation")
+        for column in map(group.column, range(group.num_columns)):
+            name = column.path_in_schema.partition(".")[0]
+            if columns is not None and name not in columns:
+                continue
+            if column.num_values > max(group.num_rows, 1) * max(pixels, 256):
+                raise ValueError(f"{column.num_values} values of {name} in one generation")
+            text = column.physical_type == "BYTE_ARRAY" and name != ERROR
+            if text and column.total_uncompressed_size > MOST_TEXT:
+                raise ValueError(f"{column.total_uncompressed_size} bytes of {name}")
+
+
+def read_bounded(
+    path: Path,
+    file: pq.ParquetFile,
+    kind: str,
+    groups: Sequence[int],
+    columns: Sequence[str] | None,
+) -> pa.Table:
+    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``. Texts of errors
+    are cut to `LONGEST_ERROR` letters; of a generation with more than `MOST_TEXT` bytes of them it
+    is told how many there are."""
+    if kind != BIRTHS or (columns is not None and ERROR not in columns):
+        return file.read_row_groups(groups, columns=columns)
+    others = [name for name in columns or file.schema_arrow.names if name != ERROR]
+    table = file.read_row_groups(groups, columns=others)
+    with pq.ParquetFile(
+        path,
+        metadata=file.metadata,
+        read_dictionary=[ERROR],
+        page_checksum_verification=True,
+    ) as again:
+        errors = [one for group in groups for one in _errors(again, group)]
+    at = (columns or file.schema_arrow.names).index(ERROR)
+    return table.add_column(at, ERROR, pa.chunked_array(errors, pa.string()))
+
+
+def read_through(file: pq.ParquetFile, group: int) -> None:
+    """Read a row group, one column after the other, and keep none: what is damaged raises. Texts of
+    errors of more than `MOST_TEXT` bytes are left out."""
+    about = file.metadata.row_group(group)
+    large = {
+        ERROR
+        for column in map(about.column, range(about.num_columns))
+        if _is_error(column) and column.total_uncompressed_size > MOST_TEXT
+    }
+    for name in file.schema_arrow.names:
+        if name not in large:
+            file.read_row_group(group, columns=[name])
+
+
+def _errors(file: pq.ParquetFile, group: int) -> Iterator[pa.Array]:
+    """The errors of one row group, cut short."""
+    about = file.metadata.row_group(group)
+    column = next(c for c in map(about.column, range(about.num_columns)) if _is_error(c))
+    if column.total_uncompressed_size > MOST_TEXT:
+        text = f"({column.total_uncompressed_size / 2**20:.0f} MiB of error text left out)"
+        yield pa.array([text] * about.num_rows, pa.string())
+        return
+    # as a dictionary, one text of many rows stands in memory once, until it is short
+    for chunk in file.read_row_group(group, columns=[ERROR])[ERROR].chunks:
+        short = pc.utf8_slice_codeunits(chunk.dictionary, 0, LONGEST_ERROR)
+        yield pa.DictionaryArray.from_arrays(chunk.indices, short).cast(pa.string())
+
+
+def _is_error(column: pq.ColumnChunkMetaData) -> bool:
+    return column.path_in_schema == ERROR

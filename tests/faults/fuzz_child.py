@@ -1,0 +1,204 @@
+"""Reads one input after the other, as told on standard input, and tells what came of each.
+
+A process of its own, so that a crash, a hang or a bomb costs the tests nothing else. One JSON
+document a line, in and out.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import shutil
+import sys
+import time
+import warnings
+from pathlib import Path
+
+#: Address space beyond that of the warm process, bytes: what asks for more gets a MemoryError.
+ROOM = 3 << 30
+
+
+def main(home: str, seconds: float) -> None:
+    """``home``: the folder that may be written to; ``seconds``: what views of GeoPackages get."""
+    replies = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    readers = _readers()
+    from evocity.io import computed
+
+    computed.SECONDS = seconds
+    _limit()
+    outside = _watch(home)
+    print(json.dumps({"ready": os.getpid()}), file=replies, flush=True)
+    for line in sys.stdin:
+        job = json.loads(line)
+        outside.clear()
+        print(json.dumps(_outcome(readers, job, outside)), file=replies, flush=True)
+
+
+def _outcome(readers, job: dict, outside: list) -> dict:
+    from evocity.errors import EvocityError
+
+    path = Path(job["path"])
+    if "base" in job:  # one part of a folder is another
+        place = path.parent / "whole"
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(job["base"], place)
+        (place / job["part"]).parent.mkdir(exist_ok=True)
+        shutil.copyfile(path, place / job["part"])
+        path = place
+        outside.clear()
+    before = _listing(path)
+    start, resident = time.perf_counter(), _reset()
+    outcome, message = "read", ""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # of rasterio to affine
+            readers[job["kind"]](path)
+    except EvocityError as error:
+        outcome, message = "refused", str(error)
+    except BaseException as error:
+        import traceback
+
+        outcome = "raised"
+        message = "".join(traceback.format_exception(error, limit=-6))[-3000:]
+    told = {
+        "number": job["number"],
+        "outcome": outcome,
+        "message": message,
+        "seconds": time.perf_counter() - start,
+        "mib": max(0, _peak() - resident) / 1024,
+        "made": sorted({*outside, *(_listing(path) ^ before)}),
+    }
+    if "base" in job:
+        shutil.rmtree(path, ignore_errors=True)
+    return told
+
+
+def _readers() -> dict:
+    """By kind, what reads an input; each imported and warm."""
+    import numpy as np
+
+    import evocity
+    from evocity.citymap import CityMap
+    from evocity.fitness.type_table import TypeTable
+    from evocity.io import read_condensation, read_map, read_mask
+    from evocity.scene.library import Library
+    from evocity.views.classes import ClassTable
+    from evocity.views.streets.kinds import StreetKinds
+
+    square = np.zeros((64, 64), np.float32)
+    square[8:40, 8:40] = 6
+    city = CityMap(square, 2.0, name="city", origin=(770000.0, 6270128.0), crs="EPSG:2154")
+
+    def map_of(path):
+        scaled = {"height_scale": 0.1} if path.suffix == ".png" else {}
+        found = read_map(path, pixels=32, metres_per_pixel=2.0, **scaled)
+        repr(found), found.taken
+
+    def whole_map(path):
+        stated = {".png": {"metres_per_pixel": 2.0, "height_scale": 0.1}}
+        stated[".npy"] = {"metres_per_pixel": 2.0}
+        repr(read_map(path, **stated.get(path.suffix, {})))
+
+    def mask(path):
+        read_mask(path, [city])
+        read_condensation(path, city)
+
+    def genome(path):
+        repr(evocity.decode(evocity.read_genome(path)).city)
+
+    def run(path):
+        opened = evocity.open_run(path)
+        opened.status(), opened.history(), opened.events(), opened.sources(), opened.references()
+        opened.births(), opened.members(), opened.parts(), opened.condensation
+        ids = opened.members(0)["id"].to_pylist()[:3]
+        opened.individuals(ids), opened.ancestors(ids[0])
+
+    def told(path):
+        from evocity.report import failures, unrecorded
+        from evocity.search.commands import asked_of
+
+        opened = evocity.open_run(path)
+        failures(opened), unrecorded(opened)
+        with contextlib.suppress(ValueError):  # told where the run is resumed
+            asked_of(opened)
+
+    def report(path):
+        from evocity.report import write_report
+
+        page = Path(os.environ["TMPDIR"]) / "report.html"
+        write_report(path, page)
+        page.unlink()
+
+    def recipe(path):
+        evocity.read_recipe(path)
+
+    return {
+        "map": map_of,
+        "whole map": whole_map,
+        "mask": mask,
+        "genome": genome,
+        "run": run,
+        "told": told,
+        "report": report,
+        "recipe": recipe,
+        "classes": ClassTable.read,
+        "kinds": StreetKinds.read,
+        "types": TypeTable.read,
+        "library": Library.read,
+    }
+
+
+def _limit() -> None:
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    most = pages * resource.getpagesize() + ROOM
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _watch(home: str) -> list[str]:
+    """What Python opens to write outside ``home``, or sends elsewhere, from now on."""
+    found: list[str] = []
+
+    def hook(event: str, args: tuple) -> None:
+        if event.startswith("socket.") and event in ("socket.connect", "socket.getaddrinfo"):
+            found.append(f"{event} {args[-1]!r}")
+        elif event == "open" and isinstance(args[1], str) and set(args[1]) & set("wax+"):
+            name = os.path.abspath(os.fsdecode(args[0])) if not isinstance(args[0], int) else home
+            cached = "/__pycache__" in name  # a kernel, compiled for the first time
+            if not cached and not name.startswith((home, "/proc/self/", "/dev/null")):
+                found.append(name)
+        elif event in ("os.system", "subprocess.Popen", "os.exec", "os.posix_spawn"):
+            found.append(event)
+
+    sys.addaudithook(hook)
+    return found
+
+
+def _listing(path: Path) -> set[str]:
+    """What lies about an input, with the place that processes share."""
+    places = [path.parent, Path.cwd(), Path(os.environ["TMPDIR"])]
+    found = {str(one) for place in places for one in place.rglob("*")}
+    return {one for one in found if "__pycache__" not in one}
+
+
+def _reset() -> int:
+    Path("/proc/self/clear_refs").write_text("5")
+    return _status("VmRSS")
+
+
+def _peak() -> int:
+    return _status("VmHWM")
+
+
+def _status(key: str) -> int:
+    """KiB of this process, by the kernel."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{key}:"):
+            return int(line.split()[1])
+    raise KeyError(key)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], float(sys.argv[2]))

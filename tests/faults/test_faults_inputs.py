@@ -1,0 +1,151 @@
+"""Damaged and hostile inputs of every format that is read: told in one short message, in bounds."""
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import fuzz_seeds
+import numpy as np
+import pytest
+from fuzz_bombs import bombs
+from fuzz_damage import damaged, described
+from fuzz_drive import MIB, SECONDS, outcomes
+
+from evocity.io import READERS
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="memory is measured by Linux")
+
+#: Of each kind of input, how many of a hundred. A report takes a second, and is not of the short
+#: test.
+SHARES = {
+    "map": 40, "whole map": 6, "mask": 6, "genome": 12, "run": 13, "told": 3, "report": 1,
+    "recipe": 6, "classes": 3, "kinds": 3, "types": 3, "library": 4,
+}  # fmt: skip
+
+LONGEST = 1024
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    return fuzz_seeds.whole_files(folder)
+
+
+def test_every_format_is_damaged(files):
+    names = [path.name for path in files["map"]]
+    suffixes = {suffix for suffix in READERS if any(name.endswith(suffix) for name in names)}
+    alike = {".json": ".geojson", ".cityjson": ".city.json", ".pbf": ".osm.pbf", ".tiff": ".tif"}
+    assert suffixes | set(alike) == set(READERS)
+    assert set(SHARES) == set(files)
+
+
+def test_whole_files_are_read(files, tmp_path):
+    jobs = [
+        {"kind": kind, "path": str(_whole(path, tmp_path / f"{kind}-{path.name}"))}
+        for kind, paths in files.items()
+        for path in paths
+        if kind != "report"
+    ]
+    for job, told in zip(jobs, outcomes(jobs, tmp_path / "work"), strict=True):
+        assert told["outcome"] == "read", (job, told)
+        assert told["made"] == [], job
+
+
+def test_damaged_inputs(files, tmp_path):
+    check(fuzzed(files, tmp_path, 300, seed=1), tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_2500_damaged_inputs(files, tmp_path):
+    check(fuzzed(files, tmp_path, 2500, seed=2), tmp_path)
+
+
+def test_bombs(files, tmp_path):
+    check(bombs(tmp_path / "bombs", files, long=False), tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_large_bombs(files, tmp_path):
+    check(bombs(tmp_path / "bombs", files, long=True), tmp_path)
+
+
+def fuzzed(files, folder: Path, count: int, seed: int) -> list[dict]:
+    """``count`` jobs, their inputs written below ``folder``."""
+    jobs = []
+    for kind, share in SHARES.items():
+        if kind == "report" and count < 1000:
+            continue
+        for number in range(round(count * share / sum(SHARES.values()))):
+            rng = np.random.default_rng([seed, list(SHARES).index(kind), number])
+            place = folder / "inputs" / f"{kind.replace(' ', '-')}-{number}"
+            place.mkdir(parents=True)
+            path = files[kind][number % len(files[kind])]
+            jobs.append({"kind": kind, "name": place.name} | _damaged(rng, path, files, place))
+    return jobs
+
+
+def _damaged(rng, path: Path, files, place: Path) -> dict:
+    """Where a damaged file, or a folder with one damaged part, was written."""
+    if path.is_dir():
+        parts = sorted(one for one in path.rglob("*") if one.is_file() and one.name != "lock")
+        part = parts[rng.integers(len(parts))]
+        others = [one for one in parts if one.suffix == part.suffix]
+        target = place / f"part{part.suffix}"
+        target.write_bytes(damaged(rng, part, others, place.parent))
+        return {"path": str(target), "base": str(path), "part": str(part.relative_to(path))}
+    if path.suffix == ".tif" and rng.random() < 0.3:
+        return {"path": str(fuzz_seeds.copied(path, place, described(rng, path)))}
+    beside = path
+    if path.suffix == ".shp" and rng.random() < 0.5:
+        beside = path.with_suffix(str(rng.choice([".dbf", ".shx", ".prj"])))
+    others = [one for paths in files.values() for one in paths if one.is_file()]
+    alike = [one for one in others if one.suffix == path.suffix]
+    content = damaged(rng, beside, alike if rng.random() < 0.7 else others, place.parent)
+    target = fuzz_seeds.copied(path, place, path.read_bytes())
+    (place / beside.name).write_bytes(content)
+    return {"path": str(target)}
+
+
+def _whole(path: Path, place: Path) -> Path:
+    if path.is_dir():
+        return path
+    place.mkdir()
+    return fuzz_seeds.copied(path, place, path.read_bytes())
+
+
+def check(jobs: list[dict], folder: Path) -> None:
+    """Read all inputs; list each that is not told as it should be."""
+    found = outcomes(jobs, folder / "work")
+    wrong = [
+        f"{job['kind']} {job['name']}: {fault}"
+        for job, told in zip(jobs, found, strict=True)
+        for fault in _faults(told)
+    ]
+    counted = Counter(told["outcome"] for told in found)
+    slowest, largest = max(one["seconds"] for one in found), max(one["mib"] for one in found)
+    longest = max(len(one["message"].encode()) for one in found)
+    print(
+        f"{len(jobs)} inputs: {dict(counted)}; slowest {slowest:.1f} s, largest {largest:.0f} MiB, "
+        f"longest message {longest} bytes"
+    )
+    assert not wrong, f"{len(wrong)} wrong:\n" + "\n".join(wrong[:40])
+
+
+def _faults(told: dict) -> list[str]:
+    if told["outcome"] not in ("read", "refused"):
+        return [f"{told['outcome']}: {told['message']}"]
+    faults, message = [], told["message"]
+    if len(message.encode()) > LONGEST:
+        faults.append(f"a message of {len(message.encode())} bytes: {message[:200]}")
+    strange = {one for one in message if not one.isprintable() and one != "\n"}
+    if strange:
+        faults.append(f"{sorted(map(ascii, strange))} in {message!r}")
+    if told["outcome"] == "refused" and "\n  what to do: " not in message:
+        faults.append(f"no remedy: {message!r}")
+    if told["seconds"] > SECONDS:
+        faults.append(f"{told['seconds']:.1f} s")
+    if told["mib"] > MIB:
+        faults.append(f"{told['mib']:.0f} MiB")
+    return faults + [f"made {one}" for one in told["made"]]
