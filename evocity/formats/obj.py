@@ -8,7 +8,8 @@ from evocity.formats.solids import WALL, About, Group
 
 
 def obj(groups: Sequence[Group], about: About) -> str:
-    """The text of an .obj. Names and places of the scene are in its comments."""
+    """The text of an .obj. Names and places of the scene are in its comments; colours are those of
+    points, which Rhino, Blender and MeshLab take from behind their coordinates."""
     told = [f"evocity: {about.name}", about.attribution]
     told.append(f"offset {about.offset[0]:.3f} {about.offset[1]:.3f} {about.crs or ''}")
     lines = [f"# {' '.join(one.split())}" for one in told if one.strip()]
@@ -17,8 +18,9 @@ def obj(groups: Sequence[Group], about: About) -> str:
         mesh = group.mesh
         lines.append(f"g {group.name}")
         x, y, z = np.round(mesh.points, 3).T
+        colour = " ".join(f"{one:.3g}" for one in group.colour)
         lines += [
-            f"v {a:.9g} {b:.9g} {c:.9g}"
+            f"v {a:.9g} {b:.9g} {c:.9g} {colour}"
             for a, b, c in zip(x.tolist(), z.tolist(), (-y + 0.0).tolist(), strict=True)
         ]
         lines += _faces(group, base)

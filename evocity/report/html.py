@@ -214,7 +214,8 @@ def _scenes(facts: Facts, highest: float) -> list[tuple[str, str]]:
         )
     note = (
         "<p>The best of the last generation by each measure. <code>evocity scene RUN --id N -o "
-        "FILE.glb</code> writes one for Blender or a browser, <code>FILE.city.json</code> for a GIS.</p>"
+        "FILE.glb</code> writes one for Blender or a browser, <code>-o FILE.city.json</code> for a "
+        "GIS.</p>"
     )
     return [("In three dimensions", f'{note}<div class="scenes">{"".join(figures)}</div>')]
 

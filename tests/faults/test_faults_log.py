@@ -1,7 +1,6 @@
 """A log that cannot lie: what is damaged is told, put aside and bred again."""
 
 import json
-import random
 import shutil
 from unittest.mock import patch
 
@@ -71,13 +70,13 @@ def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path):
         for path in sorted((whole / kind).iterdir())
     ]
     sizes = np.array([path.stat().st_size for path in files])
-    rng, copy = random.Random(5), tmp_path / "copy"
+    rng, copy = np.random.default_rng(5), tmp_path / "copy"
     shutil.copytree(whole, copy)
     silent, told = [], 0
     for _ in range(300):
-        at = rng.choices(range(len(files)), sizes)[0]
+        at = int(rng.choice(len(files), p=sizes / sizes.sum()))
         path = copy / files[at].relative_to(whole)
-        bit = rng.randrange(int(sizes[at]) * 8)
+        bit = int(rng.integers(int(sizes[at]) * 8))
         flipped(path, bit)
         try:
             again = all_that_is_read(copy)

@@ -101,7 +101,7 @@ def walls_of(
     Sources: the scale of detail and common angles, Marsault 2002 (§6.2) and 2005 (§3.2, fig. 11);
     how they are found, ours. About 30 ms for a dense map of 256².
     """
-    _check("detail", detail, 0, np.inf, "metres, 0 or more")
+    _check("detail", detail, 0, 20, "metres, 0 to 20: longer ones are walls of whole houses")
     _check("relative", relative, 0, 1, "a share, 0…1")
     _check("least_area", least_area, 0, np.inf, "m², 0 or more")
     if storeys is not None:
