@@ -87,7 +87,7 @@ def _obj(path: Path) -> Triangles:
     for line in path.read_text(encoding="utf-8").splitlines():
         word, *rest = line.split()
         if word == "v":
-            points.append([float(x) for x in rest])
+            points.append([float(x) for x in rest[:3]])  # their colours stand behind
         elif word == "g":
             (group,) = rest
         elif word == "f":
