@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from evocity.errors import MapError, keyword, setting
+from evocity.errors import MapError, keyword, plain_text, setting
 from evocity.views import ground
 from evocity.views.buildings import STEP, Buildings, measured, outlines, told_apart, zones_of
 from evocity.views.classes import Classes, ClassTable, classified
@@ -42,9 +42,10 @@ class CityMap:
     heights : array ``(H, W)``, metres above ground, finite, not negative, 0 = ground. Copied
         to float32 and made read-only.
     metres_per_pixel : side of a pixel, metres, greater than 0.
-    name : what the map is called in pictures and tables.
+    name : what the map is called in pictures and tables; without control characters, see
+        `evocity.errors.plain_text`.
     attribution : the line its source's licence asks for; it travels into every file and
-        picture made from the map.
+        picture made from the map. Without control characters too.
     origin : (x, y) of the north-west corner in ``crs``, or None.
     crs : coordinate reference system in metres, as an authority code or WKT, or None.
     height_rules : how many buildings got their height by which rule, as the reader counted.
@@ -92,8 +93,8 @@ class CityMap:
         self.__dict__.update(
             heights=array,
             metres_per_pixel=float(metres_per_pixel),
-            name=str(name),
-            attribution=str(attribution),
+            name=plain_text(str(name)),
+            attribution=plain_text(str(attribution)),
             origin=None if origin is None else (float(origin[0]), float(origin[1])),
             crs=crs,
             height_rules=dict(height_rules or {}),

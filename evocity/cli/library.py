@@ -11,6 +11,7 @@ import evocity
 from evocity.cli.common import (
     Commands,
     check_output,
+    echo,
     json_option,
     map_options,
     note_compiling,
@@ -91,6 +92,9 @@ def new(
             check_output(output / "objects.gpkg", source)
     note_compiling()
     table = None if classes is None else ClassTable.read(classes)
+    for source, count in Counter(maps).items():
+        if count > 1:
+            raise EvocityError(f"the map {source} twice", "each map once", "leave one out")
     made, named = [], Counter()
     for source in maps:
         city = evocity.read_map(source, **reading)
@@ -130,10 +134,10 @@ def new(
         print_json({**about, "classes": kinds, "maps": counts})
         return
     for source, objects in made:
-        click.echo(f"{source}: {len(objects)} objects")
+        echo(f"{source}: {len(objects)} objects")
     told = ", ".join(f"{count} {name}" for name, count in kinds.items())
-    click.echo(f"{len(whole)} objects, {alone} of them isolated: {told}")
-    click.echo(f"wrote {path}")
+    echo(f"{len(whole)} objects, {alone} of them isolated: {told}")
+    echo(f"wrote {path}")
 
 
 def _check_folder(folder: Path) -> None:

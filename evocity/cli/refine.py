@@ -7,6 +7,7 @@ import click
 import evocity
 from evocity.cli.common import (
     check_output,
+    echo,
     json_option,
     map_options,
     note,
@@ -188,7 +189,7 @@ def refine(
         )
         return
     offered = f", fabric of {', '.join(map(str, found.others))}" if found.others else ""
-    click.echo(f"individual {identifier}: {way}{offered}, {found.evaluations} evaluations")
+    echo(f"individual {identifier}: {way}{offered}, {found.evaluations} evaluations")
     rows = [("", "before", "after")]
     rows += [(name, f"{found.before[name]:.4g}", _told(found.values, name)) for name in names]
     losses = "sum of losses, less is better"
@@ -196,7 +197,7 @@ def refine(
     if apart is not None:
         rows.append((f"m from {target.name} (RMS)", *(f"{one:.4g}" for one in apart)))
     print_table(rows)
-    click.echo(f"wrote {output}")
+    echo(f"wrote {output}")
 
 
 def _early(found, way: str, budget: int) -> str:

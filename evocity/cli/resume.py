@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import note
+from evocity.cli.common import echo, note
 from evocity.cli.searching import blaming_options, carry_out
 
 
@@ -53,7 +53,7 @@ def resume(folder: Path, generations, workers, accept_changes, set_aside) -> Non
 
         moved = store.set_aside(folder)
         for name in moved:
-            click.echo(f"set aside: {name}", err=True)
+            echo(f"set aside: {name}", err=True)
         if not moved:
             note("no file of births or membership is damaged")
 

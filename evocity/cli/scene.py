@@ -8,6 +8,7 @@ import evocity
 from evocity.cli.common import (
     check_output,
     describe,
+    echo,
     json_option,
     map_options,
     note,
@@ -191,9 +192,9 @@ def scene(
         found.append((path, made))
         _note_fitted(made)
         if not as_json:
-            click.echo(describe(city))
-            click.echo(_told(made))
-            click.echo(f"wrote {path}")
+            echo(describe(city))
+            echo(_told(made))
+            echo(f"wrote {path}")
     if as_json:
         print_json({"scenes": [_facts(path, made) for path, made in found]})
 

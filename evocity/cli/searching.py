@@ -25,17 +25,20 @@ def carry_out(start: Start, folder: Path, made: str = "") -> None:
     ``made`` is said once the folder is there.
 
     Raises `RunFailed` if the run fails on its way or the report cannot be written; Ctrl-C ends
-    the program with exit code 130.
+    the program with exit code 130, SIGTERM with 143 and SIGHUP with 129.
     """
+    from evocity.search.signals import signals_raise
+
     try:
-        _go_through(start, folder, made)
-        _report(folder)
-    except KeyboardInterrupt:
+        with signals_raise():
+            _go_through(start, folder, made)
+            _report(folder)
+    except KeyboardInterrupt as error:
         if folder.is_dir():
             echo(f"Stopped. Go on with: evocity resume {folder}{_look(folder)}", err=True)
         else:
             echo("Stopped before the first generation; nothing was written.", err=True)
-        click.get_current_context().exit(130)
+        click.get_current_context().exit(getattr(error, "exit_code", 130))
 
 
 def _go_through(start: Start, folder: Path, made: str) -> None:

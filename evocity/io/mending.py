@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import shapely
+from pyproj.exceptions import ProjError
 
 from evocity.errors import MapError
 
@@ -20,8 +21,8 @@ _PAIRS = 1 << 20
 
 
 def crossings(polygon: shapely.Geometry, most: int = MOST) -> int:
-    """How often the sides of a ``polygon`` meet each other but at their common corners; counted up
-    to ``most`` + 1."""
+    """How often the sides of a ``polygon`` meet each other, the next ones left out and the last and
+    the first of a ring not; counted up to ``most`` + 1."""
     rings = shapely.get_rings(shapely.get_parts(polygon))
     sides = [_sides(shapely.get_coordinates(ring)) for ring in rings]
     every = np.concatenate(sides) if sides else np.empty((0, 2, 2))
@@ -34,7 +35,7 @@ def crossings(polygon: shapely.Geometry, most: int = MOST) -> int:
     met = 0
     for first in range(0, count, at_once):
         one, other = tree.query(lines[first : first + at_once], predicate="intersects")
-        # of two that meet the later is counted; the next one meets at the corner
+        # each pair once; the next side meets at the corner
         met += int(np.count_nonzero(other > one + first + 1))
         if met > most:
             return most + 1
@@ -64,9 +65,16 @@ def mended(polygons: np.ndarray, where: np.ndarray | None = None) -> tuple[np.nd
 
 @contextmanager
 def geometry_trouble(name: str) -> Iterator[None]:
-    """Turn what GEOS raises of the outlines of the file ``name`` into a `MapError`."""
+    """Turn what GEOS and PROJ raise of the outlines of the file ``name`` into a `MapError`."""
     try:
-        yield
+        with np.errstate(all="ignore"):  # coordinates beyond all numbers
+            yield
+    except ProjError as error:
+        raise MapError(
+            f"{name}: no way from its reference system to metres ({str(error)[:200]})",
+            "a reference system that PROJ can compute with",
+            "assign the right one, for example with ogr2ogr -a_srs EPSG:…",
+        ) from error
     except shapely.errors.ShapelyError as error:
         raise MapError(
             f"{name}: an outline that cannot be computed with ({str(error)[:200]})",

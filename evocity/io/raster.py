@@ -1,6 +1,9 @@
 """Rasters of heights: GeoTIFF, grey PNG, NPY."""
 
+import contextlib
+import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +24,12 @@ from evocity.io.sources import Grid, Request, check_size
 #: Tag under which a GeoTIFF without a reference system keeps its pixel size.
 PIXEL_TAG = "METRES_PER_PIXEL"
 
-# No sidecar files: they may point anywhere.
-_ENVIRONMENT = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
+# No sidecar files: they may point anywhere. Blocks are read once, and need no cache, bytes.
+_ENVIRONMENT = {
+    "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
+    "GDAL_PAM_ENABLED": "NO",
+    "GDAL_CACHEMAX": 1 << 26,
+}
 
 # Pixels that are read at once.
 _AT_ONCE = 1 << 22
@@ -38,6 +45,7 @@ def read_geotiff(path: Path, request: Request) -> Grid:
     try:
         with (
             warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
+            _gdal_kept_quiet(),
             rasterio.Env(**_ENVIRONMENT),
             rasterio.open(path, driver="GTiff") as source,
         ):
@@ -154,6 +162,18 @@ def read_npy(path: Path, request: Request) -> Grid:
     check_size(path.name, *stored.shape)
     with np.errstate(over="ignore"):
         return Grid(stored.astype(np.float32) * np.float32(request.height_scale or 1.0))
+
+
+@contextlib.contextmanager
+def _gdal_kept_quiet() -> Iterator[None]:
+    """rasterio logs what GDAL says, and fails on a message that is no UTF-8: of that, which comes
+    from a tag of a stranger's file, nothing is printed."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda failed: None
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
 
 
 def _height_band(path: Path, source: rasterio.DatasetReader) -> int:

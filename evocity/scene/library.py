@@ -17,6 +17,7 @@ from pyproj.exceptions import CRSError
 from evocity.citymap import CityMap, ClassTable
 from evocity.errors import MapError, keyword
 from evocity.files import whole_file
+from evocity.io.computed import check_views
 from evocity.io.sources import content_of
 from evocity.views.walls.coverage import pinched
 
@@ -307,6 +308,7 @@ def _table(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
             raise MapError(
                 f"{path} holds {content}", "a GeoPackage", "export the table again as one"
             )
+        check_views(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if LAYER not in [str(name) for name, _ in pyogrio.list_layers(path)]:
@@ -314,10 +316,16 @@ def _table(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
             meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
     except (*_TROUBLE, UnicodeDecodeError) as error:
         raise MapError(
-            f"{path} cannot be read: {str(error).splitlines()[0][:200]}",
+            f"{path} cannot be read: {[*str(error).splitlines(), 'it is damaged'][0][:200]}",
             "a whole GeoPackage",
             "make or export it again; it may have been cut off",
         ) from error
+    if shapes is None:
+        raise MapError(
+            f"{path}: no footprints in its layer {LAYER}",
+            "a polygon for each object",
+            "export the table again, with its geometry",
+        )
     return shapes, dict(zip(map(str, meta["fields"]), columns, strict=True)), meta["crs"]
 
 

@@ -18,7 +18,7 @@
 - `individual`, `population`: the living, generation by generation
 - `beginning`: the folder and the workers of a search
 - `engine`: `Search`, the loop, which writes every birth down; `generation`: where it is
-- `observers`: who watches it, its log first
+- `signals`: what ends it from outside; `observers`: who watches it, its log first
 - `credit`: which operators earn their births
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `rereading`, `resuming`, `keeping`: what a run was prepared with; taking it up again, with the

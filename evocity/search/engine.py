@@ -31,6 +31,7 @@ from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
 from evocity.search.refinement.step import with_refinements
+from evocity.search.signals import Signalled
 from evocity.search.steering import Steering, genomes_of
 from evocity.store import Birth, RunWriter, refuse_existing
 
@@ -330,6 +331,7 @@ class Search:
             return
         left = "asked to" if self.asked_to_stop else "left"
         reason = {KeyboardInterrupt: "interrupted", GeneratorExit: left, type(None): left}
+        reason[Signalled] = str(error)
         told = reason.get(type(error), f"{type(error).__name__}: {error}")
         with contextlib.suppress(RunError):  # the folder itself may be what failed
             self._observers.event("stop", generation=self._next - 1, reason=told)

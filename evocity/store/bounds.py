@@ -69,12 +69,14 @@ def read_bounded(
 
 def read_through(file: pq.ParquetFile, group: int) -> None:
     """Read a row group, one column after the other, and keep none: what is damaged raises. Texts of
-    errors of more than `MOST_TEXT` bytes are left out."""
+    more than `MOST_TEXT` bytes are left out. Raises ValueError for more than `MOST_ROWS`."""
     about = file.metadata.row_group(group)
+    if about.num_rows > MOST_ROWS:
+        raise ValueError(f"{about.num_rows} rows in one generation")
     large = {
-        ERROR
+        column.path_in_schema
         for column in map(about.column, range(about.num_columns))
-        if _is_error(column) and column.total_uncompressed_size > MOST_TEXT
+        if column.physical_type == "BYTE_ARRAY" and column.total_uncompressed_size > MOST_TEXT
     }
     for name in file.schema_arrow.names:
         if name not in large:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from evocity.store.bounds import read_through
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
 from evocity.store.seals import opened
 
@@ -60,7 +61,7 @@ def _reads(path: Path, whole: bool) -> bool:
         with opened(path) as file:
             groups = range(file.num_row_groups)
             for group in groups if whole else groups[-1:]:
-                file.read_row_group(group)
+                read_through(file, group)
     except FileNotFoundError:
         raise
     except (OSError, ValueError, pa.ArrowException):

@@ -32,11 +32,18 @@ else:
 class Lock:
     """Holds ``path`` locked until `release`, or until the process ends, however it ends.
 
-    Raises `RunError` if another process holds it.
+    Raises `RunError` if another process holds it, or if nothing can be written there.
     """
 
     def __init__(self, path: Path):
-        self._file = open_to_append(path)
+        try:
+            self._file = open_to_append(path)
+        except OSError as error:
+            raise RunError(
+                f"{path.parent} cannot be written: {error.strerror or error}",
+                "a run folder that this user may write to",
+                "make it writable, or copy it to where it is; reading needs no more than that",
+            ) from error
         try:
             _patiently(_take, self._file)
         except (BlockingIOError, PermissionError):

@@ -106,6 +106,8 @@ def check_digests(root: Path, place: Path, digests: Mapping[str, str]) -> None:
     inside = place.relative_to(root).as_posix() + "/"
     for name in (one for one in digests if one.startswith(inside)):
         path = root / name
+        if not os.path.lexists(path):
+            raise ValueError(f"{name} is missing")
         with open_to_read(path) as file:
             if hashlib.file_digest(file, _blake).hexdigest() != digests[name]:
                 raise ValueError(f"{path.name} is not the file that was written")

@@ -144,7 +144,10 @@ def _array(path: Path) -> np.ndarray:
         read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
         if major not in read:
             raise ValueError(f"NPY of version {major}.{minor}")
-        shape, _, kind = read[major](file)
+        try:
+            shape, _, kind = read[major](file)
+        except Exception as error:  # a damaged header raises whatever Python's parser does
+            raise ValueError(f"no header of NPY: {str(error)[:80]}") from error
         told = math.prod(shape) * kind.itemsize
         there = os.fstat(file.fileno()).st_size - file.tell()
         if kind.hasobject or told != there:

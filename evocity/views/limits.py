@@ -11,6 +11,8 @@ def parsed(text: str | bytes, what: str, fault: type[Exception]) -> dict:
         return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         found = f"no TOML: {error}"
+    except ValueError:  # the text of it speaks of Python
+        found = "a number of thousands of digits"
     except RecursionError:
         found = "TOML with lists or tables too deep in each other"
     raise fault(found, f"a table of {what} in TOML", "correct that place") from None

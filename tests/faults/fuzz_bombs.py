@@ -229,7 +229,7 @@ def _genomes(folder: Path, whole: Path, long: bool):
 
 
 def _parts(folder: Path, run: Path, long: bool):
-    births = "births/generation-00000000.parquet"
+    births = str(max((run / "births").iterdir()).relative_to(run))  # status looks at the last
     table, target = pq.read_table(run / births), folder / "made.parquet"
     at = table.column_names.index("error")
     rows, field = len(table), table.schema.field(at)

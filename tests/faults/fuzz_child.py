@@ -113,7 +113,7 @@ def _readers() -> dict:
         opened.status(), opened.history(), opened.events(), opened.sources(), opened.references()
         opened.births(), opened.members(), opened.parts(), opened.condensation
         ids = opened.members(0)["id"].to_pylist()[:3]
-        opened.individuals(ids), opened.ancestors(ids[0])
+        opened.individuals(ids), [opened.ancestors(one) for one in ids[:1]]
 
     def told(path):
         from evocity.report import failures, unrecorded

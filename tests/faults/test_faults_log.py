@@ -1,6 +1,8 @@
 """A log that cannot lie: what is damaged is told, put aside and bred again."""
 
+import errno
 import json
+import os
 import shutil
 from unittest.mock import patch
 
@@ -14,7 +16,7 @@ from evocity import store
 from evocity.errors import RunError
 from evocity.fitness import registry
 from evocity.search import Search, read_recipe
-from evocity.store import open_run
+from evocity.store import lock, open_run
 from evocity.store.seals import opened, sealed
 
 
@@ -170,3 +172,14 @@ def test_a_run_of_before_is_read_without_seals(whole, tmp_path):
     del told["files"]
     (copy / "provenance.json").write_text(json.dumps(told))
     assert all_that_is_read(copy) == expected
+
+
+def test_a_folder_that_is_read_only_is_told(whole, monkeypatch):
+    def refused(path):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(lock, "open_to_append", refused)
+    with pytest.raises(RunError, match="cannot be written: Permission denied"):
+        Search.resume(whole, generations=9, workers=0)
+    with pytest.raises(RunError, match="cannot be written"):
+        store.set_aside(whole)

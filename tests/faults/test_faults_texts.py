@@ -1,6 +1,7 @@
 """Texts of strangers on the way to the terminal, to a spreadsheet, and into the log."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -24,7 +25,7 @@ EVIL = f"{RED}Ly\x1b]0;owned\x07on\u202e\x9b2J\r\n"
 
 def output(*words) -> str:
     result = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
-    assert "Traceback" not in result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit), words
     return result.output
 
 
@@ -43,11 +44,12 @@ def written(path: Path, name: str) -> Path:
 
 def test_no_control_character_of_a_name_reaches_the_terminal(tmp_path):
     genome = written(tmp_path / "a.parquet", EVIL)
+    named = shutil.copyfile(genome, tmp_path / f"{RED}.parquet")
     again = tmp_path / "b.parquet"
     for words in (
         ("score", genome),
-        ("score", genome, genome.rename(tmp_path / f"{RED}.parquet"), "--csv"),
-        ("decode", tmp_path / f"{RED}.parquet", "-o", tmp_path / "a.tif"),
+        ("score", genome, named, "--csv"),
+        ("decode", named, "-o", tmp_path / "a.tif"),
         ("encode", tmp_path / "a.tif", "-o", again),
         ("show", again, "-o", tmp_path / "a.png"),
         ("breed", "--operator", "mutation", again, "-o", tmp_path / "c.parquet"),
@@ -61,11 +63,10 @@ def test_no_control_character_of_a_name_reaches_the_terminal(tmp_path):
 
 def test_a_map_that_begins_as_a_formula_is_no_formula(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("=cmd|' /C calc'!A1.png", "+1.png", "@SUM(A1).png", "plain.png"):
+    for name in ("=cmd|' C calc'!A1.png", "+1.png", "@SUM(A1).png", "plain.png"):
         Image.fromarray(np.full((16, 16), 9, np.uint8)).save(tmp_path / name)
-        said = output(
-            "score", name, "--csv", "--fitness", "gsi", "--metres-per-pixel", 2, "--height-scale", 1
-        )
+        words = ["score", name, "--csv", "--fitness", "gsi", "--metres-per-pixel", "2"]
+        said = CliRunner().invoke(main, [*words, "--height-scale", "1"], prog_name="evocity").stdout
         row = said.splitlines()[-1].strip('"')
         assert row.startswith(name[0] if name[0] == "p" else "'" + name[0])
 

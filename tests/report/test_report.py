@@ -551,5 +551,5 @@ def test_a_run_without_its_sources_is_said(tmp_path):
     folder = make_run(tmp_path / "run")
     for path in (folder / "sources").iterdir():
         path.unlink()
-    with pytest.raises(RunError, match="holds no city"):
+    with pytest.raises(RunError, match="is missing"):
         write_report(folder)

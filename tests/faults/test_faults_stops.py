@@ -1,0 +1,48 @@
+"""What ends a run from outside leaves an event, an exit code, and a run that goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from toy_runs import write_toy
+
+from evocity.search import Search
+from evocity.store import open_run
+
+if os.name == "nt":
+    pytest.skip("Windows has no such signals", allow_module_level=True)
+
+
+def begun(folder):
+    """`evocity run` in a process of its own, once its first generation is written."""
+    recipe = write_toy(folder, generations=400, workers=1)
+    words = [sys.executable, "-m", "evocity", "run", str(recipe), "--out", str(folder / "run")]
+    run = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    until = time.monotonic() + 120
+    while not (folder / "run" / "membership" / "generation-00000001.parquet").exists():
+        assert run.poll() is None, run.stderr.read()
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    return run
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 130)]
+)
+def test_a_signal_ends_a_run_that_goes_on_later(tmp_path, number, code):
+    run = begun(tmp_path)
+    run.send_signal(number)
+    _, told = run.communicate(timeout=60)
+    assert run.returncode == code
+    assert "Go on with: evocity resume" in told
+    assert "Traceback" not in told
+    opened = open_run(tmp_path / "run")
+    last = opened.events()[-1]
+    reason = "interrupted" if number == signal.SIGINT else signal.Signals(number).name
+    assert (last["event"], last["reason"]) == ("stop", reason)
+    whole = len(opened.generations)
+    with Search.resume(tmp_path / "run", generations=whole, workers=0) as search:
+        assert [generation.number for generation in search] == [whole]
