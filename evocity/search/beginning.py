@@ -52,7 +52,8 @@ def pool_of(
     if count == 0:
         return Here(setup)
     tell(f"starting {count} workers")
-    return Workers(setup, count, recipe.evaluation.timeout, retried)
+    asked = recipe.evaluation
+    return Workers(setup, count, asked.timeout, retried, asked.memory_bytes)
 
 
 __all__ = ["pool_of", "sides_of", "writer_of"]

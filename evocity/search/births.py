@@ -13,6 +13,9 @@ from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome, unrecorded
 from evocity.store import Birth
 
+#: How a birth ends whose worker may have taken the child with it.
+_LOST = ("timeout", "died", "memory")
+
 
 @dataclass(frozen=True)
 class Born:
@@ -61,7 +64,7 @@ def born(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
     lost = [
         at
         for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True))
-        if plan.operator and one.status in ("timeout", "died") and not _measures(plan)
+        if plan.operator and one.genome is None and one.status in _LOST and not _measures(plan)
     ]
     again = dict(zip(lost, pool.run("breed", [jobs[at] for at in lost]), strict=True))
     found = []

@@ -22,6 +22,8 @@ from evocity.store import Header
 
 #: An error's text in the log is no longer.
 MOST_LETTERS = 2000
+# Of a longer text the rest is not looked at.
+_ENOUGH = 10 * MOST_LETTERS
 #: How the text begins in which a birth that is ok tells of measures without a value.
 UNRECORDED = "not recorded: "
 
@@ -67,7 +69,8 @@ class Outcome:
 
     def __post_init__(self):
         if self.error is not None:
-            line = " ".join(self.error.split()).encode(errors="replace").decode()
+            short = self.error[:_ENOUGH]
+            line = " ".join(short.split()).encode(errors="replace").decode()
             line = line if len(line) <= MOST_LETTERS else line[: MOST_LETTERS - 1] + "…"
             object.__setattr__(self, "error", line)
 
@@ -114,7 +117,7 @@ class Evaluator:
         except KeyboardInterrupt:  # the user's own, when everything runs in one process
             raise
         except BaseException as error:
-            return Outcome("error", told(error), time.perf_counter() - start)
+            return Outcome(_status(error), told(error), time.perf_counter() - start)
         return Outcome("ok", None, time.perf_counter() - start, genome=genome)
 
     def evaluate(
@@ -150,11 +153,11 @@ class Evaluator:
                 value = self._measured(name, expressed.city, extras)
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
-                return ended("error" if error.__cause__ else "invalid", told(error))
+                return ended(_status(error) if error.__cause__ else "invalid", told(error))
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                return ended("error", f"{name}: {told(error)}")
+                return ended(_status(error), f"{name}: {told(error)}")
             if name in self.bounds and math.isnan(value):
                 missing.append(f"{_undefined(name, value)}, which breaks its bound")
                 continue
@@ -203,14 +206,29 @@ def _undefined(name: str, value: float) -> str:
     return f"{name} is {float(value)}: {getattr(value, 'reason', 'no reason given')}"
 
 
+def _status(error: BaseException) -> str:
+    """Of what raised: `memory` if there was no more of it."""
+    short = isinstance(error, MemoryError) or isinstance(error.__cause__, MemoryError)
+    return "memory" if short else "error"
+
+
 def told(error: BaseException) -> str:
-    """One line: type, message, and where in the user's code."""
+    """One line: type, message, and where in the user's code; never raises."""
+    try:
+        return _told(error)
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # an exception's own text may be at fault
+        return f"{type(error).__name__}, whose text cannot be told"
+
+
+def _told(error: BaseException) -> str:
     if isinstance(error, EvocityError):
         text = f"{error.found} (expected: {error.expected})"
     else:
         frames = traceback.extract_tb(error.__traceback__)
         place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
         text = f"{type(error).__name__}: {error}{place}"
-    line = " ".join(text.split())
+    line = " ".join(text[:_ENOUGH].split())
     # a lone surrogate, as in the name of a strange file, cannot be written down
     return line.encode(errors="replace").decode()[:MOST_LETTERS]

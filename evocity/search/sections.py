@@ -3,6 +3,7 @@
 Every model refuses unknown keys; `evocity.search.agreement` has the checks between sections.
 """
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -199,16 +200,50 @@ class LockedSection(Section):
         return self.model_dump(exclude_none=True)
 
 
+#: Bytes of the units of memory: decimal, or binary with an i.
+_UNITS = {
+    f"{letter}{i}B".lower(): base**power
+    for i, base in (("", 1000), ("i", 1024))
+    for power, letter in enumerate("kMGT", 1)
+}
+
+
+def bytes_of(text: str) -> int | None:
+    """Bytes of memory in words: "512 MB", "4 GB", "1.5 GiB"; None for "none". Raises ValueError
+    for anything else."""
+    if text == "none":
+        return None
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?([kmgt]i?b)", text.strip().lower(), re.ASCII)
+    if found is None or not (size := int(float(found[1]) * _UNITS[found[2]])):
+        raise ValueError(text)
+    return size
+
+
+def _some_memory(text: str) -> str:
+    try:
+        bytes_of(text)
+    except ValueError:
+        raise fault(shown(text), 'memory such as "512 MB", "4 GB" or "4 GiB", or "none"') from None
+    return text
+
+
 class EvaluationSection(Section):
     """``[evaluation]``. ``workers`` 0: in the calling process, without deadlines.
 
-    ``timeout``: seconds, one individual. ``max_failures``: the share of a generation's births
-    that may fail before the run stops.
+    ``timeout``: seconds, one individual. ``memory``: what one individual may take besides what its
+    worker has before, such as "4 GB", or "none". ``max_failures``: the share of a generation's
+    births that may fail before the run stops.
     """
 
     workers: int | None = Field(None, ge=0, le=4096)
     timeout: Positive = 60.0
+    memory: Annotated[str, AfterValidator(_some_memory)] = "4 GB"
     max_failures: float = Field(0.5, ge=0, le=1)
+
+    @property
+    def memory_bytes(self) -> int | None:
+        """``memory`` in bytes, None for "none"."""
+        return bytes_of(self.memory)
 
 
 class RefineSection(Section):
