@@ -1,5 +1,6 @@
 """Two toy towns of 64², measures that cost nothing, and recipes made of them."""
 
+import json
 from functools import partial
 from unittest.mock import patch
 
@@ -64,6 +65,14 @@ def forgotten():
     """What a test loads from files is not known to the next."""
     with patch.dict(registry._from_files):
         yield
+
+
+def without_digests(out):
+    """Make the run at ``out`` one of before its sources had digests."""
+    path = out / "provenance.json"
+    told = json.loads(path.read_text(encoding="utf-8"))
+    del told["files"]
+    path.write_text(json.dumps(told), encoding="utf-8")
 
 
 def write_toy(folder, measures="", recipe="", **settings):

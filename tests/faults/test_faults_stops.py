@@ -16,10 +16,19 @@ if os.name == "nt":
     pytest.skip("Windows has no such signals", allow_module_level=True)
 
 
+# A process inherits what is ignored, as SIGHUP below `nohup`.
+_HEARS_ALL = """
+import signal
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+from evocity.cli import main
+main(prog_name="evocity")
+"""
+
+
 def begun(folder):
     """`evocity run` in a process of its own, once its first generation is written."""
     recipe = write_toy(folder, generations=400, workers=1)
-    words = [sys.executable, "-m", "evocity", "run", str(recipe), "--out", str(folder / "run")]
+    words = [sys.executable, "-c", _HEARS_ALL, "run", str(recipe), "--out", str(folder / "run")]
     run = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
     while not (folder / "run" / "membership" / "generation-00000001.parquet").exists():

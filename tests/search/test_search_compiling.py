@@ -10,7 +10,7 @@ import pytest
 
 from evocity import accelerate, fitness
 from evocity.operators import OPERATORS
-from evocity.search import Search, compiling, evaluation, read_recipe, warm
+from evocity.search import Search, compiling, read_recipe, warm
 
 
 @pytest.fixture
@@ -131,4 +131,3 @@ def test_a_search_says_what_it_waits_for(toy, tmp_path):
     Search.resume(tmp_path / "run", generations=1, workers=1, progress=told.append).close()
     assert told[-1] == "starting 1 workers"
     assert warm.VARIABLE not in os.environ
-    assert evaluation.VARIABLE == warm.VARIABLE

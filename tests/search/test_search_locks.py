@@ -5,6 +5,7 @@ import pytest
 from codes import uniformly
 from test_search_recipe import faults
 from test_search_run import rows, run
+from toy_runs import without_digests
 
 from evocity.coding import decode
 from evocity.condensation import Condensation
@@ -203,6 +204,9 @@ def test_the_runs_own_copy_is_checked(quarter, tmp_path):
     run(quarter(generations=0), out, workers=0)
     kept = np.load(out / "sources" / "locked.npy")
     np.save(out / "sources" / "locked.npy", kept + 1)
+    with pytest.raises(RunError, match=r"locked\.npy is not the file that was written"):
+        Search.resume(out, generations=1)
+    without_digests(out)
     with pytest.raises(RunError, match="another layer than the one the run began with"):
         Search.resume(out, generations=1)
 

@@ -13,6 +13,7 @@ import pytest
 from codes import uniformly
 from test_search_run import run
 from towns import draw_town
+from toy_runs import without_digests
 
 from evocity import fitness, read_map, store
 from evocity.errors import RecipeError, RunError
@@ -188,6 +189,9 @@ def test_the_runs_own_copies_of_the_maps_are_checked(toy, tmp_path):
     run(toy(), out, workers=0, generations=0)
     (own,) = (out / "sources").glob("00-*.npy")
     np.save(own, np.load(own) + 1)
+    with pytest.raises(RunError, match="is not the file that was written"):
+        Search.resume(out, accept_changes=True)
+    without_digests(out)
     with pytest.raises(RunError, match="another map or genome of left"):
         Search.resume(out, accept_changes=True)
 
