@@ -94,6 +94,12 @@ Examples:
     help="Library whose objects take the place of buildings, where they fit.",
 )
 @click.option(
+    "--atmosphere",
+    metavar="WORDS",
+    show_default="any",
+    help="With --library: objects of this atmosphere alone, as the library's table has it.",
+)
+@click.option(
     "--seed",
     type=click.IntRange(min=0),
     default=0,
@@ -138,6 +144,7 @@ def scene(
     zoom,
     classes,
     library,
+    atmosphere,
     seed,
     streets,
     colours,
@@ -177,7 +184,12 @@ def scene(
     if library is not None:
         from evocity.scene.library import Library
 
-        how["library"] = Library.read(library)
+        objects = Library.read(library)
+        how["library"] = objects if atmosphere is None else objects.of_atmosphere(atmosphere)
+    elif atmosphere is not None:
+        raise EvocityError(
+            "--atmosphere without --library", "a library", "name one, or leave it out"
+        )
     drawn = {"colours": colours, "azimuth": azimuth, "tilt": tilt, "width": width}
     drawn = {name: value for name, value in drawn.items() if value is not None}
     if drawn and check_suffix(output) != ".png":

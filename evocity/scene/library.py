@@ -15,7 +15,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from evocity.citymap import CityMap, ClassTable
-from evocity.errors import MapError, keyword
+from evocity.errors import MapError, keyword, shown, with_near_miss
 from evocity.files import whole_file
 from evocity.io.computed import check_views
 from evocity.io.sources import content_of
@@ -172,6 +172,20 @@ class Library:
             attributions=texts(self.attributions),
             attached=self.attached[at],
         )
+
+    def of_atmosphere(self, atmosphere: str) -> "Library":
+        """The objects of one ``atmosphere``. Raises `MapError` where none has it."""
+        chosen = [k for k, own in enumerate(self.atmospheres) if own == atmosphere]
+        if not chosen:
+            known = ", ".join(sorted(map(shown, set(self.atmospheres))))
+            raise MapError(
+                with_near_miss(
+                    f"no object of the atmosphere {shown(atmosphere)}", atmosphere, self.atmospheres
+                ),
+                f"one of {known}",
+                "choose one of them, or leave it out",
+            )
+        return self.only(chosen)
 
     @classmethod
     def read(cls, folder: str | os.PathLike) -> "Library":

@@ -65,6 +65,16 @@ def test_maps_of_one_name_make_a_library(tmp_path):
     assert {one.rpartition("-")[0] for one in Library.read(out).ids} == {"town", "town (2)"}
 
 
+def test_objects_of_one_atmosphere(tmp_path):
+    np.save(tmp_path / "town.npy", town().heights)
+    Library.of(town(), licence="CC0-1.0", atmosphere="old town").write(tmp_path / "objects")
+    words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1, "-o", tmp_path / "x.glb")
+    library = ("--library", tmp_path / "objects", "--atmosphere")
+    assert "4 of them objects of the library" in call(*words, *library, "old town").output
+    refused(tmp_path, *words, *library, "old twon", says="one of 'old town'")
+    refused(tmp_path, *words, "--atmosphere", "old town", says="--atmosphere without --library")
+
+
 def test_a_library_of_other_classes_is_told(tmp_path):
     np.save(tmp_path / "town.npy", town().heights)
     (tmp_path / "own.toml").write_text(TABLE)
