@@ -90,9 +90,9 @@ MIXTURE = {
 }
 
 
-def without(name: str) -> Method:
-    """evocity's own search without one of its operators."""
-    return by_recipe(operators={key: one for key, one in MIXTURE.items() if key != name})
+def without(*names: str) -> Method:
+    """evocity's own search without some of its operators."""
+    return by_recipe(operators={key: one for key, one in MIXTURE.items() if key not in names})
 
 
 def halfway(value):
@@ -331,6 +331,7 @@ METHODS: dict[str, Method] = {
 ABLATIONS: dict[str, Method] = {
     "without repair": unrepaired(),
     **{f"without {name}": without(name) for name in MIXTURE},
+    "without both of quarters": without("quarter_fusion", "quarter_refill"),
     "without the guard": by_recipe(guarded=False),
     "NSGA-II's survival": by_recipe(search={"algorithm": "nsga2"}),
     "distinct = 0": by_recipe(search={"distinct": 0}),
