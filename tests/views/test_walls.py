@@ -66,7 +66,7 @@ def check_coverage(city: CityMap, **how):
     return walls
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), side=st.integers(1, 40), how=st.sampled_from(HOW))
 def test_any_map_gives_a_valid_coverage(seed, side, how):
     city = CityMap(ragged(seed, side), float(1 + seed % 3))
