@@ -15,7 +15,8 @@
 - `cells`: a grid over measures, and how well it is filled
 - `fronts`, `looks`: who dominates whom, how good many are together, which cities look alike
 - `borrowed`: what of that comes from DEAP and moocore, a file each
-- `individual`, `population`: the living, generation by generation
+- `individual`, `population`: the living, generation by generation; `island`, `archipelago`: all
+  of a search, and what decides their births
 - `beginning`: the folder and the workers of a search
 - `engine`: `Search`, the loop, which writes every birth down; `generation`: where it is
 - `signals`: what ends it from outside; `observers`: who watches it, its log first
@@ -38,7 +39,7 @@ from evocity.search.individual import Individual
 from evocity.search.observers import Observer
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
-from evocity.search.refinement import refine
+from evocity.search.refinement.refine import refine
 from evocity.search.toolbox import deap_toolbox
 
 __all__ = [

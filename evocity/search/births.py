@@ -43,6 +43,7 @@ class Born:
             feasible=ended.status == "ok" and not aims.violation(ended.values),
             genome=genome,
             made=(dict(genome.made) if genome is not None else {}) or self.plan.made,
+            island=self.plan.island,
         )
 
 

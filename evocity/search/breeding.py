@@ -14,13 +14,15 @@ from evocity.search.recipe import Recipe
 
 @dataclass(frozen=True)
 class Plan:
-    """How one individual comes about. Without an operator it is the one ``parents`` genome."""
+    """How one individual comes about. Without an operator it is the one ``parents`` genome.
+    ``island``: on which it is born, where there are several."""
 
     id: int
     operator: object | None
     parents: tuple[int, ...]
     genomes: tuple[Genome, ...] = field(repr=False)
     rng: np.random.Generator = field(repr=False)
+    island: str | None = None
 
     @property
     def name(self) -> str:
@@ -62,20 +64,24 @@ def generator(seed: int, generation: int, slot: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(sequence))
 
 
-def selecting(recipe: Recipe, generation: int) -> np.random.Generator:
-    """The generator of a generation's selection: its slot is no birth's."""
-    return generator(recipe.run.seed, generation, recipe.run.population)
+def selecting(recipe: Recipe, generation: int, island: int = 0) -> np.random.Generator:
+    """The generator of a generation's selection on an island: its slot is no birth's."""
+    return generator(recipe.run.seed, generation, recipe.run.population + 2 * island)
 
 
-def first_population(recipe: Recipe, sources: Sequence[Genome]) -> list[Plan]:
+def first_population(
+    recipe: Recipe, sources: Sequence[Genome], slots: range | None = None
+) -> list[Plan]:
     """Generation 0: the sources themselves, then their fusions and mutants.
 
     Of three births after the sources two are fusions, of each ordered pair of sources in turn and
     with a fill drawn from 0.1…0.9, or from the recipe's own range, and one is a mutant of a source.
     A single source has mutants alone. Fusions are quarter fusions where the recipe has them, else
-    pavement fusions; mutants are by quarter refill, else by mutation.
+    pavement fusions; mutants are by quarter refill, else by mutation. ``slots``: those that are
+    bred, all unless they are told.
     """
-    return [founder(recipe, sources, slot) for slot in range(recipe.run.population)]
+    slots = range(recipe.run.population) if slots is None else slots
+    return [founder(recipe, sources, slot) for slot in slots]
 
 
 def founder(recipe: Recipe, sources: Sequence[Genome], slot: int) -> Plan:
@@ -141,17 +147,19 @@ def next_population(
     sources: Sequence[Genome],
     picks: Picks = NO_PICKS,
     weights: Mapping[str, float] | None = None,
+    slots: range | None = None,
 ) -> list[Plan]:
     """The children of one generation: operator by weight, parents by the algorithm, then the
     operator's parameters that the recipe gives ranges of; the ``sources`` are further parents of
     operators that take from anywhere. ``picks``: who is bred from besides; ``weights``: those of
-    operators that are other than the recipe's, by name."""
+    operators that are other than the recipe's, by name; ``slots``: those that are bred, all unless
+    they are told."""
     mixture = {name: entry.weight for name, entry in recipe.operators.items()} | (weights or {})
     names = [name for name, weight in mixture.items() if weight > 0]
     weights = np.array([mixture[name] for name in names])
     fewest = {name: recipe.operator(name).parents[0] for name in names}
     plans = []
-    for slot in range(recipe.run.population):
+    for slot in range(recipe.run.population) if slots is None else slots:
         rng = generator(recipe.run.seed, generation, slot)
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]

@@ -6,31 +6,22 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from evocity.errors import RecipeError, RunError
-from evocity.fitness import Aims
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
+from evocity.search.archipelago import Archipelago
 from evocity.search.beginning import pool_of, sides_of, writer_of
 from evocity.search.births import Born, born, bred, outcome_of
-from evocity.search.breeding import (
-    Plan,
-    first_population,
-    next_population,
-    own_population,
-    selecting,
-)
+from evocity.search.breeding import Plan
 from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
-from evocity.search.credit import Credit
 from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.guarding import told_of_parents
 from evocity.search.observers import Observer, Observers
-from evocity.search.population import Population
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
-from evocity.search.refinement.step import with_refinements
 from evocity.search.signals import Signalled
 from evocity.search.steering import Steering, genomes_of
 from evocity.store import Birth, RunWriter, refuse_existing
@@ -91,10 +82,9 @@ class Search:
         self._prepared: Prepared | None = None
         self._writer: RunWriter | None = None
         self._pool: Here | Workers | None = None
-        self._population: Population | None = None
+        self._population: Archipelago | None = None
         self._observers = Observers(observers)
         self._steering = Steering(recipe, self._found)
-        self._credit = Credit() if recipe.search.adapt else None
         self._asked: list[Born] | None = None
         self._next = 0
         self._births = self._failures = 0
@@ -124,8 +114,7 @@ class Search:
         except BaseException:
             taken.writer.close()
             raise
-        search.out, search._writer, search._credit = path, taken.writer, taken.credit
-        search._prepared = taken.prepared
+        search.out, search._writer, search._prepared = path, taken.writer, taken.prepared
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
         search.notes = [taken.edited] if taken.edited else []
         try:
@@ -134,7 +123,7 @@ class Search:
             search._steering = Steering(
                 search.recipe, search._found, taken.standing, old[-1][0] + 1 if old else 0
             )
-            search._population = search._new_population()
+            search._population = search._settled()
             taken.restore(search._population)
             if not search.finished:
                 search._compile()
@@ -285,18 +274,12 @@ class Search:
             self._prepared = self._pool = None
             raise
         self.notes += [*self._prepared.notes, *unkept]
-        self._population = self._new_population()
+        self._population = self._settled()
         self._observers.event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
-    def _new_population(self) -> Population:
-        header = self._prepared.header
-        algorithm = self.recipe.search.algorithm_of(header.population)
-        return Population(algorithm, self._aims, header.chromosome, self.recipe.limits)
-
-    @property
-    def _aims(self) -> Aims:
-        """What is wanted now, with the weights that commands set."""
-        return self._prepared.aims.reweighted(self._steering.standing.weights)
+    def _settled(self) -> Archipelago:
+        """Where nobody lives yet."""
+        return Archipelago(self._prepared, self._steering.standing.weights, self._observers.event)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
@@ -354,9 +337,7 @@ class Search:
         for event, details in steering.carry_out(lines, self._next):
             self._observers.event(event, **details)
         if steering.standing.weights != weights and self._population is not None:
-            self._population.reweigh(self._aims)
-            if self._credit is not None:
-                self._credit.forget_front()
+            self._population.reweigh(steering.standing.weights)
         return not steering.standing.stop
 
     def _found(self, ids: Sequence[int]) -> dict[int, Genome]:
@@ -385,30 +366,10 @@ class Search:
         if self._prepared is None:
             self._start(guarded)
         self._pace.begin()
-        sources = [source.genome for source in self._prepared.sources]
-        recipe, population, number = self.recipe, self._population, self._next
-        algorithm = population.algorithm
-        if algorithm.breeds_by is not None:
-            return own_population(recipe, algorithm, number, sources)
-        if number == 0:
-            return first_population(recipe, sources)
-        living, steered = population.living, (self._steering.picks, self._weights())
-        plans = next_population(recipe, algorithm, number, living, sources, *steered)
-        if not guarded:  # those who measure elsewhere are not measured for here
-            return plans
-        return with_refinements(plans, recipe, number, population, self._aims)
-
-    def _weights(self) -> dict[str, float]:
-        """Weights of operators that are not the recipe's: those of commands, and what credit makes
-        of them, which is logged."""
-        weights = self._steering.weights
-        if self._credit is None:
-            return weights
-        own = {name: entry.weight for name, entry in self.recipe.operators.items()} | weights
-        factors = self._credit.factors(list(own))
-        weights = {name: weight * factors[name] for name, weight in own.items()}
-        self._observers.event("weights", generation=self._next, weights=weights)
-        return weights
+        number, steering = self._next, self._steering
+        weights = self._population.weights(number, steering.standing.weights)
+        # those who measure elsewhere are not measured for here
+        return self._population.plans(number, steering.picks, weights, refined=guarded)
 
     def _written(self, individuals: Sequence[Born]) -> Generation:
         """Select among these ``individuals`` and the living; write the generation down whole."""
@@ -418,12 +379,9 @@ class Search:
             for one in individuals
             if one.evaluated is not None and one.evaluated.look is not None
         }
-        self._population.select(births, selecting(self.recipe, self._next), looks)
+        self._population.select(births, self._next, looks)
         self._births += len(births)
         self._failures += sum(not birth.ok for birth in births)
-        if self._credit is not None:
-            living = {one.id for one in self._population.living}
-            self._credit.learn(births, self._aims, living)
         generation = self._generation(births)
         self._observers.generation(generation, births, self._population.members)
         self._asked = None

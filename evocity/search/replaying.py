@@ -4,13 +4,12 @@ from collections.abc import Mapping
 
 from evocity.errors import RunError
 from evocity.genome import Genome
-from evocity.search.breeding import Picks, Plan, first_population, next_population, own_population
+from evocity.search.archipelago import Archipelago
+from evocity.search.breeding import NO_PICKS, Picks, Plan
 from evocity.search.commands import Standing
 from evocity.search.judging import births_without_genomes
-from evocity.search.population import Population
 from evocity.search.preparation import Prepared
-from evocity.search.refinement.step import with_refinements
-from evocity.search.resuming import standing_of
+from evocity.search.resuming import living_of, standing_of
 from evocity.store import Run
 
 
@@ -37,32 +36,25 @@ def plan_of(run: Run, prepared: Prepared, identifier: int) -> Plan:
 def _drawn(run: Run, prepared: Prepared, identifier: int) -> Plan:
     recipe = prepared.recipe
     generation, slot = divmod(identifier, recipe.run.population)
-    sources = [source.genome for source in prepared.sources]
-    algorithm = recipe.search.algorithm_of(prepared.header.population)
-    if algorithm.breeds_by is not None:
-        if generation == 0:
-            return own_population(recipe, algorithm, 0, sources)[slot]
+    if generation == 0:
+        island = Archipelago(prepared).island_of(slot)
+        return island.plans(0, NO_PICKS, {})[slot - island.slots.start]
+    if recipe.search.breeds_by is not None:
         raise RunError(
             f"individual {identifier} of {run.path}, whose algorithm "
             f"({recipe.search.algorithm}) breeds by itself",
             "a run whose births are bred by the recipe's operators",
             "the parameters of its operator stand in `made` of its genome",
         )
-    if generation == 0:
-        return first_population(recipe, sources)[slot]
     standing = standing_of(run, generation)
-    aims = prepared.aims.reweighted(standing.weights)
-    population = Population(algorithm, aims, prepared.header.chromosome, recipe.limits)
+    population = Archipelago(prepared, standing.weights)
     population.begin_with(births_without_genomes(run, 0))
-    lived = run.members(generation - 1).column("id").to_pylist()
-    population.restore(run.individuals(lived))
+    population.restore(living_of(run, generation - 1))
     picked = {birth.id: birth.genome for birth in run.individuals(list(standing.picks))}
     picks = _picks(standing, picked, recipe.search.picks)
+    island = population.island_of(slot)
     weights = _weights(run, recipe.operators, standing, generation)
-    plans = next_population(
-        recipe, algorithm, generation, population.living, sources, picks, weights
-    )
-    return with_refinements(plans, recipe, generation, population, aims)[slot]
+    return island.plans(generation, picks, weights)[slot - island.slots.start]
 
 
 def _picks(standing: Standing, picked: Mapping[int, Genome], share: float) -> Picks:

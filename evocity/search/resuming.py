@@ -5,20 +5,20 @@ What changed is found out before any file of the user's own is executed.
 
 import os
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from evocity import store
 from evocity.errors import RunError
 from evocity.search.algorithms import algorithms
-from evocity.search.breeding import own_population, selecting
+from evocity.search.archipelago import Archipelago
 from evocity.search.changes import compared_with, folder_of, hash_now, noted_of
 from evocity.search.commands import Standing
 from evocity.search.credit import Credit, credit_of
 from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
-from evocity.search.population import Population
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
 from evocity.search.rereading import lacking, read_again
@@ -33,8 +33,8 @@ _NOTED_VERSIONS = ("evocity", "numpy", "numba")
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far;
     ``past``: births of each generation, without genomes, if the algorithm must go through them
-    again; ``standing``: what commands have changed; ``credit``: what operators have earned, if the
-    recipe adapts to it.
+    again; ``living``: by the island; ``standing``: what commands have changed; ``credit``: what
+    operators have earned on each island, if the recipe adapts to it.
 
     ``changes``: in words, what differs from the start; ``edited``: how the recipe's
     own file differs from the run's copy, or "".
@@ -43,7 +43,7 @@ class TakenUp:
     prepared: Prepared
     writer: RunWriter
     first_births: list[Birth]
-    living: list[Birth]
+    living: Mapping[str | None, Sequence[Birth]]
     next: int
     births: int
     failures: int
@@ -51,17 +51,16 @@ class TakenUp:
     edited: str
     past: list[list[Birth]]
     standing: Standing
-    credit: Credit | None
+    credit: Mapping[str | None, Credit]
 
-    def restore(self, population: Population) -> None:
-        """Make the new ``population`` what it was; its algorithm too."""
+    def restore(self, population: Archipelago) -> None:
+        """Make the new ``population`` what it was; its algorithms too."""
         population.begin_with(self.first_births)
-        recipe = self.prepared.recipe
-        sources = [source.genome for source in self.prepared.sources]
         for number, births in enumerate(self.past):
-            own_population(recipe, population.algorithm, number, sources)
-            population.select(births, selecting(recipe, number))
+            population.relive(births, number)
         population.restore(self.living)
+        for island in population.islands:
+            island.credit = self.credit.get(island.name, island.credit)
 
 
 def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
@@ -77,17 +76,17 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
     try:
         _record(run, prepared, writer, changes)
         whole = run.generations
-        first, living, births, failures = [], [], 0, 0
+        first, living, births, failures = [], {}, 0, 0
         standing = standing_of(run, len(whole))
         again = algorithms()[recipe.search.algorithm].replays
         past = [births_without_genomes(run, g) for g in whole] if again else []
-        credit = credit_of(run, prepared.aims, run.events()) if recipe.search.adapt else None
+        credit = {None: credit_of(run, prepared.aims, run.events())} if recipe.search.adapt else {}
         if whole:
             first = births_without_genomes(run, 0)
-            living = run.individuals(run.members(whole[-1]).column("id").to_pylist())
+            living = living_of(run, whole[-1])
             status = run.status()
             births, failures = status["births"], status["failures"]
-            if not living:
+            if not any(living.values()):
                 raise nobody_lives(run.path, whole[-1])
     except BaseException:
         writer.close()
@@ -107,6 +106,11 @@ def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bo
         standing,
         credit,
     )
+
+
+def living_of(run: Run, generation: int) -> dict[str | None, list[Birth]]:
+    """Who lived in a ``generation``, by the island, best first."""
+    return {None: run.individuals(run.members(generation).column("id").to_pylist())}
 
 
 def standing_of(run: Run, generation: int) -> Standing:

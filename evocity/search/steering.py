@@ -79,11 +79,6 @@ class Steering:
         share = self.standing.share or self._recipe.search.picks
         return Picks(tuple((one, self._picked[one]) for one in self.standing.picks), share)
 
-    @property
-    def weights(self) -> dict[str, float]:
-        """Operators' weights other than the recipe's."""
-        return {n: w for n, w in self.standing.weights.items() if n in self._recipe.operators}
-
     def _do(self, command: Command) -> None:
         if isinstance(command, Pick):
             refuse_own_breeding(self._recipe.search.algorithm)

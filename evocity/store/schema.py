@@ -191,7 +191,8 @@ class Birth:
     recorded besides or constraints alone, have one (``error`` tells why they have none); ``made``
     is what the operator recorded (its parameters, what it reached). ``genome`` is None where
     breeding itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
-    and no constraint of the recipe is broken.
+    and no constraint of the recipe is broken. ``island``: on which it was born, where there are
+    several.
     """
 
     generation: int
@@ -205,6 +206,7 @@ class Birth:
     genome: Genome | None
     made: Mapping = field(default_factory=dict)
     feasible: bool = True
+    island: str | None = None
 
     @property
     def ok(self) -> bool:

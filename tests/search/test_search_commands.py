@@ -260,7 +260,7 @@ def test_new_weights_of_a_sum_count_at_once_and_in_the_archive(toy, tmp_path):
     best = min(abs(one["fitness.gsi"] - 0.3) for one in told_of.values())
     assert min(abs(one["fitness.gsi"] - 0.3) for one in front) == best
     resumed = Search.resume(out, workers=0, generations=4)
-    assert resumed._aims.reweighted({}).wanted[-2].weight == 1000.0
+    assert resumed._population.islands[0].aims.wanted[-2].weight == 1000.0
     resumed.close()
 
 

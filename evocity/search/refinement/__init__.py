@@ -6,7 +6,3 @@
 - `refine`: an individual of a run, the run left as it is
 - `step`: within a search, where the result is a birth like any other
 """
-
-from evocity.search.refinement.refine import WAYS, Refined, refine
-
-__all__ = ["WAYS", "Refined", "refine"]

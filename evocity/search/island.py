@@ -1,0 +1,120 @@
+"""`Island`: one population of a search, and all that decides its births.
+
+Most searches have one, which has no name.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evocity.fitness import Aims
+from evocity.search.breeding import (
+    Picks,
+    Plan,
+    first_population,
+    next_population,
+    own_population,
+    selecting,
+)
+from evocity.search.credit import Credit
+from evocity.search.population import Population
+from evocity.search.preparation import Prepared
+from evocity.search.recipe import Recipe
+from evocity.search.refinement.step import with_refinements
+from evocity.store import Birth
+
+
+class Island:
+    """A population by a ``recipe``, whose births have the ``slots`` of each generation.
+
+    name : None where the search has no other island.
+    number : which island it is, from 0.
+    aims : what is wanted here, with the weights that count now.
+    credit : what its operators have earned, None if the recipe does not adapt to it.
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        recipe: Recipe,
+        aims: Aims,
+        slots: range,
+        number: int = 0,
+        name: str | None = None,
+    ):
+        self.recipe, self.aims, self.slots = recipe, aims, slots
+        self.number, self.name = number, name
+        self.credit = Credit() if recipe.search.adapt else None
+        self._sources = [source.genome for source in prepared.sources]
+        self.population = Population(
+            recipe.search.algorithm_of(len(slots)), aims, prepared.header.chromosome, recipe.limits
+        )
+
+    @property
+    def mixture(self) -> dict[str, float]:
+        """The weights that the recipe gives the operators."""
+        return {name: entry.weight for name, entry in self.recipe.operators.items()}
+
+    @property
+    def breeds_by(self) -> str | None:
+        """The operator that the algorithm breeds with by itself, None where the mixture does."""
+        return self.population.algorithm.breeds_by
+
+    def weights(self, asked: Mapping[str, float]) -> dict[str, float]:
+        """Weights of operators that are not the recipe's: those that were ``asked`` for, and what
+        credit makes of them."""
+        own = self.mixture
+        asked = {name: weight for name, weight in asked.items() if name in own}
+        if self.credit is None:
+            return asked
+        own |= asked
+        factors = self.credit.factors(list(own))
+        return {name: weight * factors[name] for name, weight in own.items()}
+
+    def plans(
+        self, generation: int, picks: Picks, weights: Mapping[str, float], refined: bool = True
+    ) -> list[Plan]:
+        """The births of a ``generation``. ``weights``: those of `weights`. Nobody is ``refined``
+        where births are not measured as they are bred."""
+        recipe, living = self.recipe, self.population.living
+        if self.breeds_by is not None:
+            algorithm = self.population.algorithm
+            plans = own_population(recipe, algorithm, generation, self._sources)
+        elif generation == 0:
+            plans = first_population(recipe, self._sources, self.slots)
+        else:
+            algorithm, of = self.population.algorithm, (living, self._sources, picks, weights)
+            plans = next_population(recipe, algorithm, generation, *of, self.slots)
+            if refined:
+                plans = with_refinements(plans, recipe, generation, self.population, self.aims)
+        return [replace(plan, island=self.name) for plan in plans]
+
+    def select(
+        self,
+        births: Sequence[Birth],
+        generation: int,
+        looks: Mapping[int, np.ndarray] | None = None,
+    ) -> None:
+        """Those of the living and of the ``births`` of a ``generation`` live on that the algorithm
+        selects."""
+        self.population.select(births, selecting(self.recipe, generation, self.number), looks)
+        if self.credit is not None:
+            own = [born for born in births if born.island == self.name]
+            self.credit.learn(own, self.aims, {one.id for one in self.population.living})
+
+    def relive(self, births: Sequence[Birth], generation: int) -> None:
+        """Go through a ``generation`` once more, of which ``births`` came, for an algorithm that
+        `replays`."""
+        own_population(self.recipe, self.population.algorithm, generation, self._sources)
+        self.population.select(births, selecting(self.recipe, generation, self.number))
+
+    def reweigh(self, aims: Aims) -> None:
+        """Judge all anew by other ``aims``."""
+        self.aims = aims
+        self.population.reweigh(aims)
+        if self.credit is not None:
+            self.credit.forget_front()
+
+
+__all__ = ["Island"]
