@@ -104,6 +104,13 @@ def sweep(spared: Collection[int]) -> None:
         time.sleep(0.001)
 
 
+def is_stopped(pid: int) -> bool:
+    """Whether a process stands still by a signal, and so cannot answer; False where not told."""
+    with contextlib.suppress(OSError, IndexError), open(f"/proc/{pid}/stat", "rb") as file:
+        return file.read().rpartition(b")")[2].split()[0] == b"T"
+    return False
+
+
 def has_children() -> bool:
     """Whether this process has any, ended or not: one call to the system."""
     if not hasattr(os, "waitid"):

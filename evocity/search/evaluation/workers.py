@@ -27,6 +27,8 @@ _SETUP, _ANSWER = 600.0, 20.0
 #: Seconds between two looks at the workers' memory; at those that print without end; at whether
 #: workers ended, where nothing tells.
 _LOOK, _FLOODED, _ASK = 0.5, 0.02, 0.05
+#: Seconds by which a look comes late when this process itself was stopped, or had no processor.
+_LATE = 1.0
 # Seconds of a job so short that waiting for the next would tell.
 _SHORT = 0.05
 # Ends that a measure hardly has by itself: such a birth is done again, once.
@@ -60,6 +62,7 @@ class Workers:
         self._seats: dict[int, Seat] = {}
         self._tokens = self._failed_starts = self._breaks = 0
         self._looked = 0.0
+        self._stepped = time.monotonic()
         self._seconds = 1.0  # that a job takes, roughly
         self._selector = selectors.DefaultSelector()
         self._watched: dict[int, int] = {}
@@ -71,6 +74,7 @@ class Workers:
         Raises `RunError` if no workers can be had.
         """
         self._begin(method, jobs)
+        self._stepped = time.monotonic()
         try:
             while len(self._outcomes) < len(jobs):
                 try:
@@ -104,7 +108,10 @@ class Workers:
     def _step(self) -> None:
         self._fill_seats()
         self._hand_out()
-        for key, events in self._selector.select(self._patience()):
+        patience = self._patience()
+        ready = self._selector.select(patience)
+        self._forgive(patience)
+        for key, events in ready:
             if isinstance(key.data, Seat):
                 if events & selectors.EVENT_WRITE:
                     key.data.flush()
@@ -114,6 +121,7 @@ class Workers:
         if self._answered is None and self._starter.answered:
             self._answered = self._clock()
         self._judge()
+        self._stepped = time.monotonic()
 
     def _hand_out(self) -> None:
         busy = any(seat.job is not None for seat in self._seats.values())
@@ -245,7 +253,9 @@ class Workers:
         now = self._clock()
         for seat in list(self._seats.values()):
             spent = now - seat.since
-            if seat.state == "busy" and spent > self._timeout:
+            if seat.state == "busy" and spent > self._timeout and self._again(seat):
+                self._retried("a worker was stopped beyond its deadline: its birth again")
+            elif seat.state == "busy" and spent > self._timeout:
                 text = f"no result after {self._timeout:g} s"
                 self._lose(seat, Outcome("timeout", text, float(self._timeout)))
             elif seat.job is not None and seat.closed and now - seat.closed > _ANSWER:
@@ -261,6 +271,24 @@ class Workers:
         if self._memory is not None and processes.LINUX and now - self._looked > _LOOK:
             self._looked = now
             self._weigh()
+
+    def _again(self, seat: Seat) -> bool:
+        """Whether the worker's job is begun again, once: it stood still, so it could not answer."""
+        if self._strikes[seat.job] or not processes.is_stopped(seat.pid):
+            return False
+        self._strikes[seat.job] += 1
+        self._waiting.appendleft(seat.job)
+        seat.job = None
+        seat.enter("ending", self._clock())
+        self._starter.end(seat.token)
+        return True
+
+    def _forgive(self, patience: float) -> None:
+        """Time in which this process stood still, and its workers maybe with it, is no worker's."""
+        late = time.monotonic() - self._stepped - patience
+        if late > _LATE:
+            for seat in self._seats.values():
+                seat.since += late
 
     def _unanswered(self, seat: Seat) -> float:
         """Seconds for which a nursery that answers has not started a worker."""

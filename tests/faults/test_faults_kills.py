@@ -1,0 +1,416 @@
+"""A run that is killed, stopped or doubled at any moment goes on to the same births."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from toy_runs import write_toy
+
+from evocity.errors import RunError
+from evocity.fitness import registry
+from evocity.search import Search, read_recipe
+from evocity.search.evaluation import processes
+from evocity.store import open_run
+
+if not hasattr(os, "fork"):
+    pytest.skip("runs are forked", allow_module_level=True)
+
+linux = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+
+#: The user who may do least.
+NOBODY = 65534
+
+SLOW = """
+@evocity.fitness(goal="max")
+def slow(city):
+    time.sleep(0.03)
+    return float(number(city) % 1000)
+"""
+
+
+class Host:
+    """`faults_host` in a process of its own."""
+
+    def __init__(self, folder: Path):
+        self._told = folder / "told"
+        path = Path(__file__).with_name("faults_host.py")
+        self._process = subprocess.Popen(
+            [sys.executable, path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"TMPDIR": str(folder)},
+        )
+        assert self._process.stdout.readline() == "ready\n"
+
+    def begin(self, out: Path, recipe=None, workers=0, die=None) -> int:
+        """Begin or resume a run; the id of its process."""
+        asked = {"recipe": recipe and str(recipe), "out": str(out), "workers": workers, "die": die}
+        self._process.stdin.write(json.dumps(asked | {"told": str(self._told)}) + "\n")
+        self._process.stdin.flush()
+        return int(self._process.stdout.readline())
+
+    def ended(self) -> int:
+        """The exit code of the run, once it ended."""
+        return int(self._process.stdout.readline())
+
+    @property
+    def told(self) -> str:
+        return self._told.read_text()
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        self._process.wait()
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def hosts(tmp_path):
+    """Function that starts a host."""
+    made = []
+
+    def one() -> Host:
+        made.append(Host(tmp_path))
+        return made[-1]
+
+    yield one
+    for host in made:
+        host.close()
+
+
+def rows(path) -> list[dict]:
+    """All births and members of a run but for their seconds."""
+    run = open_run(path)
+    return [*run.births().drop_columns(["seconds"]).to_pylist(), *run.members().to_pylist()]
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Function that gives the rows of a toy run of so many generations that nobody disturbed."""
+    known = {}
+
+    def of(generations: int, measures: str = "") -> list[dict]:
+        if (generations, measures) not in known:
+            folder = tmp_path_factory.mktemp("uninterrupted")
+            recipe = write_toy(folder, measures, generations=generations, workers=0)
+            with (
+                patch.dict(registry._from_files),
+                Search(read_recipe(recipe), out=folder / "run", workers=0) as search,
+            ):
+                list(search)
+            known[generations, measures] = rows(folder / "run")
+        return known[generations, measures]
+
+    return of
+
+
+def begun_or_resumed(host, recipe, out, **how) -> int:
+    return host.begin(out, None if out.exists() else recipe, **how)
+
+
+# -- SIGKILL of the main process -----------------------------------------------------------
+
+
+def killed_at_random(host, folder, rng, kills: int, workers: int, generations: int) -> int:
+    """A run that is killed at random moments until it is finished, or after so many kills let
+    through; how often it was killed."""
+    recipe, out = write_toy(folder, SLOW, generations=generations), folder / "run"
+    done = 0
+    while True:
+        pid = begun_or_resumed(host, recipe, out, workers=workers)
+        if done == kills:
+            assert host.ended() == 0
+            return done
+        time.sleep(float(rng.uniform(0.02, 0.8 if workers == 0 else 3.0)))
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+        if host.ended() == 0:
+            return done
+        done += 1
+        if out.exists():
+            open_run(out).status()  # readable at once
+
+
+@pytest.mark.parametrize(
+    ("kills", "workers", "generations"),
+    [
+        (6, 0, 12),
+        pytest.param(2, 2, 20, marks=linux),
+        pytest.param(30, 0, 60, marks=pytest.mark.long),
+        pytest.param(30, 2, 200, marks=[pytest.mark.long, linux]),
+    ],
+)
+def test_killed_at_random_moments_it_goes_on_to_the_same_births(
+    hosts, tmp_path, uninterrupted, kills, workers, generations
+):
+    rng = np.random.default_rng(kills + workers)
+    done = killed_at_random(hosts(), tmp_path, rng, kills, workers, generations)
+    assert done >= kills / 2
+    assert rows(tmp_path / "run") == uninterrupted(generations, SLOW)
+
+
+def killed_before_each(host, folder, recipe, deeds) -> set[int]:
+    """Runs that are killed before their ``deeds``-th deed on files, then resumed. Returns those
+    deeds that came after the run's end, and were none."""
+    beyond = set()
+    for deed in deeds:
+        place = folder / f"deed-{deed}"
+        place.mkdir()
+        out = place / "run"
+        host.begin(out, recipe, die=int(deed))
+        if host.ended() == 0:
+            beyond.add(deed)
+            continue
+        if out.exists():
+            open_run(out).status()
+        begun_or_resumed(host, recipe, out)
+        assert host.ended() == 0, host.told
+        assert [one.name for one in place.iterdir()] == ["run"], f"left by deed {deed}"
+    return beyond
+
+
+@pytest.mark.parametrize("share", [pytest.param(1, marks=pytest.mark.long), 9])
+def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
+    hosts, tmp_path, uninterrupted, share
+):
+    """The moments between two openings, renames and removals of files; segments of two too."""
+    recipe, host, deed = write_toy(tmp_path, generations=3), hosts(), 0
+    while not killed_before_each(host, tmp_path, recipe, [deed]):
+        assert rows(tmp_path / f"deed-{deed}" / "run") == uninterrupted(3)
+        deed += share
+    assert deed > 60
+
+
+# -- others that end, or stand still -------------------------------------------------------
+
+
+@linux
+def test_workers_killed_or_stopped_in_a_run_cost_no_birth(hosts, tmp_path, uninterrupted):
+    """One, all and what starts them killed; then one stopped beyond its deadline, then all."""
+    recipe, out = write_toy(tmp_path, SLOW, generations=22, timeout=1.0), tmp_path / "run"
+    host = hosts()
+    pid = host.begin(out, recipe, workers=2)
+
+    def family() -> tuple[int, list[int]]:
+        """The nursery and its workers."""
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            for one in processes.children(pid):
+                if len(workers := processes.children(one)) >= 2:
+                    return one, workers
+            time.sleep(0.02)
+        raise AssertionError("no workers")
+
+    def generations() -> int:
+        return len(open_run(out).generations) if out.exists() else 0
+
+    def until_more(count: int = 2) -> None:
+        wanted = min(generations() + count, 23)
+        until = time.monotonic() + 60
+        while generations() < wanted:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+
+    until_more()
+    for victims in (lambda: family()[1][:1], lambda: family()[1], lambda: [family()[0]]):
+        for one in victims():
+            os.kill(one, signal.SIGKILL)
+        until_more()
+    first, all_workers = (lambda: family()[1][:1]), (lambda: family()[1])
+    for standing in (first, all_workers, lambda: [pid, *all_workers()]):
+        stopped = standing()
+        for one in stopped:
+            os.kill(one, signal.SIGSTOP)
+        if pid in stopped:
+            time.sleep(1.5)
+            for one in stopped:
+                os.kill(one, signal.SIGCONT)
+        until_more()
+    assert host.ended() == 0
+    assert rows(out) == uninterrupted(22, SLOW)
+    told = [one["reason"] for one in open_run(out).events() if one["event"] == "retry"]
+    assert any("killed" in reason for reason in told)
+    assert any("stopped" in reason for reason in told)
+
+
+def test_of_four_that_resume_at_once_one_runs(hosts, tmp_path, uninterrupted):
+    recipe, out = write_toy(tmp_path, SLOW, generations=12), tmp_path / "run"
+    first = hosts()
+    pid = first.begin(out, recipe)
+    until = time.monotonic() + 60
+    while not out.exists() or len(open_run(out).generations) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    os.kill(pid, signal.SIGKILL)
+    assert first.ended() == -signal.SIGKILL
+    others = [first, *(hosts() for _ in range(3))]
+    for host in others:
+        host.begin(out)
+    assert sorted(host.ended() for host in others) == [0, 3, 3, 3]
+    assert "is being written by another process" in first.told
+    assert rows(out) == uninterrupted(12, SLOW)
+
+
+# -- the clock -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", [3600.0, -3600.0])
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_clock_that_is_stepped_changes_no_birth(
+    tmp_path, uninterrupted, monkeypatch, step, workers
+):
+    recipe = read_recipe(write_toy(tmp_path, generations=4, timeout=20.0))
+    real, stepped = time.time, 0.0
+    monkeypatch.setattr(time, "time", lambda: real() + stepped)
+    with Search(recipe, out=tmp_path / "run", workers=workers) as search:
+        for generation in search:
+            stepped += step
+            assert 0 <= generation.seconds_left < 600
+    assert rows(tmp_path / "run") == uninterrupted(4)
+
+
+# -- the folder and the disk ---------------------------------------------------------------
+
+
+def disturbed(search, number: int, deed) -> None:
+    """A search in which a ``deed`` is done after generation ``number``."""
+    with search:
+        for generation in search:
+            if generation.number == number:
+                deed()
+
+
+def to_the_end(search) -> None:
+    disturbed(search, -1, None)
+
+
+def test_a_folder_that_is_renamed_in_a_run_goes_on_where_it_is(tmp_path, uninterrupted):
+    out = tmp_path / "run"
+    search = Search(read_recipe(write_toy(tmp_path, generations=6)), out=out, workers=0)
+    with pytest.raises(RunError, match="the folder is not there any more"):
+        disturbed(search, 2, lambda: out.rename(tmp_path / "moved"))
+    assert not out.exists()
+    assert open_run(tmp_path / "moved").status()["generation"] == 2
+    to_the_end(Search.resume(tmp_path / "moved", workers=0))
+    assert rows(tmp_path / "moved") == uninterrupted(6)
+
+
+def test_a_folder_that_is_removed_is_told_and_not_made_again(tmp_path):
+    out = tmp_path / "run"
+    search = Search(read_recipe(write_toy(tmp_path, generations=6)), out=out, workers=0)
+    with pytest.raises(RunError, match="the folder is not there any more"):
+        disturbed(search, 2, lambda: shutil.rmtree(out))
+    assert not out.exists()
+    with pytest.raises(RunError, match=r"no run|not a run|does not exist"):
+        Search.resume(out)
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Function that mounts a disk of so many kB at a folder, or makes it as large."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = False
+
+    def change(size: int) -> Path:
+        nonlocal mounted
+        option = f"remount,size={size}k" if mounted else f"size={size}k"
+        words = ["mount", "-t", "tmpfs", "-o", option, "none", str(place)]
+        if subprocess.run(words, capture_output=True, check=False).returncode:
+            pytest.skip("this user may mount no disk")
+        mounted = True
+        return place
+
+    yield change
+    if mounted:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def size_of(folder: Path) -> int:
+    return sum(one.stat().st_size for one in folder.rglob("*") if one.is_file())
+
+
+@linux
+def test_a_full_disk_at_ten_sizes_loses_nothing_that_was_whole(tmp_path, small_disk, uninterrupted):
+    expected = uninterrupted(6)
+    recipe = read_recipe(write_toy(tmp_path, generations=6))
+    probe, sizes = tmp_path / "probe", []
+    search = Search(recipe, out=probe, workers=0)
+    disturbed(search, 0, lambda: sizes.append(size_of(probe) // 1024))
+    sizes, reached = np.linspace(sizes[0] * 0.5, size_of(probe) // 1024, 10), set()
+    for number, size in enumerate(sizes.astype(int)):
+        place = small_disk(int(size))
+        out = place / f"run-{number}"
+        with pytest.raises(RunError, match=r"[Nn]o space|requested and \d+ written"):
+            to_the_end(Search(recipe, out=out, workers=0))
+        small_disk(1 << 16)
+        if out.exists():
+            reached.add(open_run(out).status()["generation"])
+            to_the_end(Search.resume(out, workers=0))
+        else:
+            to_the_end(Search(recipe, out=out, workers=0))
+        assert rows(out) == expected
+        assert [one.name for one in place.iterdir()] == [out.name]
+        for one in sorted(out.rglob("*"), reverse=True):
+            one.rmdir() if one.is_dir() else one.unlink()
+        out.rmdir()
+    assert len(reached) > 3
+
+
+def test_a_limit_of_file_size_is_told_and_gone_on_from(tmp_path, uninterrupted):
+    resource = pytest.importorskip("resource")
+    recipe = read_recipe(write_toy(tmp_path, generations=4))
+    search = Search(recipe, out=tmp_path / "run", workers=0)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        limit = resource.RLIMIT_FSIZE
+        with pytest.raises(RunError, match="cannot be written"):
+            disturbed(search, 1, lambda: resource.setrlimit(limit, (4096, hard)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert open_run(tmp_path / "run").status()["generation"] == 1
+    to_the_end(Search.resume(tmp_path / "run", workers=0))
+    assert rows(tmp_path / "run") == uninterrupted(4)
+
+
+@pytest.fixture
+def own_folder():
+    """A folder of a user who may not write everywhere, as whom the test goes on."""
+    folder = Path(tempfile.mkdtemp())
+    privileged = os.geteuid() == 0
+    if privileged:
+        os.chown(folder, NOBODY, NOBODY)
+        os.seteuid(NOBODY)
+    yield folder
+    if privileged:
+        os.seteuid(0)
+    shutil.rmtree(folder)
+
+
+def test_a_folder_made_read_only_in_a_run_is_told_and_gone_on_from(own_folder, uninterrupted):
+    out = own_folder / "run"
+    search = Search(read_recipe(write_toy(own_folder, generations=4)), out=out, workers=0)
+
+    def change(mode: int) -> None:
+        for one in (*out.rglob("*"), out):
+            one.chmod(mode | 0o111 * one.is_dir())
+
+    with pytest.raises(RunError, match=r"cannot be written: .*Permission denied"):
+        disturbed(search, 1, lambda: change(0o444))
+    assert open_run(out).status()["generation"] == 1
+    with pytest.raises(RunError, match="cannot be written"):
+        Search.resume(out, workers=0)
+    out.chmod(0o755)
+    change(0o644)
+    to_the_end(Search.resume(out, workers=0))
+    assert rows(out) == uninterrupted(4)
