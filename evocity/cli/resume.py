@@ -6,7 +6,7 @@ import click
 
 import evocity
 from evocity.cli.common import echo, note
-from evocity.cli.searching import blaming_options, carry_out
+from evocity.cli.searching import blaming_options, carry_out, until_option
 
 
 @click.command(
@@ -28,6 +28,7 @@ Examples:
     show_default="as it was started",
     help="Processes that evaluate; the result does not depend on them.",
 )
+@until_option
 @click.option(
     "--accept-changes",
     is_flag=True,
@@ -39,13 +40,14 @@ Examples:
     help="Move damaged files at the end of the run to its folder damaged/, and breed their "
     "generations again: the same births.",
 )
-def resume(folder: Path, generations, workers, accept_changes, set_aside) -> None:
+def resume(folder: Path, generations, workers, until, accept_changes, set_aside) -> None:
     """Go on with the run in the folder RUN.
 
     It goes on after its last whole generation, however it ended, as if it had not been
     stopped: the same births, bit for bit. A run that is finished only gets its report written
-    again, unless --generations asks for more. Measures of your own that the recipe names are
-    executed.
+    again, unless --generations asks for more. What stopped it may hold still, a target or
+    stagnation: then it stops at once and says what to change; --generations goes on in spite of
+    these. Measures of your own that the recipe names are executed.
     """
 
     if set_aside:
@@ -58,11 +60,12 @@ def resume(folder: Path, generations, workers, accept_changes, set_aside) -> Non
             note("no file of births or membership is damaged")
 
     def start(tell):
-        with blaming_options(generations=generations):
+        with blaming_options(generations=generations, until=until):
             return evocity.Search.resume(
                 folder,
                 generations=generations,
                 workers=workers,
+                until=until,
                 accept_changes=accept_changes,
                 progress=tell,
             )

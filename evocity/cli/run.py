@@ -8,7 +8,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_folder
-from evocity.cli.searching import blaming_options, carry_out
+from evocity.cli.searching import blaming_options, carry_out, until_option
 from evocity.errors import RunError
 
 
@@ -17,7 +17,7 @@ from evocity.errors import RunError
 Examples:
   evocity run
   evocity run runs/lyon-x-montpellier.toml --generations 500 --out runs/tonight
-  evocity run my-recipe.toml --seed 8 --workers 4
+  evocity run my-recipe.toml --seed 8 --workers 4 --until 07:00
 
 A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
 )
@@ -32,6 +32,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     "without deadlines.",
 )
 @click.option("--seed", type=int, show_default="the recipe's", help="Same seed, same bits.")
+@until_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -39,7 +40,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     show_default="runs/NAME of the recipe, else runs/NAME-2, …",
     help="Run folder to make; refused if it exists.",
 )
-def run(recipe, generations, population, workers, seed, out) -> None:
+def run(recipe, generations, population, workers, seed, until, out) -> None:
     """Breed what RECIPE says; write every birth into a run folder.
 
     Without a RECIPE, breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a TOML
@@ -51,6 +52,7 @@ def run(recipe, generations, population, workers, seed, out) -> None:
         "population": population,
         "workers": workers,
         "seed": seed,
+        "until": until,
     }
     with blaming_options(**options):
         chosen = evocity.read_recipe(recipe, **options)

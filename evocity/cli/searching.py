@@ -16,6 +16,14 @@ from evocity.errors import RecipeError, RunError, plain_text
 #: In a log file, seconds between two lines.
 _BETWEEN_LINES = 10.0
 
+until_option = click.option(
+    "--until",
+    metavar="HH:MM",
+    show_default="the recipe's",
+    help="End after the generation in which it becomes that time of the day, or that date with a "
+    'time ("2026-11-25T07:00"); none: never.',
+)
+
 #: Makes a `Search`, given whom to tell what is prepared.
 Start = Callable[[Callable[[str], None]], "evocity.Search"]
 
@@ -62,6 +70,8 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
                 show(progress_line(generation, search.recipe.run.generations, signs))
             if search.asked_to_stop:
                 _say(f"stopped, as it was asked to; go on with: evocity resume {folder}")
+            elif search.stopped_by is not None:
+                _say(f"stopped: {search.stopped_by.words}; {_how_on(search.stopped_by, folder)}")
     except RunError as error:
         if not started:
             raise  # the folder cannot be used: the input is at fault
@@ -69,6 +79,12 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
     finally:
         if started:
             _tell_failures(folder)
+
+
+def _how_on(reason, folder: Path) -> str:
+    """How to go on after a stop of the recipe's."""
+    go_on = f"go on with: evocity resume {folder}"
+    return go_on if reason.by == "until" else f"{go_on}, and {reason.remedy}"
 
 
 def _commands_told():
@@ -204,7 +220,7 @@ def blaming_options(**given: object):
             f"{section}.{name}: ": f"--{name.replace('_', '-')} "
             for name in given
             if given[name] is not None
-            for section in ("run", "evaluation", "map")
+            for section in ("run", "evaluation", "map", "stop")
         }
         named = [
             next((o + fault[len(key) :] for key, o in keys.items() if fault.startswith(key)), fault)

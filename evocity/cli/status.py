@@ -38,7 +38,8 @@ def status(run: str, as_json: bool) -> None:
     algorithm (what the
     algorithm tells of all the living: of map_elites coverage, cells and qd_score), parents (each
     source city to what its code has of these measures, null where it has none),
-    evaluations_per_second, finished, running (a process is at it now), seconds_left (an estimate
+    evaluations_per_second, finished, stopped (why it ended before, in words; null while it goes on,
+    and where it was killed), running (a process is at it now), seconds_left (an estimate
     while it is running, else null), front (numbers of all individuals of the last generation's
     front), picked (numbers of those that are bred from besides, see `evocity pick`), picks_share
     (the share of births that have one of them for their first parent), weights (those that `evocity
@@ -120,7 +121,8 @@ def _finished(run: str, state: dict, running: bool, left: float | None, members:
 
         error = nobody_lives(run, state["generation"])
         return f"no, and it cannot go on: {error.found}; {error.remedy}"
-    return f"no; go on with: evocity resume {run}"
+    why = f"stopped: {state['stopped']}; " if state["stopped"] else ""
+    return f"no; {why}go on with: evocity resume {run}"
 
 
 def _bounded(facts) -> list:

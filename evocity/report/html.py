@@ -128,7 +128,9 @@ def _summary(facts: Facts) -> str:
     if facts.broken:
         figures.insert(4, ("break a constraint", f"{len(facts.broken)} of {len(facts.members)}"))
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
-    state = "" if status["finished"] else "<p>The run is not finished: what is here is whole.</p>"
+    why = f" (stopped: {_text(status['stopped'])})" if status["stopped"] else ""
+    state = f"<p>The run is not finished{why}: what is here is whole.</p>"
+    state = "" if status["finished"] else state
     cities = [name for name in header.cities if name != VOID]
     return (
         f"<p>{_text(' × '.join(cities))}, {_text(header.width)} × {_text(header.height)} px "

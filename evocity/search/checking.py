@@ -96,7 +96,7 @@ def check(
             faults += recipe.search.faults(
                 len(recipe.goals), recipe.run.population, len(recipe.parents)
             )
-            faults += _undescribed(recipe) + _of_refine(recipe)
+            faults += _undescribed(recipe) + _of_refine(recipe) + _of_stop(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that
@@ -199,6 +199,28 @@ def _of_refine(recipe: BaseModel) -> list[tuple[str, str, str]]:
     if refine.births and recipe.search.breeds_by is not None:
         found = f"{refine.births}, with the algorithm {recipe.search.algorithm!r}"
         faults.append(("refine.births", found, "0, as it breeds by itself"))
+    return faults
+
+
+def _of_stop(recipe: BaseModel) -> list[tuple[str, str, str]]:
+    """Faults of the ``target`` at which the search stops: what none can reach."""
+    entries = {
+        one.name: entry for entry in recipe.fitness if entry.is_objective for one in entry.measures
+    }
+    goals = {one.name: one.goal for one in recipe.measures}
+    faults = []
+    for name, value in recipe.stop.target.items():
+        key = f"stop.target.{name}"
+        if name not in entries:
+            found = with_near_miss(f"no measure {shown(name)} that is searched by", name, entries)
+            faults.append((key, found, ", ".join(entries)))
+            continue
+        entry, (low, high) = entries[name], recipe.limits[name]
+        if entry.target is not None or entry.like is not None:
+            if value < 0:
+                faults.append((key, f"{value:g}", "how near to the wanted number, 0 or more"))
+        elif not (value <= high if (entry.goal or goals[name]) == "max" else value >= low):
+            faults.append((key, f"{value:g}", f"within its range, {low:g}…{high:g}"))
     return faults
 
 

@@ -22,9 +22,9 @@ from evocity.search.guarding import told_of_parents
 from evocity.search.observers import Observer, Observers
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
-from evocity.search.signals import Signalled
 from evocity.search.steering import Steering, genomes_of
-from evocity.store import Birth, RunWriter, refuse_existing
+from evocity.search.stopping import Clock, Reason, Stopping, end_of, now, refuse_passed
+from evocity.store import Birth, RunWriter, open_run, refuse_existing
 
 
 class Search:
@@ -44,6 +44,7 @@ class Search:
         deadlines. Births do not depend on it.
     progress : told in a few words what is prepared before the first generation.
     observers : see `evocity.search.observers`; they see every generation and event.
+    clock : tells the time by which ``[stop] until`` of the recipe goes.
 
     A run that goes on may be asked to stop, to breed from picks and to weigh anew, by `stop`,
     `pick` and `reweight` here, or by any process through the run's folder
@@ -64,6 +65,7 @@ class Search:
         workers: int | None = None,
         progress: Callable[[str], None] | None = None,
         observers: Sequence[Observer] = (),
+        clock: Clock = now,
     ):
         if not isinstance(recipe, Recipe):
             raise RecipeError(
@@ -85,6 +87,7 @@ class Search:
         self._population: Archipelago | None = None
         self._observers = Observers(observers)
         self._steering = Steering(recipe, self._found)
+        self._clock, self._stopping = clock, None
         self._asked: list[Born] | None = None
         self._next = 0
         self._births = self._failures = 0
@@ -100,17 +103,22 @@ class Search:
         accept_changes: bool = False,
         progress: Callable[[str], None] | None = None,
         observers: Sequence[Observer] = (),
+        until: str | None = None,
+        clock: Clock = now,
     ) -> "Search":
         """Go on with the run in ``path`` after its last whole generation.
 
-        ``generations`` replaces the recipe's number. Raises `RunError` if the recipe, a
-        map or a measure's source changed since and ``accept_changes`` is False (the
+        ``generations`` and ``until`` replace the recipe's. What ``[stop]`` of the recipe says may
+        hold still: then no generation follows, and ``notes`` tell what to change; more generations
+        go on in spite of a target that is reached, and of stagnation. Raises `RunError` if the
+        recipe, a map or a measure's source changed since and ``accept_changes`` is False (the
         message names what changed; no changed file is executed before), if the change cannot
         be had in one run, or if the run has more generations already.
         """
-        taken = resuming.take_up(path, generations, accept_changes)
+        asked = {"run.generations": generations, "stop.until": until}
+        taken = resuming.take_up(path, asked, accept_changes)
         try:
-            search = cls(taken.prepared.recipe, None, workers, progress, observers)
+            search = cls(taken.prepared.recipe, None, workers, progress, observers, clock)
         except BaseException:
             taken.writer.close()
             raise
@@ -123,12 +131,17 @@ class Search:
             search._steering = Steering(
                 search.recipe, search._found, taken.standing, old[-1][0] + 1 if old else 0
             )
-            search._population = search._settled()
+            search._population, search._stopping = search._settled(), search._new_stopping()
             taken.restore(search._population)
-            if not search.finished:
+            living, more = search._population.living, generations is not None
+            held = search._stopping.take_up(open_run(path), living, more)
+            if search.stopped_by is not None:
+                search.notes.append(search.stopped_by.still)
+            elif not search.finished:
                 search._compile()
                 search._start_pool()
-            search._observers.event("resume", generation=taken.next, changes=taken.changes)
+            changes = taken.changes
+            search._observers.event("resume", generation=taken.next, changes=changes, **held)
         except BaseException:
             search.close()
             raise
@@ -145,6 +158,12 @@ class Search:
     def asked_to_stop(self) -> bool:
         """Whether a command ended the search."""
         return self._steering.standing.stop
+
+    @property
+    def stopped_by(self) -> Reason | None:
+        """What of the recipe's ``[stop]`` ended the search; None while it goes on, and where it
+        ended otherwise."""
+        return None if self._stopping is None or self.finished else self._stopping.reason
 
     def stop(self) -> None:
         """End after the generation that is being bred, as `evocity stop` does."""
@@ -200,8 +219,10 @@ class Search:
         parents keep is not looked at, unless `prepare` was called.
         """
         if self._asked is None and not self._closed and not self._steered():
+            by = self.stopped_by
+            found = "was asked to stop" if by is None else f"has stopped: {by.words}"
             raise RunError(
-                "ask() of a search that was asked to stop",
+                f"ask() of a search that {found}",
                 "a search that goes on",
                 "close() it; go on with: Search.resume(path)",
             )
@@ -262,6 +283,7 @@ class Search:
             self._writer.close()
 
     def _start(self, guarded: bool) -> None:
+        refuse_passed(self.recipe.stop, self._clock)
         self._compile()
         self._prepared = prepare(self.recipe, self._progress)
         try:
@@ -274,12 +296,15 @@ class Search:
             self._prepared = self._pool = None
             raise
         self.notes += [*self._prepared.notes, *unkept]
-        self._population = self._settled()
+        self._population, self._stopping = self._settled(), self._new_stopping()
         self._observers.event("start", seed=self.recipe.run.seed, workers=self._worker_count)
 
     def _settled(self) -> Archipelago:
         """Where nobody lives yet."""
         return Archipelago(self._prepared, self._steering.standing.weights, self._observers.event)
+
+    def _new_stopping(self) -> Stopping:
+        return Stopping(self.recipe.stop, self._prepared.aims, self.out, self._clock)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
@@ -309,15 +334,9 @@ class Search:
         if self._ended or self._closed:
             return
         self._ended = True
-        if self.finished and (error is None or isinstance(error, GeneratorExit)):
-            self._observers.event("finish", generation=self._next - 1)
-            return
-        left = "asked to" if self.asked_to_stop else "left"
-        reason = {KeyboardInterrupt: "interrupted", GeneratorExit: left, type(None): left}
-        reason[Signalled] = str(error)
-        told = reason.get(type(error), f"{type(error).__name__}: {error}")
+        event, details = end_of(error, self.finished, self.asked_to_stop, self.stopped_by)
         with contextlib.suppress(RunError):  # the folder itself may be what failed
-            self._observers.event("stop", generation=self._next - 1, reason=told)
+            self._observers.event(event, generation=self._next - 1, **details)
 
     def _refuse_closed(self, what: str) -> None:
         if self._closed:
@@ -336,9 +355,11 @@ class Search:
         lines = [] if self._writer is None else self._writer.commands(steering.standing.read)
         for event, details in steering.carry_out(lines, self._next):
             self._observers.event(event, **details)
+            if details.get("command") == "reweight" and self._stopping is not None:
+                self._stopping.judge_anew()
         if steering.standing.weights != weights and self._population is not None:
             self._population.reweigh(steering.standing.weights)
-        return not steering.standing.stop
+        return not steering.standing.stop and self.stopped_by is None
 
     def _found(self, ids: Sequence[int]) -> dict[int, Genome]:
         """The genomes of births by id, for picks."""
@@ -385,6 +406,7 @@ class Search:
         generation = self._generation(births)
         self._observers.generation(generation, births, self._population.members)
         self._asked = None
+        self._stopping.look(generation)
         self._next += 1
         limit, alive = self.recipe.evaluation.max_failures, bool(self._population.living)
         refuse_failures(births, limit, generation.number, alive)

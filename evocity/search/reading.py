@@ -18,14 +18,14 @@ def recipes() -> list[str]:
     return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
 
 
-def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> Recipe:
+def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | None) -> Recipe:
     """Read and check a recipe.
 
     Parameters
     ----------
     source : a path to a TOML file, or the name of a bundled recipe (see `recipes`).
-    overrides : ``generations``, ``population``, ``seed``, ``workers``; None leaves the
-        recipe's own.
+    overrides : ``generations``, ``population``, ``seed``, ``workers``, ``until`` of ``[stop]``;
+        None leaves the recipe's own.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | None) -> 
             f"a TOML file, or one of {', '.join(recipes())}",
             near_miss(path.name, recipes()) or "check the path",
         ) from None
-    sections = {"workers": "evaluation"}
+    sections = {"workers": "evaluation", "until": "stop"}
     changes = {
         f"{sections.get(key, 'run')}.{key}": value
         for key, value in overrides.items()

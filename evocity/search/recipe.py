@@ -31,6 +31,7 @@ from evocity.search.mixture import (
     is_range,
     operator_of,
 )
+from evocity.search.overnight import StopSection
 from evocity.search.sections import (
     EvaluationSection,
     GenomeSection,
@@ -96,6 +97,7 @@ class Recipe(Section):
     evaluation: EvaluationSection = EvaluationSection()
     search: SearchSection = SearchSection()
     refine: RefineSection = RefineSection()
+    stop: StopSection = StopSection()
 
     _text: str = PrivateAttr("")
     _overrides: dict = PrivateAttr(default_factory=dict)

@@ -38,10 +38,11 @@ _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
 
 
 def read_again(
-    run: Run, generations: int | None = None, accept_changes: bool = False
+    run: Run, asked: Mapping[str, object] | None = None, accept_changes: bool = False
 ) -> tuple[Prepared, list[str]]:
     """What the ``run`` was prepared with, and in words what changed since. Its own measures are
-    executed, unless they changed and that is not accepted.
+    executed, unless they changed and that is not accepted. ``asked``: what replaces values of its
+    recipe, as {"run.generations": 400}; None leaves one as it is.
 
     Raises `RunError` as `Search.resume` says.
     """
@@ -56,7 +57,7 @@ def read_again(
                 f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
                 "the living then keep the values they were given",
             )
-        recipe = _recipe(run, generations, copies)
+        recipe = _recipe(run, asked or {}, copies)
         _refuse_another_run(run, recipe)
         likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]
         if changes:  # cities that are not there any more cannot be measured again
@@ -91,11 +92,10 @@ def lacking(run: Run, error: Exception) -> RunError:
     )
 
 
-def _recipe(run: Run, generations: int | None, copies: Mapping[str, str]) -> Recipe:
+def _recipe(run: Run, asked: Mapping[str, object], copies: Mapping[str, str]) -> Recipe:
     """The run's recipe; its own measures are executed."""
     overrides = dict(run.provenance["recipe"]["overrides"])
-    if generations is not None:
-        overrides["run.generations"] = generations
+    overrides |= {key: value for key, value in asked.items() if value is not None}
     mixture = run.provenance["recipe"].get("operators", _BEFORE_QUARTERS)
     older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
     selected = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)

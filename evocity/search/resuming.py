@@ -63,10 +63,11 @@ class TakenUp:
             island.credit = self.credit.get(island.name, island.credit)
 
 
-def take_up(path: str | os.PathLike, generations: int | None, accept_changes: bool) -> TakenUp:
-    """Reopen the run in ``path``. Raises `RunError` as `Search.resume` says."""
+def take_up(path: str | os.PathLike, asked: Mapping[str, object], accept_changes: bool) -> TakenUp:
+    """Reopen the run in ``path``; ``asked``: what replaces the recipe's values, None where nothing
+    does. Raises `RunError` as `Search.resume` says."""
     run = open_run(path)
-    prepared, changes = read_again(run, generations, accept_changes)
+    prepared, changes = read_again(run, asked, accept_changes)
     recipe = prepared.recipe
     try:
         notes, edited = _notes(run, recipe), _edited(run)

@@ -282,7 +282,8 @@ class Run:
 
         Keys: generation (the last whole one; None before the first), births, failures,
         hypervolume, best (measure -> value), algorithm (what the run's algorithm tells of all the
-        living, by the names of ``header.figures``), evaluations_per_second, finished.
+        living, by the names of ``header.figures``), evaluations_per_second, finished, stopped (why
+        it ended before, in words; None while it goes on, and where it was killed).
         """
 
         def last_summary() -> tuple[int | None, dict]:
@@ -294,8 +295,8 @@ class Run:
             return whole[-1], self._summaries(piece.path)[whole[-1]]
 
         generation, about = self._with_pieces(last_summary)
-        told = [e.get("event") for e in self.events()]
-        states = [s for s in told if s in ("start", "resume", "stop", "finish")]
+        states = ("start", "resume", "stop", "finish")
+        last = next((e for e in reversed(self.events()) if e.get("event") in states), {})
         return {
             "generation": generation,
             "births": about.get("births", 0),
@@ -304,7 +305,8 @@ class Run:
             "best": about.get("best", {}),
             "algorithm": about.get("algorithm", {}),
             "evaluations_per_second": about.get("evaluations_per_second"),
-            "finished": bool(states) and states[-1] == "finish",
+            "finished": last.get("event") == "finish",
+            "stopped": str(last.get("reason", "")) if last.get("event") == "stop" else None,
         }
 
     def _check_digests(self, place: Path) -> None:

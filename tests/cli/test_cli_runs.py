@@ -102,7 +102,7 @@ def test_a_stopped_run_is_not_running(stopped):
     told = json.loads(call("status", stopped, "--json").stdout)
     assert (told["running"], told["finished"], told["seconds_left"]) == (False, False, None)
     text = call("status", stopped).stdout
-    assert line_of(text, "finished") == f"no; go on with: evocity resume {stopped}"
+    assert line_of(text, "finished") == f"no; stopped: left; go on with: evocity resume {stopped}"
 
 
 def test_a_run_without_survivors_is_not_to_be_resumed(tmp_path, dead):

@@ -193,6 +193,7 @@ def test_status_tells_where_a_run_is(finished):
         "parents",
         "evaluations_per_second",
         "finished",
+        "stopped",
         "running",
         "seconds_left",
         "front",
@@ -309,7 +310,7 @@ class Search:
     def __init__(self, then):
         self.then = then
         self.recipe, self.notes, self.finished = evocity.read_recipe("demo"), [], False
-        self.asked_to_stop = False
+        self.asked_to_stop, self.stopped_by = False, None
 
     def __call__(self, recipe, out, progress):
         progress("reading a map")
