@@ -1,12 +1,13 @@
 """What a search needs around it before its first birth: its folder and its workers."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from evocity.fitness.shipping import Shipment
 from evocity.search.compiling import needed
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Engine, Here, Workers
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.preparation import Prepared
@@ -20,13 +21,14 @@ def sides_of(recipe: Recipe, prepared: Prepared | None) -> int | tuple[int, int]
     return before or recipe.genome.block
 
 
-def writer_of(prepared: Prepared, out: str | os.PathLike) -> RunWriter:
-    """The run folder ``out``, made with all that the run begins with. Raises `RunError`."""
+def writer_of(prepared: Prepared, out: str | os.PathLike, engine: Mapping[str, Any]) -> RunWriter:
+    """The run folder ``out``, made with all that the run begins with; ``engine``: what carries out
+    its births, described. Raises `RunError`."""
     kept = kept_by(prepared.recipe)
     return RunWriter.create(
         out,
         prepared.recipe.text,
-        provenance_of(prepared, out, kept),
+        provenance_of(prepared, out, kept) | {"evaluation": dict(engine)},
         prepared.header,
         prepared.sources,
         prepared.condensation,
@@ -42,7 +44,7 @@ def pool_of(
     shipped: tuple[Shipment, ...],
     tell: Callable[[str], None],
     retried: Callable[[str], None],
-) -> Here | Workers:
+) -> Engine:
     """Where births are bred and evaluated: in ``count`` workers, or in this process if that is 0.
     ``shipped``: measures of the session; ``tell`` and ``retried`` are told in words what is done,
     and what went wrong with the pool itself."""

@@ -9,7 +9,7 @@ from numbers import Real
 from evocity.errors import RunError, shown
 from evocity.fitness import Aims
 from evocity.search.breeding import Plan
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome, unrecorded
 from evocity.store import Birth
 
@@ -47,14 +47,14 @@ class Born:
         )
 
 
-def bred(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
+def bred(pool: Engine, plans: Sequence[Plan]) -> list[Born]:
     """All individuals of ``plans`` bred, none evaluated."""
     jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
     outcomes = iter(pool.run("breed", jobs))
     return [Born(plan, next(outcomes) if plan.operator else _founder(plan)) for plan in plans]
 
 
-def born(pool: Here | Workers, plans: Sequence[Plan]) -> list[Born]:
+def born(pool: Engine, plans: Sequence[Plan]) -> list[Born]:
     """All individuals of ``plans`` bred and evaluated: one job each, which one deadline covers.
 
     A worker that hung or died took the child with it. It is bred again, by the same draws: so the

@@ -15,7 +15,7 @@ from evocity.search.births import Born, born, bred, outcome_of
 from evocity.search.breeding import Plan
 from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.guarding import told_of_parents
@@ -83,7 +83,7 @@ class Search:
         self._progress = progress
         self._prepared: Prepared | None = None
         self._writer: RunWriter | None = None
-        self._pool: Here | Workers | None = None
+        self._pool: Engine | None = None
         self._population: Archipelago | None = None
         self._observers = Observers(observers)
         self._steering = Steering(recipe, self._found)
@@ -140,8 +140,9 @@ class Search:
             elif not search.finished:
                 search._compile()
                 search._start_pool()
-            changes = taken.changes
-            search._observers.event("resume", generation=taken.next, changes=changes, **held)
+            engine = {} if search._pool is None else search._pool.described
+            held |= {"changes": taken.changes, **engine}
+            search._observers.event("resume", generation=taken.next, **held)
         except BaseException:
             search.close()
             raise
@@ -297,7 +298,7 @@ class Search:
             raise
         self.notes += [*self._prepared.notes, *unkept]
         self._population, self._stopping = self._settled(), self._new_stopping()
-        self._observers.event("start", seed=self.recipe.run.seed, workers=self._worker_count)
+        self._observers.event("start", seed=self.recipe.run.seed, **self._pool.described)
 
     def _settled(self) -> Archipelago:
         """Where nobody lives yet."""
@@ -309,7 +310,7 @@ class Search:
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
         if self.out is not None:
-            self._writer = writer_of(self._prepared, self.out)
+            self._writer = writer_of(self._prepared, self.out, self._pool.described)
             self._observers.log(self._writer)
 
     def _compile(self) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from evocity.errors import RecipeError
 from evocity.fitness import Constraint, Measure
 from evocity.search.algorithms import First
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome
 from evocity.search.preparation import Prepared
 from evocity.search.values import PARENTS
@@ -83,7 +83,7 @@ class Bounded:
         return False
 
 
-def told_of_parents(prepared: Prepared, pool: Here | Workers) -> list[str]:
+def told_of_parents(prepared: Prepared, pool: Engine) -> list[str]:
     """In words, which constraints no parent of a run keeps, and what they have; nothing if there is
     a parent that keeps them all.
 

@@ -17,7 +17,7 @@ from evocity.search.beginning import pool_of, sides_of
 from evocity.search.borrowed import deap
 from evocity.search.breeding import founder, generator
 from evocity.search.compiling import compile_once, needed
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Engine
 from evocity.search.preparation import prepare
 from evocity.search.recipe import Recipe
 
@@ -235,7 +235,7 @@ class Toolbox(deap.Toolbox):
         return [found.get(id(one), (FAILED,) * len(aims.names)) for one in individuals]
 
     @property
-    def _workers(self) -> Here | Workers:
+    def _workers(self) -> Engine:
         if self._pool is None:
             args = self.prepared, self._count, self._shipped, self._tell, self._tell
             self._pool = pool_of(*args)

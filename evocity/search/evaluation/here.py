@@ -14,6 +14,14 @@ class Here:
     def __init__(self, setup: Setup):
         self._evaluator = Evaluator(setup)
 
+    @property
+    def size(self) -> int:
+        return 1
+
+    @property
+    def described(self) -> dict:
+        return {"engine": "in process", "workers": 0}
+
     def run(self, method: str, jobs: Sequence[tuple]) -> list[Outcome]:
         """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``."""
         with contextlib.redirect_stdout(sys.stderr):

@@ -68,6 +68,14 @@ class Workers:
         self._watched: dict[int, int] = {}
         self._begin("", ())
 
+    @property
+    def size(self) -> int:
+        return self._count
+
+    @property
+    def described(self) -> dict:
+        return {"engine": "processes", "workers": self._count}
+
     def run(self, method: str, jobs: Sequence[tuple]) -> list[Outcome]:
         """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``.
 
