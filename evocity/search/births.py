@@ -2,8 +2,10 @@
 elsewhere."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from numbers import Real
 
 from evocity.errors import RunError, shown
@@ -15,6 +17,7 @@ from evocity.store import Birth
 
 #: How a birth ends whose worker may have taken the child with it.
 _LOST = ("timeout", "died", "memory")
+_END = object()
 
 
 @dataclass(frozen=True)
@@ -54,35 +57,62 @@ def bred(pool: Engine, plans: Sequence[Plan]) -> list[Born]:
     return [Born(plan, next(outcomes) if plan.operator else _founder(plan)) for plan in plans]
 
 
-def born(pool: Engine, plans: Sequence[Plan]) -> list[Born]:
-    """All individuals of ``plans`` bred and evaluated: one job each, which one deadline covers.
+def born(pool: Engine, plans: Iterable[Plan]) -> list[Born]:
+    """All individuals of ``plans`` bred and evaluated, in their order."""
+    plans = list(plans)
+    found = {one.plan.id: one for one in coming(pool, iter(plans))}
+    return [found[plan.id] for plan in plans]
+
+
+def coming(pool: Engine, plans: Iterator[Plan | None]) -> Iterator[Born]:
+    """Individuals of ``plans`` as they come about, bred and evaluated: one job each, which one
+    deadline covers. None is no plan: another is asked for after the next individual.
 
     A worker that hung or died took the child with it. It is bred again, by the same draws: so the
     log has its genome, and tells whether the operator or a measure was to blame.
     """
-    jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans]
-    outcomes = pool.run("born", jobs)
-    lost = [
-        at
-        for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True))
-        if plan.operator and one.genome is None and one.status in _LOST and not _measures(plan)
-    ]
-    again = dict(zip(lost, pool.run("breed", [jobs[at] for at in lost]), strict=True))
-    found = []
-    for at, (plan, one) in enumerate(zip(plans, outcomes, strict=True)):
-        first = again.get(at, one)
-        if plan.operator is None:
-            found.append(Born(plan, _founder(plan), one))
-        elif first.genome is None:
-            found.append(Born(plan, replace(first, seconds=one.seconds)))
+    waiting: deque[tuple[Plan, Outcome | None]] = deque()  # to be bred again
+    given: dict[int, tuple[Plan, Outcome | None]] = {}
+    numbers = count()
+
+    def jobs() -> Iterator[tuple | None]:
+        ended = False
+        while given or waiting or not ended:
+            plan, lost = waiting.popleft() if waiting else (None, None)
+            if plan is None and not ended:
+                plan = next(plans, _END)
+                ended = plan is _END
+            if plan is None or plan is _END:
+                if given or not ended:  # one of those at work may be lost
+                    yield None
+                continue
+            given[next(numbers)] = plan, lost
+            yield plan.operator, plan.genomes, plan.rng, lost is None
+
+    for number, outcome in pool.stream("born", jobs()):
+        plan, lost = given.pop(number)
+        if lost is None and _lost(plan, outcome):
+            waiting.append((plan, outcome))
         else:
-            found.append(Born(plan, Outcome("ok", genome=first.genome), one))
-    return found
+            yield _born(plan, outcome, lost)
 
 
-def _measures(plan: Plan) -> bool:
-    """Whether it measures while it breeds: to breed it again would take as long once more."""
-    return hasattr(plan.operator, "bred_within")
+def _born(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Born:
+    """The individual of a ``plan`` with its ``outcome``; if it was ``lost`` before, that is of its
+    second breeding."""
+    if plan.operator is None:
+        return Born(plan, _founder(plan), outcome)
+    if outcome.genome is None:
+        seconds = outcome.seconds if lost is None else lost.seconds
+        return Born(plan, replace(outcome, seconds=seconds))
+    return Born(plan, Outcome("ok", genome=outcome.genome), outcome if lost is None else lost)
+
+
+def _lost(plan: Plan, outcome: Outcome) -> bool:
+    """Whether the child is gone, and can be had again; one that measures while it breeds would
+    take as long once more."""
+    measures = hasattr(plan.operator, "bred_within")
+    return bool(plan.operator) and outcome.genome is None and outcome.status in _LOST and not measures
 
 
 def _founder(plan: Plan) -> Outcome:

@@ -93,16 +93,23 @@ class Evaluator:
         for name, reference in setup.references.items():
             self.measures[name] = self.measures[name].bound(reference)
 
-    def born(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
+    def born(
+        self,
+        operator,
+        parents: Sequence[Genome],
+        rng: np.random.Generator,
+        measured: bool = True,
+    ) -> Outcome:
         """Bred and evaluated at once: what `evaluate` says of the child, its genome in
-        ``.genome``; what `breed` says, without a genome, where that failed.
+        ``.genome``; what `breed` says where that failed, without a genome, and of one that is not
+        to be ``measured``.
 
         Without an operator the individual is the one of ``parents``, bred from none.
         """
         if operator is None:
             return replace(self.evaluate(parents[0]), genome=parents[0])
         bred = self.breed(operator, parents, rng)
-        if bred.genome is None:
+        if bred.genome is None or not measured:
             return bred
         found = self.evaluate(bred.genome, parents)
         return replace(found, seconds=bred.seconds + found.seconds, genome=bred.genome)

@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from evocity.search.evaluator import Evaluator, Outcome, Setup
 
@@ -24,8 +24,18 @@ class Here:
 
     def run(self, method: str, jobs: Sequence[tuple]) -> list[Outcome]:
         """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``."""
-        with contextlib.redirect_stdout(sys.stderr):
-            return [getattr(self._evaluator, method)(*job) for job in jobs]
+        return [outcome for _, outcome in self.stream(method, iter(jobs))]
+
+    def stream(
+        self, method: str, jobs: Iterator[tuple | None]
+    ) -> Iterator[tuple[int, Outcome]]:
+        """As `Engine.stream`."""
+        for number, job in enumerate(jobs):
+            if job is None:
+                raise RuntimeError("no job is given while none is at work")
+            with contextlib.redirect_stdout(sys.stderr):
+                outcome = getattr(self._evaluator, method)(*job)
+            yield number, outcome
 
     def close(self) -> None:
         pass

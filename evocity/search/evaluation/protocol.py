@@ -1,6 +1,6 @@
 """What breeds and evaluates, wherever that happens."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from evocity.search.evaluator import Outcome
@@ -23,6 +23,19 @@ class Engine(Protocol):
 
     def run(self, method: str, jobs: Sequence[tuple]) -> list[Outcome]:
         """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``.
+
+        Raises `RunError` if the engine can carry out none.
+        """
+        ...
+
+    def stream(self, method: str, jobs: Iterator[tuple | None]) -> Iterator[tuple[int, Outcome]]:
+        """Outcomes of ``Evaluator.method(*job)`` as they come about, each with the number of its
+        job: how many ``jobs`` came before it.
+
+        Jobs are drawn when there is room for them. None is no job: it says that there is none yet,
+        and that another is to be drawn after the next outcome; so one must be at work then. One
+        stream goes on at a time, and nothing else; what is at work when it is left before its end
+        is nobody's.
 
         Raises `RunError` if the engine can carry out none.
         """

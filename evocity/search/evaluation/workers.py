@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import spawn
 
 from evocity.errors import RunError
@@ -31,6 +31,9 @@ _LOOK, _FLOODED, _ASK = 0.5, 0.02, 0.05
 _LATE = 1.0
 # Seconds of a job so short that waiting for the next would tell.
 _SHORT = 0.05
+# So many jobs a worker are drawn and wait: the next of each, and as many from which it comes.
+_DRAWN = 3
+_END = object()
 # Ends that a measure hardly has by itself: such a birth is done again, once.
 _FROM_OUTSIDE = tuple(
     -getattr(signal, name) for name in ("SIGKILL", "SIGTERM") if hasattr(signal, name)
@@ -66,7 +69,7 @@ class Workers:
         self._seconds = 1.0  # that a job takes, roughly
         self._selector = selectors.DefaultSelector()
         self._watched: dict[int, int] = {}
-        self._begin("", ())
+        self._begin("", iter(()))
 
     @property
     def size(self) -> int:
@@ -81,18 +84,29 @@ class Workers:
 
         Raises `RunError` if no workers can be had.
         """
+        outcomes = dict(self.stream(method, iter(jobs)))
+        return [outcomes[number] for number in range(len(jobs))]
+
+    def stream(
+        self, method: str, jobs: Iterator[tuple | None]
+    ) -> Iterator[tuple[int, Outcome]]:
+        """As `Engine.stream`. One that is left before its end takes its workers with it.
+
+        Raises `RunError` if no workers can be had.
+        """
         self._begin(method, jobs)
-        self._stepped = time.monotonic()
         try:
-            while len(self._outcomes) < len(jobs):
+            while self._draw():
+                self._stepped = time.monotonic()
                 try:
                     self._step()
                 except Broken as error:
                     self._rebuild(str(error))
+                done, self._outcomes = self._outcomes, {}
+                yield from done.items()
         except BaseException:
             self._stop()  # jobs of theirs are nobody's any more
             raise
-        return [self._outcomes[number] for number in range(len(jobs))]
 
     def close(self) -> None:
         """End all workers, and what they began; safe to call twice."""
@@ -105,13 +119,34 @@ class Workers:
 
     # -- jobs ----------------------------------------------------------------------------
 
-    def _begin(self, method: str, jobs: Sequence[tuple]) -> None:
-        self._method, self._jobs = method, jobs
-        self._outcomes: dict[int, Outcome] = {}
-        self._waiting = deque(range(len(jobs)))
+    def _begin(self, method: str, jobs: Iterator[tuple | None]) -> None:
+        self._method, self._coming = method, jobs
+        self._drawn, self._ended = 0, False
+        self._jobs: dict[int, tuple] = {}  # by their numbers, those without an outcome
+        self._outcomes: dict[int, Outcome] = {}  # those that nobody was told of
+        self._waiting: deque[int] = deque()
         # of these one at a time, for one of them may break what starts workers
         self._alone: deque[int] = deque()
         self._strikes: Counter[int] = Counter()
+
+    def _draw(self) -> bool:
+        """Draw jobs, so many that each worker can have its next; whether any is to be done."""
+        while not self._ended and len(self._waiting) < _DRAWN * self._count:
+            job = next(self._coming, _END)
+            self._ended = job is _END
+            if job is None or self._ended:
+                break
+            self._jobs[self._drawn] = job
+            self._waiting.append(self._drawn)
+            self._drawn += 1
+        if not self._jobs and not self._ended:
+            raise RuntimeError("no job is given while none is at work: there is none to wait for")
+        return bool(self._jobs)
+
+    def _settle(self, number: int, outcome: Outcome) -> None:
+        """A job is done."""
+        del self._jobs[number]
+        self._outcomes[number] = outcome
 
     def _step(self) -> None:
         self._fill_seats()
@@ -154,7 +189,7 @@ class Workers:
         try:
             told = framed((number, self._method, bytes(framed(self._jobs[number]))))
         except Exception as error:  # it cannot be sent to another process
-            self._outcomes[number] = Outcome("error", f"{type(error).__name__}: {error}")
+            self._settle(number, Outcome("error", f"{type(error).__name__}: {error}"))
             return False
         seat.send(told)
         self._watch(seat)
@@ -182,7 +217,7 @@ class Workers:
         number, outcome, leaves = told
         if seat.state != "busy" or number != seat.job or not isinstance(outcome, Outcome):
             raise ValueError(f"job {number!r}")
-        self._outcomes[number] = outcome
+        self._settle(number, outcome)
         now, self._breaks = self._clock(), 0
         self._seconds += (now - seat.since - self._seconds) / 10
         seat.job = None
@@ -193,7 +228,7 @@ class Workers:
     def _lose(self, seat: Seat, outcome: Outcome) -> None:
         """End a worker, whose job ends so."""
         if seat.job is not None:
-            self._outcomes[seat.job] = outcome
+            self._settle(seat.job, outcome)
             seat.job = None
         if seat.state != "ending":
             seat.enter("ending", self._clock())
@@ -238,7 +273,7 @@ class Workers:
                 self._retried(f"a worker was killed ({_told_code(news.code)}): its birth again")
             else:
                 text = f"the worker ended with exit code {_told_code(news.code)}"
-                self._outcomes[number] = Outcome("died", text, seconds)
+                self._settle(number, Outcome("died", text, seconds))
         elif seat.state == "starting":
             self._failed_starts += 1
         self._leave(seat)
@@ -322,7 +357,7 @@ class Workers:
         self._abandon()
         if len(lost) == 1 and self._strikes[lost[0]] > 1:
             text = "it ended the process that starts the workers"
-            self._outcomes[lost[0]] = Outcome("died", text)
+            self._settle(lost[0], Outcome("died", text))
         else:
             self._alone.extend(one for one in lost if one not in self._alone)
             self._breaks += 1
