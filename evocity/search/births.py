@@ -112,7 +112,9 @@ def _lost(plan: Plan, outcome: Outcome) -> bool:
     """Whether the child is gone, and can be had again; one that measures while it breeds would
     take as long once more."""
     measures = hasattr(plan.operator, "bred_within")
-    return bool(plan.operator) and outcome.genome is None and outcome.status in _LOST and not measures
+    return (
+        bool(plan.operator) and outcome.genome is None and outcome.status in _LOST and not measures
+    )
 
 
 def _founder(plan: Plan) -> Outcome:

@@ -26,9 +26,7 @@ class Here:
         """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``."""
         return [outcome for _, outcome in self.stream(method, iter(jobs))]
 
-    def stream(
-        self, method: str, jobs: Iterator[tuple | None]
-    ) -> Iterator[tuple[int, Outcome]]:
+    def stream(self, method: str, jobs: Iterator[tuple | None]) -> Iterator[tuple[int, Outcome]]:
         """As `Engine.stream`."""
         for number, job in enumerate(jobs):
             if job is None:

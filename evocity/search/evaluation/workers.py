@@ -87,9 +87,7 @@ class Workers:
         outcomes = dict(self.stream(method, iter(jobs)))
         return [outcomes[number] for number in range(len(jobs))]
 
-    def stream(
-        self, method: str, jobs: Iterator[tuple | None]
-    ) -> Iterator[tuple[int, Outcome]]:
+    def stream(self, method: str, jobs: Iterator[tuple | None]) -> Iterator[tuple[int, Outcome]]:
         """As `Engine.stream`. One that is left before its end takes its workers with it.
 
         Raises `RunError` if no workers can be had.

@@ -1,0 +1,163 @@
+"""Engines that stream: jobs are drawn as there is room, outcomes come as they are done."""
+
+from itertools import count
+from types import SimpleNamespace
+
+import pytest
+from codes import uniformly
+
+from evocity import fitness
+from evocity.kinds import KINDS
+from evocity.search.births import born, coming
+from evocity.search.breeding import Plan
+from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluator import Outcome, Setup
+
+MEASURE = """
+import time
+import evocity
+
+@evocity.fitness(goal="max")
+def named(city, genome):
+    name = genome.cities[0]
+    if name.startswith("sleep"):
+        time.sleep(float(name[5:]))
+        return 0.0
+    if name == "bad":
+        raise ValueError("bad")
+    return float(name)
+"""
+
+
+@pytest.fixture(scope="session")
+def genome(town):
+    return uniformly(town).genome
+
+
+@pytest.fixture
+def engine(tmp_path):
+    """Function that makes an engine with so many workers, 0 for this process."""
+    engines = []
+
+    def make(workers: int, timeout: float = 30.0):
+        path = tmp_path / "named.py"
+        path.write_text(MEASURE)
+        fitness.load_file(path)
+        header = SimpleNamespace(chromosome=KINDS["fabric"], measures=("named",), recorded=())
+        setup = Setup(header, (("named", str(path)),), sides=4)
+        engines.append(Workers(setup, workers, timeout) if workers else Here(setup))
+        return engines[-1]
+
+    yield make
+    for one in engines:
+        one.close()
+
+
+def job(genome, name):
+    return (genome.replace(cities=(str(name),)),)
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_a_stream_has_the_outcomes_of_a_run_by_their_numbers(engine, genome, workers):
+    pool = engine(workers)
+    names = [*range(17), "bad", *range(18, 30)]
+    jobs = [job(genome, name) for name in names]
+    told = dict(pool.stream("evaluate", iter(jobs)))
+    run = pool.run("evaluate", jobs)
+    assert sorted(told) == list(range(30))
+    assert [(told[n].status, told[n].values) for n in range(30)] == [
+        (one.status, one.values) for one in run
+    ]
+    assert [one.status for one in run].count("error") == 1
+    assert all(one.values == {"named": n} for n, one in enumerate(run) if n != 17)
+    assert list(pool.stream("evaluate", iter(()))) == [] == pool.run("evaluate", [])
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_jobs_are_drawn_when_there_is_room_and_wait_for_outcomes_where_told(
+    engine, genome, workers
+):
+    """Each job may be drawn once the outcome of the third before it is known."""
+    pool, known, drawn = engine(workers), set(), []
+
+    def jobs():
+        for number in range(20):
+            while not known >= set(range(number - 2)):
+                yield None
+            drawn.append((number, len(known)))
+            yield job(genome, number)
+
+    for number, outcome in pool.stream("evaluate", jobs()):
+        assert outcome.values == {"named": number}
+        known.add(number)
+    assert known == set(range(20))
+    assert all(number - done <= 3 for number, done in drawn)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_stream_without_end_is_drawn_a_little_ahead_and_may_be_left(engine, genome, workers):
+    pool, drawn = engine(workers), count()
+    stream = pool.stream("evaluate", (job(genome, next(drawn)) for _ in count()))
+    taken = [next(stream) for _ in range(40)]
+    stream.close()
+    assert next(drawn) <= 40 + 5 * max(1, workers)
+    assert len({number for number, _ in taken}) == 40
+    assert [one.values for one in pool.run("evaluate", [job(genome, 7)])] == [{"named": 7}]
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_to_wait_for_nothing_is_told(engine, genome, workers):
+    with pytest.raises(RuntimeError, match="none is at work"):
+        list(engine(workers).stream("evaluate", iter([None, job(genome, 1)])))
+
+
+def test_outcomes_come_as_they_are_done_and_late_ones_cost_themselves_alone(engine, genome):
+    pool = engine(2, timeout=2.0)
+    pool.run("evaluate", [job(genome, 1)] * 2)  # workers start
+    names = ["sleep30", *range(1, 9)]
+    told = list(pool.stream("evaluate", iter([job(genome, name) for name in names])))
+    assert [number for number, _ in told][-1] == 0
+    assert told[-1][1].status == "timeout"
+    assert {outcome.status for _, outcome in told[:-1]} == {"ok"}
+
+
+class Losing:
+    """An engine that loses every third child, and breeds it when it is asked again."""
+
+    def __init__(self):
+        self.asked = []
+
+    def stream(self, method, jobs):
+        assert method == "born"
+        at_work, number = [], -1
+        jobs = iter(jobs)
+        while True:
+            while (one := next(jobs, "end")) not in (None, "end"):
+                number += 1
+                at_work.append((number, one))
+            if not at_work:
+                return
+            done, (_, genomes, rng, measured) = at_work.pop()  # the last comes first
+            self.asked.append((rng, measured))
+            if not measured:
+                yield done, Outcome("ok", None, 0.5, genome=genomes[0])
+            elif rng % 3 == 0:
+                yield done, Outcome("timeout", "no result", 9.0)
+            else:
+                yield done, Outcome("ok", None, 1.0, {"named": rng}, genomes[0])
+
+
+def test_lost_children_are_bred_again_while_others_are_at_work(genome):
+    pool, operator = Losing(), SimpleNamespace(name="some")
+    plans = [Plan(n, operator, (0,), (genome,), n) for n in range(7)]
+    found = born(pool, plans)
+    assert [one.plan.id for one in found] == list(range(7))
+    assert [one.evaluated.status for one in found] == [
+        "timeout" if n % 3 == 0 else "ok" for n in range(7)
+    ]
+    assert all(one.bred.status == "ok" and one.bred.genome is genome for one in found)
+    assert found[3].evaluated.seconds == 9.0
+    assert sorted(rng for rng, measured in pool.asked if not measured) == [0, 3, 6]
+    early = [one.plan.id for one in coming(Losing(), iter(plans))]
+    assert early != sorted(early)
+    assert sorted(early) == list(range(7))
