@@ -16,6 +16,9 @@ from evocity.io.cityjson import read_cityjson
 from evocity.io.projection import WGS84, crs_named, is_metric
 from evocity.io.sources import Footprints, Request
 
+#: Bytes that a document may take once it is read.
+MOST = 1_800_000_000
+
 
 def read_json(path: Path, request: Request) -> Footprints:
     """Read a GeoJSON or CityJSON file; which of the two it is, it says itself."""
@@ -38,7 +41,15 @@ def read_json(path: Path, request: Request) -> Footprints:
 
 def _document(path: Path) -> dict:
     try:
-        document = json.loads(path.read_bytes())
+        content = path.read_bytes()
+        if _unpacked(content) > MOST:
+            raise MapError(
+                f"{path.name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
+                f"{len(content) / 1e6:.0f} MB of JSON, too much to be held at once",
+                f"what takes at most {MOST / 1e9:g} GB once read, some 200 MB of footprints",
+                "cut it to the district and what lies around it, for example in QGIS",
+            )
+        document = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise MapError(
             f"{path.name} is not whole JSON: {error}",
@@ -46,6 +57,12 @@ def _document(path: Path) -> dict:
             "download or export it again; it may have been cut off",
         ) from error
     return document if isinstance(document, dict) else {}
+
+
+def _unpacked(content: bytes) -> int:
+    """Bytes that JSON takes once it is read, about: of lists, objects, numbers and texts."""
+    lists, objects, values = (content.count(sign) for sign in (b"[", b"{", b","))
+    return 2 * len(content) + 100 * lists + 250 * objects + 40 * values
 
 
 def _footprints(path: Path, document: dict, features: object) -> Footprints:

@@ -32,6 +32,9 @@ _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")
 # Times that a packed file may grow, and how large it then is before anybody minds, bytes.
 _DENSEST, _LEAST_BOMB = 100, 1 << 26
 
+# Ways of buildings, and nodes of them, that are held at once: of some 2 GB.
+_MOST_WAYS, _MOST_NODES = 1_000_000, 6_000_000
+
 # what libosmium has for x where a node has no place, as in a deletion
 _NOWHERE = 2**31 - 1
 
@@ -75,16 +78,19 @@ def _check_unpacked(path: Path, packing: str) -> None:
 def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Places]:
     """What may belong to buildings: relations, ways by id, the places of the ways' nodes."""
     relations, ways, places = [], {}, {}
+    count = _Count()
     for relation in osmium.FileProcessor(file, osmium.osm.RELATION):
         tags = dict(relation.tags)
         telling = is_building(tags) or _SILENT_TAGS.issuperset(tags)
         if telling and tags.get("type") == "multipolygon":
             members = [(way.ref, way.role) for way in relation.members if way.type == "w"]
             relations.append((members, tags))
+            count.add(0, len(members))
     in_relations = {way for members, _ in relations for way, _ in members}
     for way in osmium.FileProcessor(file, osmium.osm.WAY):
         if way.id in in_relations or is_building(way.tags):
             ways[way.id] = [node.ref for node in way.nodes], dict(way.tags)
+            count.add(1, len(way.nodes))
     wanted = {node for nodes, _ in ways.values() for node in nodes}
     empty = True
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
@@ -96,6 +102,22 @@ def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Pla
     if empty:
         raise ValueError("no nodes in it")
     return relations, ways, places
+
+
+class _Count:
+    """How much of an extract is held; raises ValueError beyond what memory is meant for."""
+
+    def __init__(self):
+        self._ways = self._nodes = 0
+
+    def add(self, ways: int, nodes: int) -> None:
+        self._ways += ways
+        self._nodes += nodes
+        if self._ways > _MOST_WAYS or self._nodes > _MOST_NODES:
+            raise ValueError(
+                f"its buildings have more than {_MOST_WAYS} outlines, or {_MOST_NODES} corners; "
+                "cut it to the city: osmium extract --bbox"
+            )
 
 
 def _assembled(relations: list[Relation], ways: dict[int, Way], places: Places) -> Footprints:
