@@ -17,7 +17,7 @@ from evocity.io.projection import WGS84, crs_named, is_metric
 from evocity.io.sources import Footprints, Request
 
 #: Bytes that a document may take once it is read.
-MOST = 1_800_000_000
+MOST = 1_200_000_000
 
 
 def read_json(path: Path, request: Request) -> Footprints:
@@ -46,7 +46,7 @@ def _document(path: Path) -> dict:
             raise MapError(
                 f"{path.name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
                 f"{len(content) / 1e6:.0f} MB of JSON, too much to be held at once",
-                f"what takes at most {MOST / 1e9:g} GB once read, some 200 MB of footprints",
+                f"what takes at most {MOST / 1e9:g} GB once read, some 100 MB of footprints",
                 "cut it to the district and what lies around it, for example in QGIS",
             )
         document = json.loads(content)
@@ -114,8 +114,8 @@ def _polygons(geometry: object, where: str) -> list[shapely.Geometry]:
 
 
 def _polygon(rings: list, where: str) -> shapely.Polygon:
-    shell, *holes = (_ring(ring, where) for ring in rings)
-    return shapely.Polygon(shell, holes)
+    shell, *holes = (shapely.linearrings(_ring(ring, where)) for ring in rings)
+    return shapely.polygons(shell, holes or None)
 
 
 def _ring(ring: list, where: str) -> list[tuple[float, float]]:

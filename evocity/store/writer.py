@@ -265,14 +265,17 @@ def _clear_unfinished(path: Path) -> None:
     ours = re.compile(re.escape(f".{path.name}-") + "[0-9a-f]{8}")
     model = Folder(path)
     parts = {BIRTHS, MEMBERSHIP, model.sources.name, model.recipe.name, model.provenance.name}
-    parts |= {model.references.name, model.events.name, model.lock.name, OWN}
+    parts |= {model.references.name, model.within.name, model.events.name, model.lock.name}
+    parts.add(OWN)
     with contextlib.suppress(OSError):
         for hidden in path.parent.iterdir():
             if not ours.fullmatch(hidden.name) or hidden.is_symlink():
                 continue
             with contextlib.suppress(OSError, RunError):  # in use, or no folder: left alone
                 left = {part.name for part in hidden.iterdir() if not is_unfinished(part)}
-                if model.lock.name in left <= parts:
+                if not left:
+                    hidden.rmdir()
+                elif model.lock.name in left <= parts:
                     Lock(hidden / model.lock.name).release()
                     shutil.rmtree(hidden)
 

@@ -27,6 +27,8 @@ if not hasattr(os, "fork"):
 
 linux = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
 
+LONG = [pytest.mark.long, pytest.mark.timeout(3600)]
+
 #: The user who may do least.
 NOBODY = 65534
 
@@ -146,8 +148,8 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
     [
         (6, 0, 12),
         pytest.param(2, 2, 20, marks=linux),
-        pytest.param(30, 0, 60, marks=pytest.mark.long),
-        pytest.param(30, 2, 200, marks=[pytest.mark.long, linux]),
+        pytest.param(30, 0, 60, marks=LONG),
+        pytest.param(30, 2, 150, marks=[*LONG, linux]),
     ],
 )
 def test_killed_at_random_moments_it_goes_on_to_the_same_births(
@@ -179,7 +181,7 @@ def killed_before_each(host, folder, recipe, deeds) -> set[int]:
     return beyond
 
 
-@pytest.mark.parametrize("share", [pytest.param(1, marks=pytest.mark.long), 9])
+@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 9])
 def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
     hosts, tmp_path, uninterrupted, share
 ):
