@@ -91,6 +91,7 @@ def _commands_told():
     """An observer that says which commands were carried out, and which were refused."""
     from evocity.search import Observer
     from evocity.search.commands import DONE, REFUSED, command_of
+    from evocity.search.notifying import NOTIFIED
 
     class Told(Observer):
         def event(self, event: str, details: dict) -> None:
@@ -98,6 +99,9 @@ def _commands_told():
                 _say(f"as asked, from generation {details['generation']} on: {_words(details)}")
             if event == REFUSED:
                 note(f"a command was refused: {details['reason']}")
+            if event == NOTIFIED and details["code"] != 0:
+                how = details.get("reason") or f"exit code {details['code']}"
+                note(f"notify.{details['on']} failed: {how}; {details['output']}".strip("; "))
 
     def _words(details: dict) -> str:
         return command_of(details).words

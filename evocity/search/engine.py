@@ -1,6 +1,5 @@
 """`Search`: from a recipe to generations, one after the other."""
 
-import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -19,6 +18,7 @@ from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.guarding import told_of_parents
+from evocity.search.notifying import Notifier, missing
 from evocity.search.observers import Observer, Observers
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
@@ -135,6 +135,7 @@ class Search:
             taken.restore(search._population)
             living, more = search._population.living, generations is not None
             held = search._stopping.take_up(open_run(path), living, more)
+            search._notify()
             if search.stopped_by is not None:
                 search.notes.append(search.stopped_by.still)
             elif not search.finished:
@@ -285,6 +286,7 @@ class Search:
 
     def _start(self, guarded: bool) -> None:
         refuse_passed(self.recipe.stop, self._clock)
+        self._notify()
         self._compile()
         self._prepared = prepare(self.recipe, self._progress)
         try:
@@ -303,6 +305,15 @@ class Search:
     def _settled(self) -> Archipelago:
         """Where nobody lives yet."""
         return Archipelago(self._prepared, self._steering.standing.weights, self._observers.event)
+
+    def _notify(self) -> None:
+        """Have the recipe's commands tell of the search from now on."""
+        section, folder = self.recipe.notify, self.recipe.folder
+        if section.commands:
+            best = None if self._stopping is None else self._stopping.best
+            log = self._observers.event
+            self._observers.add(Notifier(section, folder, self.out, log, best))
+            self.notes += missing(section, folder)
 
     def _new_stopping(self) -> Stopping:
         return Stopping(self.recipe.stop, self._prepared.aims, self.out, self._clock)
@@ -336,8 +347,7 @@ class Search:
             return
         self._ended = True
         event, details = end_of(error, self.finished, self.asked_to_stop, self.stopped_by)
-        with contextlib.suppress(RunError):  # the folder itself may be what failed
-            self._observers.event(event, generation=self._next - 1, **details)
+        self._observers.end(event, generation=self._next - 1, **details)
 
     def _refuse_closed(self, what: str) -> None:
         if self._closed:

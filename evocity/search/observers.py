@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
+from evocity.errors import RunError
 from evocity.search.evaluator import told
 from evocity.search.generation import Generation
 from evocity.store import Birth, Member, RunWriter
@@ -71,12 +72,18 @@ class Observers:
     def event(self, event: str, **details) -> None:
         self._tell(lambda one: one.event(event, details))
 
-    def _tell(self, tell: Callable[[Observer], None]) -> None:
+    def end(self, event: str, **details) -> None:
+        """As `event`, of the last one: all are told, though nothing can be written any more."""
+        self._tell(lambda one: one.event(event, details), last=True)
+
+    def _tell(self, tell: Callable[[Observer], None], last: bool = False) -> None:
         """Tell all; one that fails is told no more."""
         for one in list(self._all):
             try:
                 tell(one)
             except Exception as error:
+                if isinstance(one, Log) and last and isinstance(error, RunError):
+                    continue  # the folder itself may be what failed
                 if isinstance(one, Log):
                     raise
                 self._all.remove(one)

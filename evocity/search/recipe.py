@@ -31,7 +31,7 @@ from evocity.search.mixture import (
     is_range,
     operator_of,
 )
-from evocity.search.overnight import StopSection
+from evocity.search.overnight import NotifySection, StopSection
 from evocity.search.sections import (
     EvaluationSection,
     GenomeSection,
@@ -98,6 +98,7 @@ class Recipe(Section):
     search: SearchSection = SearchSection()
     refine: RefineSection = RefineSection()
     stop: StopSection = StopSection()
+    notify: NotifySection = NotifySection()
 
     _text: str = PrivateAttr("")
     _overrides: dict = PrivateAttr(default_factory=dict)

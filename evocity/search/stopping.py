@@ -129,6 +129,11 @@ class Stopping:
         grown = max(0, self._size - before)
         self.reason = self._why(generation.number, generation.population, grown)
 
+    @property
+    def best(self) -> float | None:
+        """The most progress so far, None before there is any."""
+        return None if self._stagnation.at is None else self._stagnation.best
+
     def judge_anew(self) -> None:
         """Goals are weighed otherwise from now on: what was before cannot be compared."""
         self._stagnation = Stagnation(since=self._stagnation.since)
@@ -150,7 +155,7 @@ class Stopping:
                 self.held, self._stagnation.since = (), 0
             for key in event.get("held", ()) if event.get("event") == "resume" else ():
                 self._hold(str(key), since - 1)
-        for one in run.history() if self.section.stagnation is not None else ():
+        for one in run.history():
             if one["generation"] >= judged:
                 told = one.get("hypervolume"), one.get("algorithm", {})
                 self._stagnation.see(one["generation"], progress_of(*told))

@@ -59,3 +59,14 @@ def test_a_time_is_an_option_of_run_and_resume(tmp_path, recipe):
     assert "past 2020-01-01 07:00 still" in result.stderr
     result = call("resume", tmp_path / "run", "--until", "none")
     assert "generation 2/2" in result.stderr
+
+
+# -- [notify] ------------------------------------------------------------------------------------
+
+
+def test_a_command_that_fails_is_told_and_costs_nothing(tmp_path, recipe):
+    with_lines(recipe, '[notify]\non_end = "no-such-program {reason}"\n')
+    result = call("run", recipe, "--out", tmp_path / "run")
+    assert "Note: notify.on_end: no program no-such-program is found" in result.stderr
+    assert "Note: notify.on_end failed: No such file or directory" in result.stderr
+    assert json.loads(call("status", tmp_path / "run", "--json").stdout)["finished"]

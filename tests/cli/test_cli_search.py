@@ -170,7 +170,7 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path, recipe, finished):
 def test_a_finished_run_gets_its_report_again(tmp_path, recipe):
     call("run", recipe, "--generations", 0, "--out", tmp_path / "run")
     (tmp_path / "run" / "report.html").unlink()
-    with patch("evocity.search.engine.Here", side_effect=AssertionError("nothing to work on")):
+    with patch("evocity.search.engine.pool_of", side_effect=AssertionError("nothing to work on")):
         result = call("resume", tmp_path / "run")
     assert (tmp_path / "run" / "report.html").is_file()
     assert result.stderr == "finished already at 0/0; --generations N goes on\n"

@@ -25,9 +25,9 @@ main(prog_name="evocity")
 """
 
 
-def begun(folder):
+def begun(folder, **settings):
     """`evocity run` in a process of its own, once its first generation is written."""
-    recipe = write_toy(folder, generations=400, workers=1)
+    recipe = write_toy(folder, generations=400, workers=1, **settings)
     words = [sys.executable, "-c", _HEARS_ALL, "run", str(recipe), "--out", str(folder / "run")]
     run = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
@@ -55,3 +55,13 @@ def test_a_signal_ends_a_run_that_goes_on_later(tmp_path, number, code):
     whole = len(opened.generations)
     with Search.resume(tmp_path / "run", generations=whole, workers=0) as search:
         assert [generation.number for generation in search] == [whole]
+
+
+def test_a_signal_is_told_to_the_user_by_a_command(tmp_path):
+    ask = f"{sys.executable} -c 'import sys; open(sys.argv[1], chr(119)).write(sys.argv[2])'"
+    run = begun(tmp_path, recipe=f'[notify]\non_end = "{ask} {tmp_path}/told {{reason}}"\n')
+    run.send_signal(signal.SIGTERM)
+    run.communicate(timeout=60)
+    assert run.returncode == 143
+    assert (tmp_path / "told").read_text() == "SIGTERM"
+    assert [one["code"] for one in open_run(tmp_path / "run").events()[-1:]] == [0]
