@@ -1,5 +1,6 @@
 """CityJSON 2.0: solids of LoD 1.2; those of buildings with floors, walls and roofs told apart."""
 
+import itertools
 import json
 import math
 import re
@@ -7,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evocity.formats.solids import About, Group, oriented
+from evocity.formats.solids import About, Group, Rings, numbered
 
 #: Vertices are whole numbers of millimetres.
 SCALE = 0.001
@@ -16,10 +17,10 @@ SCALE = 0.001
 #: its window there, and metres a pixel.
 PLACE = ("evocity_crs", "evocity_center", "evocity_pixel")
 
-#: What a surface is, by its place in ``semantics``.
-_SURFACES = ("GroundSurface", "WallSurface", "RoofSurface")
+_text = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
-_Rings = list[list[tuple[int, int]]]
+# What a solid's surfaces are, by their place in ``values``.
+_SURFACES = _text([{"type": f"{one}Surface"} for one in ("Ground", "Wall", "Roof")])
 
 
 def cityjson(groups: Sequence[Group], about: About) -> str:
@@ -27,30 +28,34 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
 
     Source: CityJSON 2.0.1 specification (cityjson.org).
     """
-    vertices = _Vertices()
-    objects = {name: found for group in groups for name, found in _objects(group, vertices)}
-    for first in list(objects.values())[:1]:
-        first["attributes"] = _told(about) | first["attributes"]
+    # What has many numbers becomes text at once: lists of them for json take most of the time.
+    rings = [group.rings.on_grid(SCALE) for group in groups]
+    tall = [np.round(group.heights / SCALE).astype(np.int64) for group in groups]
+    levels = [np.empty((0, 3), np.int64)]
+    for own, high in zip(rings, tall, strict=True):
+        owner = own.owner
+        levels += [np.column_stack([own.points, z]) for z in (0 * owner, high[owner])]
+    corners = np.concatenate(levels)
+    number = numbered(corners)
+    vertices = np.empty((number.max(initial=-1) + 1, 3), np.int64)
+    vertices[number] = corners
+    of_levels = np.split(number, np.cumsum([len(one) for one in levels]))[1:-1]
+    objects, first = [], _told(about)
+    for k, group in enumerate(groups):
+        floor, roof = of_levels[2 * k : 2 * k + 2]
+        for name, kind, attributes, geometry in _objects(group, rings[k], tall[k], floor, roof):
+            told, first = _text(first | attributes), {}
+            found = f'"type":"{kind}","attributes":{told},"geometry":[{{{geometry}}}]'
+            objects.append(f"{_text(name)}:{{{found}}}")
     document = {
         "type": "CityJSON",
         "version": "2.0",
         "transform": {"scale": [SCALE] * 3, "translate": [*about.offset, 0.0]},
         "metadata": _metadata(groups, about),
-        "CityObjects": objects,
-        "vertices": list(vertices.numbers),
     }
-    return json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-class _Vertices:
-    """Points of whole numbers, each once."""
-
-    def __init__(self):
-        self.numbers: dict[tuple[int, int, int], int] = {}
-
-    def of(self, ring: list[tuple[int, int]], z: int) -> list[int]:
-        numbers = self.numbers
-        return [numbers.setdefault((x, y, z), len(numbers)) for x, y in ring]
+    flat = iter(vertices.ravel().tolist())
+    listed = ",".join([f"[{x},{y},{z}]" for x, y, z in zip(flat, flat, flat, strict=True)])
+    return f'{_text(document)[:-1]},"CityObjects":{{{",".join(objects)}}},"vertices":[{listed}]}}'
 
 
 def _metadata(groups: Sequence[Group], about: About) -> dict:
@@ -71,63 +76,37 @@ def _told(about: About) -> dict:
     return {key: value for key, value in found.items() if value} | measures
 
 
-def _objects(group: Group, vertices: _Vertices) -> Iterator[tuple[str, dict]]:
-    tall = np.round(group.heights / SCALE).astype(np.int64).tolist()
-    for number, (rings, high) in enumerate(zip(_rings(group), tall, strict=True)):
-        told = ((name, column[number]) for name, column in group.attributes.items())
-        attributes = {name: value for name, value in told if value is not None}
-        kind = group.city_objects[number]
+def _objects(
+    group: Group, rings: Rings, tall: np.ndarray, floor: np.ndarray, roof: np.ndarray
+) -> Iterator[tuple[str, str, dict, str]]:
+    """Name, type, attributes and geometry of each: of each point of the ``rings`` its vertex on the
+    ground and the one ``tall`` units of `SCALE` above."""
+    after = rings.after
+    ways = (way.tolist() for way in (floor, floor[after], roof[after], roof))
+    walls = [f"[[{a},{b},{c},{d}]]" for a, b, c, d in zip(*ways, strict=True)]
+    below, above = (list(map(str, level.tolist())) for level in (floor, roof))
+    starts, first = rings.starts.tolist(), rings.first(len(group)).tolist()
+    for k, high in enumerate(tall.tolist()):
+        spans = list(itertools.pairwise(starts[first[k] : first[k + 1] + 1]))
+        kind = group.city_objects[k]
+        attributes: dict = {"class": group.name}
         if high:
-            attributes = {"measuredHeight": round(high * SCALE, 3)} | attributes
-        geometry = _solid(rings, high, vertices) if high else _surface(rings, vertices)
-        if high and kind == "Building":
-            geometry["semantics"] = _semantics(len(geometry["boundaries"][0]))
-        found = {
-            "type": kind,
-            "attributes": {"class": group.name} | attributes,
-            "geometry": [geometry],
-        }
-        yield f"{group.name}-{number + 1}", found
+            attributes["measuredHeight"] = round(high * SCALE, 3)
+            own = walls[starts[first[k]] : starts[first[k + 1]]]
+            shell = ",".join([_surface(below, spans, -1), *own, _surface(above, spans, 1)])
+            geometry = f'"type":"Solid","lod":"1.2","boundaries":[[{shell}]]'
+            if kind == "Building":
+                values = f"[[0{',1' * len(own)},2]]"
+                geometry += f',"semantics":{{"surfaces":{_SURFACES},"values":{values}}}'
+        else:
+            surface = _surface(below, spans, 1)
+            geometry = f'"type":"MultiSurface","lod":"0","boundaries":[{surface}]'
+        told = ((name, column[k]) for name, column in group.attributes.items())
+        attributes |= {name: value for name, value in told if value is not None}
+        yield f"{group.name}-{k + 1}", kind, attributes, geometry
 
 
-def _rings(group: Group) -> list[_Rings]:
-    """Of each polygon its rings in whole numbers, without points that rounding laid on others."""
-    points, ring, which = oriented(group.polygons)
-    found: list[_Rings] = [[] for _ in range(len(group))]
-    if len(ring):
-        flat = np.round(points / SCALE).astype(np.int64)
-        starts = np.flatnonzero(np.r_[True, ring[1:] != ring[:-1]])
-        owners = which[ring[starts]].tolist()
-        for one, owner in zip(np.split(flat, starts[1:]), owners, strict=True):
-            own = [tuple(point) for point in one.tolist()]
-            own = [b for a, b in zip([own[-1], *own[:-1]], own, strict=True) if a != b]
-            if len(own) >= 3:
-                found[owner].append(own)
-    return found
-
-
-def _surface(rings: _Rings, vertices: _Vertices) -> dict:
-    boundary = [vertices.of(one, 0) for one in rings]
-    return {"type": "MultiSurface", "lod": "0", "boundaries": [boundary]}
-
-
-def _solid(rings: _Rings, high: int, vertices: _Vertices) -> dict:
-    floor = [vertices.of(one, 0) for one in rings]
-    roof = [vertices.of(one, high) for one in rings]
-    walls = [
-        [[a, b, over_b, over_a]]
-        for below, above in zip(floor, roof, strict=True)
-        for a, b, over_b, over_a in zip(
-            below, below[1:] + below[:1], above[1:] + above[:1], above, strict=True
-        )
-    ]
-    shell = [[one[::-1] for one in floor], *walls, roof]
-    return {"type": "Solid", "lod": "1.2", "boundaries": [shell]}
-
-
-def _semantics(surfaces: int) -> dict:
-    """Of a shell: its floor, its walls, its roof."""
-    return {
-        "surfaces": [{"type": name} for name in _SURFACES],
-        "values": [[0, *[1] * (surfaces - 2), 2]],
-    }
+def _surface(names: list[str], spans: list[tuple[int, int]], way: int) -> str:
+    """The rings at ``spans`` of ``names``, walked this ``way``, 1 or −1."""
+    rings = [",".join(names[a:b][::way]) for a, b in spans]
+    return f"[[{'],['.join(rings)}]]"

@@ -57,7 +57,7 @@ class Copies:
     @cached_property
     def mesh(self) -> "Mesh":
         """The shapes as triangles."""
-        return _mesh(self.polygons, self.heights)
+        return _mesh(self.polygons, rings_of(self.polygons), self.heights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +97,55 @@ class Group:
         return float(shapely.area(self.polygons) @ self.heights)
 
     @cached_property
+    def rings(self) -> "Rings":
+        """What bounds the polygons."""
+        return rings_of(self.polygons)
+
+    @cached_property
     def mesh(self) -> "Mesh":
         """The solids as triangles."""
-        return _mesh(self.polygons, self.heights)
+        return _mesh(self.polygons, self.rings, self.heights)
+
+
+@dataclass(frozen=True, eq=False)
+class Rings:
+    """What bounds polygons: shells against the clock, holes with it, a polygon's shell first.
+
+    points : ``(p, 2)``, x and y, no ring's first point again at its end.
+    starts : int64 ``(r + 1,)``: ring k has ``points[starts[k] : starts[k + 1]]``.
+    of : int64 ``(r,)``, rising: which polygon each bounds.
+    """
+
+    points: np.ndarray
+    starts: np.ndarray
+    of: np.ndarray
+
+    @property
+    def owner(self) -> np.ndarray:
+        """Int64 ``(p,)``: which polygon each point is of."""
+        return np.repeat(self.of, np.diff(self.starts))
+
+    @property
+    def after(self) -> np.ndarray:
+        """Int64 ``(p,)``: the next point of the same ring."""
+        found = np.arange(1, len(self.points) + 1)
+        found[self.starts[1:] - 1] = self.starts[:-1]
+        return found
+
+    def first(self, polygons: int) -> np.ndarray:
+        """Int64 ``(polygons + 1,)``: from ``first[k]`` to ``first[k + 1] − 1``, polygon k's."""
+        return np.searchsorted(self.of, np.arange(polygons + 1))
+
+    def on_grid(self, grain: float) -> "Rings":
+        """In whole numbers of ``grain``, int64, without points that this lays on the one before,
+        nor rings of which it leaves less than three."""
+        whole = np.round(self.points / grain).astype(np.int64)
+        kept = (whole != whole[self.after]).any(axis=1)
+        ring = np.repeat(np.arange(len(self.of)), np.diff(self.starts))
+        lasting = np.bincount(ring[kept], minlength=len(self.of)) >= 3
+        kept &= lasting[ring]
+        counts = np.bincount(ring[kept], minlength=len(self.of))[lasting]
+        return Rings(whole[kept], np.concatenate([[0], np.cumsum(counts)]), self.of[lasting])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,29 +184,30 @@ class Mesh:
         return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
 
 
-def oriented(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points of the rings of ``polygons``, without the last, which is the first again: float64
-    ``(p, 2)``; which ring each is of, and which polygon each ring: shells against the clock, holes
-    with it."""
+def rings_of(polygons: np.ndarray) -> Rings:
+    """Of valid shapely ``polygons``, objects ``(n,)``."""
     turned = shapely.orient_polygons(shapely.remove_repeated_points(polygons))
-    rings, which = shapely.get_rings(turned, return_index=True)
+    rings, of = shapely.get_rings(turned, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
     last = np.r_[ring[1:] != ring[:-1], True] if len(ring) else np.zeros(0, bool)
-    return points[~last], ring[~last], which
+    counts = np.bincount(ring, minlength=len(of)) - 1
+    return Rings(points[~last], np.concatenate([[0], np.cumsum(counts)]), of)
 
 
-def _mesh(polygons: np.ndarray, heights: np.ndarray) -> Mesh:
-    points, ring, which = oriented(polygons)
-    owner = which[ring]
+def numbered(rows: np.ndarray) -> np.ndarray:
+    """Int64 ``(n,)``: a number from 0 on for each of the ``rows``, the same for the same."""
+    order = np.lexsort(rows.T[::-1])
+    found = np.zeros(len(rows), np.int64)
+    found[order[1:]] = np.cumsum((rows[order[1:]] != rows[order[:-1]]).any(axis=1))
+    return found
+
+
+def _mesh(polygons: np.ndarray, rings: Rings, heights: np.ndarray) -> Mesh:
+    points, owner, after = rings.points, rings.owner, rings.after
     count = len(points)
     # walls: from each point to the next of its ring
-    after = np.arange(1, count + 1)
-    starts = np.flatnonzero(np.r_[True, ring[1:] != ring[:-1]]) if count else np.zeros(0, int)
-    ends = np.r_[starts[1:], count] - 1 if count else starts
-    after[ends] = starts
-    here = np.arange(count)
-    stands = heights[owner] > 0
-    a, b = here[stands], after[stands]
+    a = np.flatnonzero(heights[owner] > 0)
+    b = after[a]
     walls = np.concatenate(
         [np.stack([a, b, b + count], axis=1), np.stack([a, b + count, a + count], axis=1)]
     )
@@ -188,12 +235,14 @@ def _triangles(
     if not len(polygons):
         return np.empty((0, 3), np.int64), np.empty(0, np.int64)
     found = shapely.constrained_delaunay_triangles(polygons)
-    pieces, of = shapely.get_parts(found, return_index=True)
-    corners = shapely.get_coordinates(shapely.orient_polygons(pieces)).reshape(-1, 4, 2)[:, :3]
+    closed, of = shapely.get_coordinates(found, return_index=True)  # four points a triangle
+    corners, of = closed.reshape(-1, 4, 2)[:, :3], of[::4]
+    (ax, ay), (bx, by) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
+    clockwise = ax * by < ay * bx
+    corners[clockwise] = corners[clockwise, ::-1]
     asked = np.column_stack([np.repeat(of, 3), corners.reshape(-1, 2)])
-    own = np.column_stack([owner, points])
-    _, number = np.unique(np.concatenate([own, asked]), axis=0, return_inverse=True)
-    number = number.ravel()
+    number = numbered(np.concatenate([np.column_stack([owner, points]), asked]))
+    own, asked = number[: len(points)], number[len(points) :]
     first = np.empty(number.max() + 1, np.int64)
-    first[number[: len(own)][::-1]] = np.arange(len(own))[::-1]
-    return first[number[len(own) :]].reshape(-1, 3), of
+    first[own[::-1]] = np.arange(len(own))[::-1]
+    return first[asked].reshape(-1, 3), of

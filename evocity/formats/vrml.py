@@ -1,35 +1,57 @@
-"""VRML97, which the papers write (Marsault 2002 §5.6), and X3D, which came after it; y up."""
+"""VRML97, which the papers write (Marsault 2002 §5.6), and X3D, which came after it; y up.
 
-from collections.abc import Sequence
+A Group a group, in it a Shape a solid. One without courtyards is an Extrusion, which tells each
+corner once; all else is an IndexedFaceSet, whose faces are numbers of its own few points. Lengths
+are whole millimetres from the north-west corner, short numbers without points and signs; about all
+a Transform makes metres from the south-west corner of them.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import shapely
 
 from evocity.formats.solids import WALL, About, Group
 
+#: What lengths are whole numbers of, metres.
+GRAIN = 1e-3
+_SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
+
+# Geometries: a prism by its cross-section and height, anything else by its points and faces.
+_VRML97 = (
+    "Extrusion{{convex FALSE crossSection[{}]spine[0 0 0 0 {} 0]}}",
+    "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]}}",
+)
+_X3D = (
+    '<Extrusion convex="false" crossSection="{}" spine="0 0 0 0 {} 0"/>',
+    '<IndexedFaceSet coordIndex="{1}"><Coordinate point="{0}"/></IndexedFaceSet>',
+)
+
 
 def vrml97(groups: Sequence[Group], about: About) -> str:
-    """The text of a .wrl: a Shape a group. Source: ISO/IEC 14772-1:1997."""
+    """The text of a .wrl. Source: ISO/IEC 14772-1:1997."""
     told = [f"offset {x:.3f}" for x in about.offset] + [about.crs or "", about.attribution]
     shown = ", ".join(_quoted(line) for line in told if line)
     parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quoted(about.name)} info [ {shown} ] }}"]
     parts.append('NavigationInfo { type [ "EXAMINE", "WALK", "ANY" ] }')
     parts.append(_viewpoint(about))
-    for group in groups:
-        if len(group.mesh.triangles):
-            points, faces = _lists(group)
-            colour = " ".join(f"{c:.4g}" for c in group.colour)
-            parts.append(
-                f"DEF {_word(group.name)} Shape {{\n"
-                f"appearance Appearance {{ material Material {{ diffuseColor {colour} }} }}\n"
-                "geometry IndexedFaceSet { creaseAngle 0\n"
-                f"coord Coordinate {{ point [\n{points}\n] }}\ncoordIndex [\n{faces}\n] }}\n}}"
-            )
-    return "\n".join(parts) + "\n"
+    deep = _deep(about)
+    parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
+    for name, colour, geometries in _filled(groups, deep, _VRML97):
+        look = f"DEF {name}-look Appearance {{ material Material {{ diffuseColor {colour} }} }}"
+        parts.append(f"DEF {name} Group {{ children [")
+        for geometry in geometries:
+            parts.append(f"Shape{{appearance {look} geometry {geometry}}}")
+            look = f"USE {name}-look"
+        parts.append("] }")
+    return "\n".join([*parts, "] }", ""])
 
 
 def x3d(groups: Sequence[Group], about: About) -> str:
-    """The text of an .x3d, XML, profile Interchange. Source: ISO/IEC 19776-1, X3D 3.3."""
+    """The text of an .x3d, XML: the profile Interchange, with the level of Geometry3D that has
+    extrusions. Source: ISO/IEC 19776-1, X3D 3.3."""
     metas = {
         "title": about.name,
         "rights": about.attribution,
@@ -43,6 +65,7 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         '"https://www.web3d.org/specifications/x3d-3.3.dtd">',
         '<X3D profile="Interchange" version="3.3">',
         "<head>",
+        '<component name="Geometry3D" level="4"/>',
         *(
             f'<meta name="{name}" content={quoteattr(text)}/>'
             for name, text in metas.items()
@@ -51,17 +74,27 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         "</head>",
         "<Scene>",
     ]
+    deep = _deep(about)
+    parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
+    for name, colour, geometries in _filled(groups, deep, _X3D):
+        material = f'<Material diffuseColor="{colour}"/>'
+        look = f'<Appearance DEF="{name}-look">{material}</Appearance>'
+        parts.append(f'<Group DEF="{name}">')
+        for geometry in geometries:
+            parts.append(f"<Shape>{look}{geometry}</Shape>")
+            look = f'<Appearance USE="{name}-look"/>'
+        parts.append("</Group>")
+    return "\n".join([*parts, "</Transform>", "</Scene>", "</X3D>", ""])
+
+
+def _filled(
+    groups: Sequence[Group], deep: int, templates: tuple[str, str]
+) -> Iterator[tuple[str, str, list[str]]]:
+    """Name, colour and geometries of each group that has any."""
     for group in groups:
-        if len(group.mesh.triangles):
-            points, faces = _lists(group)
+        if len(group):
             colour = " ".join(f"{c:.4g}" for c in group.colour)
-            parts.append(
-                f'<Shape DEF="{_word(group.name)}">'
-                f'<Appearance><Material diffuseColor="{colour}"/></Appearance>\n'
-                f'<IndexedFaceSet creaseAngle="0" coordIndex="{faces}">'
-                f'<Coordinate point="{points}"/></IndexedFaceSet></Shape>'
-            )
-    return "\n".join([*parts, "</Scene>", "</X3D>", ""])
+            yield _word(group.name), colour, _geometries(group, deep, *templates)
 
 
 def _viewpoint(about: About) -> str:
@@ -73,21 +106,58 @@ def _viewpoint(about: About) -> str:
     )
 
 
-def _lists(group: Group) -> tuple[str, str]:
-    """Points, and faces by their numbers: walls of four corners, floors and roofs of three."""
-    mesh = group.mesh
-    walls, _ = mesh.quads
-    flat = mesh.triangles[mesh.part != WALL]
-    used, index = np.unique(np.r_[walls.ravel(), flat.ravel()], return_inverse=True)
-    walls, flat = index[: walls.size].reshape(-1, 4), index[walls.size :].reshape(-1, 3)
-    x, y, z = np.round(mesh.points[used], 3).T
-    points = ",\n".join(
-        f"{a:g} {b:g} {c:g}" if max(a, b, -c) < 1000 else f"{a:.3f} {b:.3f} {c:.3f}"
-        for a, b, c in zip(x.tolist(), z.tolist(), (-y + 0.0).tolist(), strict=True)
-    )
-    faces = [f"{a} {b} {c} {d} -1" for a, b, c, d in walls.tolist()]
-    faces += [f"{a} {b} {c} -1" for a, b, c in flat.tolist()]
-    return points, "\n".join(faces)
+def _deep(about: About) -> int:
+    """How far to the south the ground goes, in units of `GRAIN`."""
+    return math.ceil(about.size[1] / GRAIN)
+
+
+def _geometries(group: Group, deep: int, prism: str, faced: str) -> list[str]:
+    """Of each solid or surface the one template or the other, filled."""
+    plain = (group.heights > 0) & (shapely.get_num_interior_rings(group.polygons) == 0)
+    tall = np.round(group.heights / GRAIN).astype(np.int64).tolist()
+    found = [""] * len(group)
+    rings = group.rings.on_grid(GRAIN)
+    at = rings.starts[rings.first(len(group))].tolist()
+    corners = _corners(rings.points, deep, "{} {}")
+    for k in np.flatnonzero(plain).tolist():
+        section = corners[at[k] : at[k + 1]]
+        found[k] = prism.format(" ".join([*section, section[0]]), tall[k])
+    if plain.all():
+        return found
+    at = group.rings.starts[group.rings.first(len(group))].tolist()
+    corners = _corners(group.rings.points / GRAIN, deep, "{} %d {}")
+    faces = _faces(group, ~plain)
+    for k in np.flatnonzero(~plain).tolist():
+        level = " ".join(corners[at[k] : at[k + 1]])
+        points = [level.replace("%d", str(high)) for high in dict.fromkeys((0, tall[k]))]
+        found[k] = faced.format(" ".join(points), faces[k])
+    return found
+
+
+def _corners(points: np.ndarray, deep: int, template: str) -> list[str]:
+    """Text of each of the ``points``: units of `GRAIN` to the east and, from the north, south."""
+    x, y = np.round(points).astype(np.int64).T
+    return list(map(template.format, x.tolist(), (deep - y).tolist()))
+
+
+def _faces(group: Group, chosen: np.ndarray) -> list[str]:
+    """Of each solid, if it is ``chosen``, its faces: walls of four corners, floors and roofs of
+    three. Numbers are those of its own points, all on the ground before all on top."""
+    mesh = group.mesh.only(chosen[group.mesh.owner])
+    flat = mesh.part != WALL
+    start = group.rings.starts[group.rings.first(len(group))]
+    count = start[-1]
+    numbers, owners = [], []
+    for rows, owner in (mesh.quads, (mesh.triangles[flat], mesh.owner[flat])):
+        begin, end = start[owner, None], start[owner + 1, None]
+        own = np.where(rows < count, rows - begin, rows - count - begin + end - begin)
+        ended = np.column_stack([own, np.full(len(own), -1)])
+        numbers.append(ended.ravel())
+        owners.append(np.repeat(owner, ended.shape[1]))
+    owner = np.concatenate(owners)
+    texts = list(map(str, np.concatenate(numbers)[np.argsort(owner, kind="stable")].tolist()))
+    ends = np.cumsum(np.bincount(owner, minlength=len(group))).tolist()
+    return [" ".join(texts[a:b]) for a, b in zip([0, *ends], ends, strict=False)]
 
 
 def _quoted(text: str) -> str:

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 #: By group, float64 ``(t, 3, 3)``: corners of triangles, x to the east, y to the north, z up.
 Triangles = dict[str, np.ndarray]
@@ -101,29 +102,89 @@ def _fan(face: list[int]) -> list[list[int]]:
     return [[face[0], b, c] for b, c in itertools.pairwise(face[1:])]
 
 
+def _numbers(text: str) -> np.ndarray:
+    return np.array(text.split(), float)
+
+
 def _indexed(points: str, faces: str) -> np.ndarray:
-    placed = _z_up(np.array(re.split(r"[\s,]+", points.strip(" \n,")), float).reshape(-1, 3))
-    *told, last = faces.replace("\n", " ").split("-1")
+    placed = _numbers(points).reshape(-1, 3)
+    *told, last = faces.split("-1")
     assert not last.strip()
-    return placed[[three for face in told for three in _fan([int(x) for x in face.split()])]]
+    fans = [three for face in told for three in _fan([int(x) for x in face.split()])]
+    assert {n for three in fans for n in three} == set(range(len(placed)))
+    return placed[fans]
+
+
+def _extruded(section: str, spine: str) -> np.ndarray:
+    """An Extrusion straight up, by VRML97 §6.18: its cross-section is of x and z, walls turn
+    outwards where it runs against the clock seen from above, caps close both ends."""
+    around = _numbers(section).reshape(-1, 2)
+    x, below, z, *top = _numbers(spine)
+    assert (x, below, z, top[0], top[2]) == (0, 0, 0, 0, 0)
+    assert top[1] > 0
+    assert (around[0] == around[-1]).all()  # closed
+    assert (around[1:] != around[:-1]).any(axis=1).all()
+    (low, high) = (np.insert(around, 1, level, axis=1) for level in (0, top[1]))
+    sides = zip(low[:-1], low[1:], high[1:], high[:-1], strict=True)
+    walls = [three for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
+    plan = shapely.Polygon(around * (1, -1))
+    assert plan.is_valid
+    assert plan.exterior.is_ccw
+    caps = shapely.get_parts(shapely.constrained_delaunay_triangles(plan))
+    flat = [shapely.get_coordinates(shapely.orient_polygons(one))[:3] for one in caps]
+    roofs = [np.insert(one * (1, -1), 1, top[1], axis=1) for one in flat]
+    floors = [np.insert(one[::-1] * (1, -1), 1, 0, axis=1) for one in flat]
+    return np.array([*walls, *roofs, *floors])
+
+
+def _placed(solids: list[np.ndarray], translation: str, scale: str) -> np.ndarray:
+    """As the Transform about all lays them."""
+    return _z_up(np.concatenate(solids) * _numbers(scale) + _numbers(translation))
 
 
 def _wrl(path: Path) -> Triangles:
     text = path.read_text(encoding="utf-8")
     assert text.startswith("#VRML V2.0 utf8\n")
-    shape = r"DEF (\w+) Shape \{.*?point \[([^\]]*)\].*?coordIndex \[([^\]]*)\]"
-    return {
-        name: _indexed(points, faces)
-        for name, points, faces in re.findall(shape, text, flags=re.DOTALL)
-    }
+    (how,) = re.findall(r"^Transform \{ translation (.*?) scale (.*?) children \[$", text, re.M)
+    found, looks = {}, {}
+    for name, shapes in re.findall(
+        r"^DEF (\w+) Group \{ children \[$(.*?)^\] \}$", text, re.M | re.S
+    ):
+        solids = []
+        for line in shapes.strip().splitlines():
+            look, geometry = re.fullmatch(
+                r"Shape\{appearance (.*) geometry (\w+\{.*\})\}", line
+            ).groups()
+            if look.startswith("DEF"):
+                looks[look.split()[1]] = look
+            else:
+                assert look.removeprefix("USE ") == f"{name}-look"
+                assert f"{name}-look" in looks
+            if extruded := re.fullmatch(
+                r"Extrusion\{convex FALSE crossSection\[(.*)\]spine\[(.*)\]\}", geometry
+            ):
+                solids.append(_extruded(*extruded.groups()))
+            else:
+                pattern = r"IndexedFaceSet\{coord Coordinate\{point\[(.*)\]\}coordIndex\[(.*)\]\}"
+                solids.append(_indexed(*re.fullmatch(pattern, geometry).groups()))
+        found[name] = _placed(solids, *how)
+    return found
 
 
 def _x3d(path: Path) -> Triangles:
     root = ElementTree.parse(path).getroot()
     assert root.tag == "X3D"
+    (whole,) = root.find("Scene").findall("Transform")
     found = {}
-    for shape in root.iter("Shape"):
-        (faces,) = shape.iter("IndexedFaceSet")
-        (points,) = shape.iter("Coordinate")
-        found[shape.get("DEF")] = _indexed(points.get("point"), faces.get("coordIndex"))
+    for group in whole.findall("Group"):
+        solids = []
+        for shape in group.findall("Shape"):
+            _, geometry = shape
+            if geometry.tag == "Extrusion":
+                assert geometry.get("convex") == "false"
+                solids.append(_extruded(geometry.get("crossSection"), geometry.get("spine")))
+            else:
+                (points,) = geometry.iter("Coordinate")
+                solids.append(_indexed(points.get("point"), geometry.get("coordIndex")))
+        found[group.get("DEF")] = _placed(solids, whole.get("translation"), whole.get("scale"))
     return found

@@ -296,7 +296,50 @@ def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
     path = written(scene, tmp_path, suffix)
     told = subprocess.run(["tovrmlx3d", "--encoding", "xml", path], capture_output=True, check=True)
     assert told.stderr == b""
-    assert told.stdout.count(b"<Shape") == sum(len(group) > 0 for group in scene.groups)
+    assert told.stdout.count(b"<Shape") == sum(len(group) for group in scene.groups)
+
+
+VOLUMES = """
+import { readFileSync } from "fs";
+import { Vector3 } from "three";
+import { VRMLLoader } from "three/examples/jsm/loaders/VRMLLoader.js";
+const scene = new VRMLLoader().parse(readFileSync(process.argv[2], "utf8"), "");
+scene.updateMatrixWorld(true);
+const told = {};
+scene.traverse(one => {
+  if (!one.isMesh) return;
+  let group = one;
+  while (!group.name) group = group.parent;
+  const points = one.geometry.attributes.position;
+  const [a, b, c] = [0, 1, 2].map(() => new Vector3());
+  let six = 0;
+  for (let k = 0; k < points.count; k += 3) {
+    [a, b, c].forEach((x, i) => x.fromBufferAttribute(points, k + i).applyMatrix4(one.matrixWorld));
+    six += a.dot(b.cross(c));
+  }
+  (told[group.name] ??= []).push(six / 6);
+});
+console.log(JSON.stringify(told));
+"""
+
+
+def test_three_js_makes_the_same_solids_of_vrml(scene, tmp_path):
+    if shutil.which("node") is None or not (NODE / "node_modules" / "three").is_dir():
+        pytest.skip("node or its three is not there: make .venv/installed-node")
+    (tmp_path / "node_modules").symlink_to(NODE / "node_modules")
+    script = tmp_path / "volumes.mjs"
+    script.write_text(VOLUMES, encoding="utf-8")
+    path = written(scene, tmp_path, ".wrl")
+    told = subprocess.run(["node", script, path], capture_output=True, check=True)
+    volumes = json.loads(told.stdout)
+    assert list(volumes) == [group.name for group in scene.groups if len(group)]
+    for group in scene.groups:
+        wanted = shapely.area(group.polygons) * group.heights
+        # walls and roofs lie within a millimetre: numbers are whole ones
+        slack = 1e-3 * (
+            shapely.length(group.polygons) * group.heights + shapely.area(group.polygons)
+        )
+        assert (np.abs(np.array(volumes.get(group.name, [])) - wanted) <= slack).all()
 
 
 def test_indices_of_glb_are_of_16_bits_however_many_buildings(tmp_path):
