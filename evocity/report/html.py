@@ -15,7 +15,7 @@ import numpy as np
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import VOID
-from evocity.report.facts import Aim, Facts, figures_told
+from evocity.report.facts import Aim, Facts, Shown, figures_told
 from evocity.report.failures import failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
 from evocity.report.grid import grid_picture
@@ -206,20 +206,31 @@ def _scenes(facts: Facts, highest: float) -> list[tuple[str, str]]:
     figures = []
     for one in found:
         name = f"individual {one.birth.id}"
-        told = ", ".join(
-            f"{aim.name} {number(one.birth.values.get(aim.name))}" for aim in facts.aims
-        )
+        told = f"{_values(facts.sought, one)}{_bounded(facts, one)}"
         figures.append(
             f'<figure class="scene"><img src="{scene_uri(one.city, highest)}" '
             f'alt="{name} in three dimensions, seen towards the north-north-east">'
             f"<figcaption><b>{name}</b>: {_text(told)}</figcaption></figure>"
         )
     note = (
-        "<p>The best of the last generation by each measure. <code>evocity scene RUN --id N -o "
+        "<p>The best of the last generation by each goal. <code>evocity scene RUN --id N -o "
         "FILE.glb</code> writes one for Blender or a browser, <code>-o FILE.city.json</code> for a "
         "GIS.</p>"
     )
     return [("In three dimensions", f'{note}<div class="scenes">{"".join(figures)}</div>')]
+
+
+def _values(aims: Sequence[Aim], one: Shown) -> str:
+    told = (f"{aim.name} {number(one.birth.values.get(aim.name), aim.unit)}" for aim in aims)
+    return ", ".join(told)
+
+
+def _bounded(facts: Facts, one: Shown) -> str:
+    """The constraints beside the goals in a caption: what the individual has, and the bounds."""
+    constraints = [aim for aim in facts.aims if aim not in facts.sought]
+    told = "; ".join(f"{_values([aim], one)} ({aim.bounds})" for aim in constraints)
+    verb = "breaks a constraint" if one.birth.id in facts.broken else "constraints"
+    return f". {verb.capitalize()}: {told}" if told else ""
 
 
 def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:

@@ -53,7 +53,7 @@ def pool_of(
     setup = replace(prepared.setup, shipped=shipped, sides=sides, parts=parts)
     if count == 0:
         return Here(setup)
-    tell(f"starting {count} workers")
+    tell(f"starting {count} worker{'' if count == 1 else 's'}")
     asked = recipe.evaluation
     return Workers(setup, count, asked.timeout, retried, asked.memory_bytes)
 

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from evocity.errors import RecipeError, RunError
 from evocity.search.algorithms import algorithms
 from evocity.search.algorithms.map_elites import MapElites
-from evocity.search.cells import Grid, Quality, check_grid, ranges_around
+from evocity.search.cells import Grid, Quality, ranges_around
 from evocity.search.judging import aims_of_run, judged, measured
 from evocity.store import Run
 
@@ -113,7 +113,7 @@ def grid_of_run(run: Run) -> Grid | None:
     try:
         given = {key: one for key, one in noted.items() if key in kind.Keys.model_fields}
         keys = kind.Keys.model_validate(given)
-        if faults := check_grid(keys.descriptors, keys.grid, keys.ranges):
+        if faults := keys.disagreements():
             raise ValueError("; ".join(map(": ".join, (fault[:2] for fault in faults))))
         ranges = keys.ranges or ranges_around(keys.descriptors, _sources(run), _limits(run))
     except (LookupError, TypeError, AttributeError, ValueError) as error:

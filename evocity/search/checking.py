@@ -15,7 +15,7 @@ from evocity.errors import RecipeError, shown, with_near_miss
 from evocity.fitness import Measure
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
-from evocity.search.sections import Parent, SearchSection
+from evocity.search.sections import Parent, SearchSection, sound_keys
 from evocity.search.values import parent_place, parent_title
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
@@ -92,11 +92,10 @@ def check(
         if recipe.run.population < len(recipe.parents):
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
             faults.append(("run.population", str(recipe.run.population), allowed))
-        if not faults:
-            faults += recipe.search.faults(
-                len(recipe.goals), recipe.run.population, len(recipe.parents)
-            )
-            faults += _undescribed(recipe) + _of_refine(recipe) + _of_stop(recipe)
+        faults += recipe.search.faults(
+            len(recipe.goals), recipe.run.population, len(recipe.parents)
+        )
+        faults += _undescribed(recipe) + _of_refine(recipe) + _of_stop(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
         for key, found, allowed in faults:  # a key may allow this or that
@@ -121,13 +120,12 @@ def _of_search(raw: Mapping, recipe: type[BaseModel]) -> list[tuple[str, str, st
     kind = algorithms().get(name) if isinstance(name, str) else None
     if kind is None:
         return []
-    try:
-        own = {k: v for k, v in section.items() if k not in SearchSection.model_fields}
-        kind.Keys.model_validate(own)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-        return [_fault({**one, "loc": ("search", *one["loc"])}, raw, recipe) for one in faults]
-    return []
+    own = {k: v for k, v in section.items() if k not in SearchSection.model_fields}
+    keys, errors = sound_keys(kind, own)
+    faults = [_fault({**one, "loc": ("search", *one["loc"])}, raw, recipe) for one in errors]
+    if keys is None or any(one["loc"][:1] == ("descriptors",) for one in errors):
+        return faults  # what the others have to agree with is not known
+    return faults + keys.disagreements()
 
 
 def _parents(raw: Mapping) -> list[tuple[str | None, str]]:

@@ -112,15 +112,11 @@ class Recipe(Section):
     @model_validator(mode="after")
     def _record_the_rest(self, info: ValidationInfo) -> "Recipe":
         """Of a whole file nothing is recorded that `fitness` logs already. What the algorithm needs
-        is recorded, as far as its name is known; `reading` tells of the others."""
+        is recorded, as far as its name is known; `checking` tells of the others."""
         logged = {measure.name for measure in self.measures}
         for entry in self.run.record:
             entry.leave_out(logged)
-        try:
-            names = self.search.described
-        except ValidationError:  # its keys are at fault, which is told
-            return self
-        for name in dict.fromkeys(names):
+        for name in dict.fromkeys(self.search.described):
             if name not in logged | {measure.name for measure in self.recorded}:
                 with contextlib.suppress(ValidationError):
                     entry = MeasureEntry.model_validate({"name": name}, context=info.context)

@@ -4,6 +4,7 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 """
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -12,8 +13,10 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    ValidationError,
     model_validator,
 )
+from pydantic_core import ErrorDetails
 
 from evocity.citymap import MAX_SIDE
 from evocity.errors import GenomeError, shown, with_near_miss
@@ -267,6 +270,24 @@ class RefineSection(Section):
         return "height_field" if self.way == "heights" else "lambda_field"
 
 
+def sound_keys(
+    algorithm: type[Algorithm], given: Mapping[str, Any]
+) -> tuple[Section | None, list[ErrorDetails]]:
+    """What ``[search]`` gives of the ``algorithm``'s own keys, and pydantic's errors of them. Keys
+    at fault are left as if they were not given; None where it cannot do without."""
+    try:
+        return algorithm.Keys.model_validate(given), []
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    bad = {part for one in errors for part in one["loc"][:1]}
+    try:
+        return algorithm.Keys.model_validate(
+            {k: v for k, v in given.items() if k not in bad}
+        ), errors
+    except ValidationError:
+        return None, errors
+
+
 class SearchSection(BaseModel):
     """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
     ``picks``: the share of births that have a pick for their first parent, while there are picks.
@@ -292,13 +313,20 @@ class SearchSection(BaseModel):
 
     @property
     def described(self) -> tuple[str, ...]:
-        """Names of the measures that the algorithm needs of every birth besides the goals."""
-        return algorithms()[self.algorithm].described(self.keys)
+        """Names of the measures that the algorithm needs of every birth besides the goals, as far
+        as its keys are sound."""
+        return () if self._sound is None else algorithms()[self.algorithm].described(self._sound)
 
     def faults(self, goals: int, population: int, parents: int) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of the algorithm for so many goals, so many who live, and so
-        many parents."""
-        return algorithms()[self.algorithm].faults(self.keys, goals, population, parents)
+        many parents, as far as its keys are sound."""
+        if self._sound is None:
+            return []
+        return algorithms()[self.algorithm].faults(self._sound, goals, population, parents)
+
+    @property
+    def _sound(self) -> Section | None:
+        return sound_keys(algorithms()[self.algorithm], self.model_extra or {})[0]
 
     @property
     def breeds_by(self) -> str | None:

@@ -30,6 +30,10 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
+    def disagreements(self) -> list[tuple[str, str, str]]:
+        """Faults (key, found, allowed) of keys that are sound each by itself."""
+        return []
+
 
 def fault(found: str, allowed: str) -> PydanticCustomError:
     """A fault of a key that pydantic gathers with the others."""

@@ -3,7 +3,9 @@
 import base64
 import hashlib
 import io
+import json
 import re
+import shutil
 from html.parser import HTMLParser
 
 import numpy as np
@@ -23,7 +25,7 @@ from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failures import shortened
 from evocity.report.gallery import city_key
-from evocity.report.html import _gain, _summary, pairs_to_show
+from evocity.report.html import _gain, _scenes, _summary, pairs_to_show
 from evocity.report.pictures import _caption, common_scale, data_uri, map_uri
 from evocity.scene import scene
 from evocity.search import archive
@@ -234,6 +236,27 @@ def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
         )
         assert picture.size == whole.size
         assert np.abs(np.asarray(picture, int) - np.asarray(whole, int)).mean() < 2
+
+
+def test_captions_tell_goals_from_constraints(usual, tmp_path):
+    folder, text = usual
+    facts = Facts(open_run(folder))
+    captions = re.findall(r"<figcaption><b>individual.*?</figcaption>", text)
+    assert captions
+    assert facts.sought == facts.aims
+    assert not any("onstraint" in one for one in captions)
+    bounded = tmp_path / "bounded"
+    shutil.copytree(folder, bounded)
+    name = facts.aims[-1].name
+    provenance = json.loads((bounded / "provenance.json").read_text())
+    provenance["fitness"] = [{"name": name, "min": -1e9, "max": 1e9}]
+    (bounded / "provenance.json").write_text(json.dumps(provenance))
+    told = _scenes(Facts(open_run(bounded)), 30.0)[0][1]
+    assert f". Constraints: {name} " in told
+    assert "(at least -1e+09" in told
+    provenance["fitness"] = [{"name": name, "min": 1e9}]
+    (bounded / "provenance.json").write_text(json.dumps(provenance))
+    assert f". Breaks a constraint: {name} " in _scenes(Facts(open_run(bounded)), 30.0)[0][1]
 
 
 def test_rare_colours_survive_the_palette(town):

@@ -125,9 +125,9 @@ def test_a_search_says_what_it_waits_for(toy, tmp_path):
     told = []
     with Search(read_recipe(toy(generations=0)), tmp_path / "run", 1, told.append) as search:
         list(search)
-    assert told[-1] == "starting 1 workers"
+    assert told[-1] == "starting 1 worker"
     assert any(text.startswith("reading") for text in told)
     told.clear()
     Search.resume(tmp_path / "run", generations=1, workers=1, progress=told.append).close()
-    assert told[-1] == "starting 1 workers"
+    assert told[-1] == "starting 1 worker"
     assert warm.VARIABLE not in os.environ

@@ -235,6 +235,36 @@ def test_descriptors_at_fault_are_told(toy, descriptors, key, says):
     assert says in told
 
 
+@pytest.mark.parametrize(
+    ("descriptors", "search", "told"),
+    [
+        ('["gsi", "gsi", "gsy"]', "grid = [4, 4]\nranges = [[1.0, 0.0], [0.0, 1.0]]",
+         {"search.descriptors": ("gsi?", "twice"), "search.grid": ("3 numbers",),
+          "search.ranges": ("3 ranges",), "search.ranges[0]": ("the lower first",)}),
+        ('["gsi", "gsy"]', 'grid = [4, 0]\nranges = [[0.0, "b"], [1.0, 2.0]]\ngird = 2',
+         {"search.descriptors": ("gsi?",), "search.grid[1]": ("1 or more",),
+          "search.ranges[0][1]": ("a number",), "search.gird": ("unknown key",)}),
+        ('["gsi", "roof"]', 'grid = [4, 4, 4]\nranges = [["a", 1.0], [1.0, 2.0]]',
+         {"search.grid": ("2 numbers",), "search.ranges[0][0]": ("a number",)}),
+        ('["gsi"]', "grid = [4, 4, 4]\nranges = [[0.0, 1.0, inf]]",
+         {"search.descriptors": ("2 or more",), "search.ranges[0][2]": ("a finite number",)}),
+    ],
+)  # fmt: skip
+def test_all_faults_of_a_grid_are_told_at_once(toy, descriptors, search, told):
+    path = grid_recipe(toy, search)
+    path.write_text(path.read_text().replace('["gsi", "roof"]', descriptors))
+    found = faults(path)
+    assert {one.partition(": ")[0] for one in found} == set(told)
+    assert len(found) == sum(map(len, told.values()))
+    for key, words in told.items():
+        assert all(any(one.startswith(f"{key}: ") and w in one for one in found) for w in words)
+    # nor do other sections hide them, nor they those
+    path.write_text(path.read_text().replace("generations = 3", "generations = -3"))
+    beside, unmeasured = faults(path), {one for one in found if "no measure" in one}
+    assert any(one.startswith("run.generations: -3") for one in beside)
+    assert set(found) - unmeasured < set(beside)
+
+
 def test_ten_to_the_nine_cells_are_too_many(toy):
     path = grid_recipe(toy, "grid = [1000, 1000, 1000]")
     path.write_text(path.read_text().replace('["gsi", "roof"]', '["gsi", "roof", "spread"]'))

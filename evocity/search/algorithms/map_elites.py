@@ -30,6 +30,9 @@ class MapElitesKeys(Section):
             return {**told, "grid": [10, 10, 10]}
         return told
 
+    def disagreements(self) -> list[tuple[str, str, str]]:
+        return check_grid(self.descriptors, self.grid, self.ranges)
+
 
 class MapElites(Algorithm):
     """Whoever is the best of its cell lives, as many as there are cells that anybody fell into.
@@ -54,11 +57,10 @@ class MapElites(Algorithm):
     def faults(
         cls, keys: Section, goals: int, population: int, parents: int = 2
     ) -> list[tuple[str, str, str]]:
-        faults = check_grid(keys.descriptors, keys.grid, keys.ranges)
-        if goals != 1:
-            allowed = 'one; measures that have the same objective = "a name" are summed to one'
-            faults.append(("search.algorithm", f"{cls.name!r} with {goals} goals", allowed))
-        return faults
+        if goals == 1:
+            return []
+        allowed = 'one; measures that have the same objective = "a name" are summed to one'
+        return [("search.algorithm", f"{cls.name!r} with {goals} goals", allowed)]
 
     @classmethod
     def described(cls, keys: Section) -> tuple[str, ...]:
