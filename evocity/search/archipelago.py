@@ -36,8 +36,8 @@ class Archipelago:
     def weights(self, generation: int, asked: Mapping[str, float]) -> list[dict[str, float]]:
         """Of each island the weights of operators in a ``generation`` that are not the recipe's,
         with those that were ``asked`` for. What credit makes of them is told as an event."""
-        first = self.islands[0]
-        if generation == 0 or first.breeds_by is not None:
+        first, windowed = self.islands[0], self._prepared.recipe.search.window is not None
+        if (generation == 0 and not windowed) or first.breeds_by is not None:
             return [{} for _ in self.islands]
         found = [island.weights(asked) for island in self.islands]
         if first.credit is not None:
@@ -58,6 +58,14 @@ class Archipelago:
             for plan in island.plans(generation, picks, own, refined)
         ]
 
+    def plan(self, identifier: int, picks: Picks, weights: Sequence[Mapping[str, float]]) -> Plan:
+        """One birth, see `Island.plan`."""
+        return self.islands[0].plan(identifier, picks, weights[0])
+
+    def founder(self, identifier: int) -> Plan:
+        """One birth of the sources, see `Island.founder`."""
+        return self.islands[0].founder(identifier)
+
     def island_of(self, slot: int) -> Island:
         """Whose birth the one in a ``slot`` is."""
         return next(island for island in self.islands if slot in island.slots)
@@ -73,6 +81,14 @@ class Archipelago:
         """Those of the living and of the ``births`` of a ``generation`` live on that the islands'
         algorithms select. ``looks``: by id, how maps look, as far as it is known."""
         self.islands[0].select(births, generation, looks)
+
+    def let_in(self, birth: Birth, looks: Mapping[int, np.ndarray] | None = None) -> None:
+        """One birth, see `Island.let_in`."""
+        self.islands[0].let_in(birth, looks or {})
+
+    def learn(self, births: Sequence[Birth]) -> None:
+        """Take in what operators have earned by ``births`` that were let in one by one."""
+        self.islands[0].learn(births)
 
     def begin_with(self, births: Sequence[Birth]) -> None:
         """Tell all of the first generation's ``births``, see `Population.begin_with`."""

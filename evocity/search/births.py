@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from itertools import count
 from numbers import Real
 
+import numpy as np
+
 from evocity.errors import RunError, shown
 from evocity.fitness import Aims
 from evocity.search.breeding import Plan
 from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome, unrecorded
-from evocity.store import Birth
+from evocity.store import Birth, Header
 
 #: How a birth ends whose worker may have taken the child with it.
 _LOST = ("timeout", "died", "memory")
@@ -29,6 +31,11 @@ class Born:
     plan: Plan
     bred: Outcome
     evaluated: Outcome | None = None
+
+    @property
+    def look(self) -> np.ndarray | None:
+        """How its map looks, as far as it is known."""
+        return None if self.evaluated is None else self.evaluated.look
 
     def birth(self, generation: int, aims: Aims) -> Birth:
         """The row of the log."""
@@ -119,6 +126,29 @@ def _lost(plan: Plan, outcome: Outcome) -> bool:
 
 def _founder(plan: Plan) -> Outcome:
     return Outcome("ok", genome=plan.genomes[0])
+
+
+def to_evaluate(asked: Sequence[Born]) -> list[Born]:
+    """Those who were bred."""
+    return [one for one in asked if one.bred.genome is not None]
+
+
+def with_results(
+    asked: Sequence[Born], results: Sequence, header: Header, bounds: Collection[str]
+) -> list[Born]:
+    """All who were ``asked`` for, with what somebody told of those `to_evaluate`, in their order;
+    ``header`` and ``bounds`` as `outcome_of` has them. Raises `RunError` for what is no result, and
+    for fewer or more of them."""
+    sought = to_evaluate(asked)
+    if len(results) != len(sought):
+        raise RunError(
+            f"{len(results)} results for {len(sought)} genomes",
+            "one result a genome, in the order ask() returned them",
+            "give an exception for a genome that could not be evaluated",
+        )
+    told = [outcome_of(one, header.measures, header.recorded, bounds) for one in results]
+    outcomes = dict(zip((one.plan.id for one in sought), told, strict=True))
+    return [replace(one, evaluated=outcomes.get(one.plan.id)) for one in asked]
 
 
 def outcome_of(

@@ -69,6 +69,14 @@ def selecting(recipe: Recipe, generation: int, island: int = 0) -> np.random.Gen
     return generator(recipe.run.seed, generation, recipe.run.population + 2 * island)
 
 
+def letting_in(recipe: Recipe, identifier: int) -> np.random.Generator:
+    """The generator of the selection that one birth alone causes: its key has three numbers, where
+    those of all others have two."""
+    key = *divmod(identifier, recipe.run.population), 0
+    sequence = np.random.SeedSequence(recipe.run.seed, spawn_key=key)
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
 def first_population(
     recipe: Recipe, sources: Sequence[Genome], slots: range | None = None
 ) -> list[Plan]:
@@ -84,10 +92,16 @@ def first_population(
     return [founder(recipe, sources, slot) for slot in slots]
 
 
-def founder(recipe: Recipe, sources: Sequence[Genome], slot: int) -> Plan:
-    """The birth in one ``slot`` of generation 0, see `first_population`; 0 or more."""
+def founder(
+    recipe: Recipe,
+    sources: Sequence[Genome],
+    slot: int,
+    rng: np.random.Generator | None = None,
+) -> Plan:
+    """The birth in one ``slot`` of generation 0, see `first_population`; 0 or more. ``rng``: the
+    generator of one that is born later."""
     count = len(sources)
-    rng = generator(recipe.run.seed, 0, slot)
+    rng = generator(recipe.run.seed, 0, slot) if rng is None else rng
     if slot < count:
         return Plan(slot, None, (), (sources[slot],), rng)
     weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
@@ -157,13 +171,12 @@ def next_population(
     mixture = {name: entry.weight for name, entry in recipe.operators.items()} | (weights or {})
     names = [name for name, weight in mixture.items() if weight > 0]
     weights = np.array([mixture[name] for name in names])
-    fewest = {name: recipe.operator(name).parents[0] for name in names}
     plans = []
     for slot in range(recipe.run.population) if slots is None else slots:
         rng = generator(recipe.run.seed, generation, slot)
         name = names[rng.choice(len(names), p=weights / weights.sum())]
         entry: OperatorEntry = recipe.operators[name]
-        count = entry.parents or fewest[name]
+        count = entry.parents or recipe.operator(name).parents[0]
         chosen = [(living[i].id, living[i].genome) for i in algorithm.parents(living, count, rng)]
         chosen = picks.among(chosen, rng)
         operator = recipe.operator_drawn(name, rng)

@@ -82,6 +82,8 @@ def credit_of(run: Run, aims: Aims, events: Sequence[Mapping]) -> Credit:
         births = births_without_genomes(run, generation)
         living = set(run.members(generation)["id"].to_pylist())
         credit.learn(births, aims.reweighted(weights), living)
+    if Standing.of(events, len(run.generations)).weights != weights:
+        credit.forget_front()
     return credit
 
 

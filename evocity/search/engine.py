@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from evocity.errors import RecipeError, RunError
 from evocity.fitness.shipping import shipped
@@ -10,18 +9,20 @@ from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.archipelago import Archipelago
 from evocity.search.beginning import pool_of, sides_of, writer_of
-from evocity.search.births import Born, born, bred, outcome_of
-from evocity.search.breeding import Plan
+from evocity.search.births import Born, bred, to_evaluate, with_results
+from evocity.search.breeding import Picks
 from evocity.search.commands import Pick, Reweight, Stop
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Engine
 from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
+from evocity.search.generational import Generational, Weights
 from evocity.search.guarding import told_of_parents
 from evocity.search.notifying import Notifier, missing
 from evocity.search.observers import Observer, Observers
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
+from evocity.search.steady import Steady
 from evocity.search.steering import Steering, genomes_of
 from evocity.search.stopping import Clock, Reason, Stopping, end_of, now, refuse_passed
 from evocity.store import Birth, RunWriter, open_run, refuse_existing
@@ -85,6 +86,7 @@ class Search:
         self._writer: RunWriter | None = None
         self._pool: Engine | None = None
         self._population: Archipelago | None = None
+        self._breeding: Generational | Steady | None = None
         self._observers = Observers(observers)
         self._steering = Steering(recipe, self._found)
         self._clock, self._stopping = clock, None
@@ -141,6 +143,7 @@ class Search:
             elif not search.finished:
                 search._compile()
                 search._start_pool()
+                search._breeding = search._new_breeding(taken)
             engine = {} if search._pool is None else search._pool.described
             held |= {"changes": taken.changes, **engine}
             search._observers.event("resume", generation=taken.next, **held)
@@ -189,8 +192,7 @@ class Search:
         """Breed, evaluate and select until the recipe's last generation; then close."""
         try:
             while not self.finished and self._steered():
-                plans = self._planned("a generation")
-                yield self._written(born(self._pool, plans))
+                yield self._written(self._breeding_of("a generation").births(*self._told()))
             if not self._closed:
                 self._stopped(None)
         except BaseException as error:
@@ -228,9 +230,15 @@ class Search:
                 "a search that goes on",
                 "close() it; go on with: Search.resume(path)",
             )
-        plans = self._planned("ask()", guarded=False)
-        self._asked = bred(self._pool, plans)
-        return [one.bred.genome for one in self._to_evaluate()]
+        if self.recipe.search.window is not None:
+            raise RunError(
+                f"ask() of a search with a window of {self.recipe.search.window}",
+                "a search whose births are planned a generation at a time",
+                "leave `window` out of [search]",
+            )
+        breeding = self._breeding_of("ask()", guarded=False)
+        self._asked = bred(self._pool, breeding.plans(*self._told()))
+        return [one.bred.genome for one in to_evaluate(self._asked)]
 
     def tell(self, results: Sequence[Outcome | Mapping[str, float] | Exception]) -> Generation:
         """Take the results of the genomes last asked for, in their order, and select.
@@ -247,23 +255,9 @@ class Search:
             raise RunError(
                 "tell() before ask()", "ask() and tell() in turn", "call ask() for genomes first"
             )
-        asked = self._to_evaluate()
-        if len(results) != len(asked):
-            raise RunError(
-                f"{len(results)} results for {len(asked)} genomes",
-                "one result a genome, in the order ask() returned them",
-                "give an exception for a genome that could not be evaluated",
-            )
-        header = self._prepared.header
-        bounds = self._prepared.aims.bounds
-        told = [outcome_of(one, header.measures, header.recorded, bounds) for one in results]
-        outcomes = dict(zip((one.plan.id for one in asked), told, strict=True))
-        return self._written(
-            [replace(one, evaluated=outcomes.get(one.plan.id)) for one in self._asked]
-        )
-
-    def _to_evaluate(self) -> list[Born]:
-        return [one for one in self._asked if one.bred.genome is not None]
+        header, bounds = self._prepared.header, self._prepared.aims.bounds
+        individuals = with_results(self._asked, results, header, bounds)
+        return self._written(self._breeding.selected(individuals, self._next))
 
     # -- beginning and end ---------------------------------------------------------------
 
@@ -278,6 +272,9 @@ class Search:
     def close(self) -> None:
         """Stop the workers and release the run folder. Safe to call twice."""
         self._closed = True
+        if self._breeding is not None:
+            self._breeding.close()
+            self._breeding = None
         if self._pool is not None:
             self._pool.close()
             self._pool = None
@@ -300,6 +297,7 @@ class Search:
             raise
         self.notes += [*self._prepared.notes, *unkept]
         self._population, self._stopping = self._settled(), self._new_stopping()
+        self._breeding = self._new_breeding()
         self._observers.event("start", seed=self.recipe.run.seed, **self._pool.described)
 
     def _settled(self) -> Archipelago:
@@ -314,6 +312,20 @@ class Search:
             log = self._observers.event
             self._observers.add(Notifier(section, folder, self.out, log, best))
             self.notes += missing(section, folder)
+
+    def _new_breeding(self, taken: resuming.TakenUp | None = None) -> Generational | Steady:
+        """Generations one after the other, or by the recipe's window; ``taken``: a run that is
+        taken up again."""
+        if self.recipe.search.window is None:
+            return Generational(self._prepared, self._population, self._pool)
+        if taken is None or not taken.next:
+            return Steady(self._prepared, self._population, self._pool)
+        run, event = open_run(taken.writer.path), self._observers.event
+        found = Steady.taken_up(run, self._prepared, taken.next, self._pool, event)
+        self._population = found.population
+        self._population.reweigh(self._steering.standing.weights)
+        taken.restore(self._population)
+        return found
 
     def _new_stopping(self) -> Stopping:
         return Stopping(self.recipe.stop, self._prepared.aims, self.out, self._clock)
@@ -379,13 +391,14 @@ class Search:
 
     # -- one generation ------------------------------------------------------------------
 
-    def _planned(self, what: str, guarded: bool = True) -> list[Plan]:
-        """The next generation's births; what a run needs is prepared before the first, ``guarded``
-        or not by a look at what the parents keep."""
+    def _breeding_of(self, what: str, guarded: bool = True) -> Generational | Steady:
+        """What breeds the next generation, which begins; what a run needs is prepared before the
+        first, ``guarded`` or not by a look at what the parents keep."""
         self._refuse_closed(what)
         if self._asked is not None:
+            untold = len(to_evaluate(self._asked))
             raise RunError(
-                f"{what} while the {len(self._to_evaluate())} genomes asked before are not told",
+                f"{what} while the {untold} genomes asked before are not told",
                 "ask() and tell() in turn",
                 "call tell(results) first",
             )
@@ -398,20 +411,16 @@ class Search:
         if self._prepared is None:
             self._start(guarded)
         self._pace.begin()
-        number, steering = self._next, self._steering
-        weights = self._population.weights(number, steering.standing.weights)
-        # those who measure elsewhere are not measured for here
-        return self._population.plans(number, steering.picks, weights, refined=guarded)
+        return self._breeding
 
-    def _written(self, individuals: Sequence[Born]) -> Generation:
-        """Select among these ``individuals`` and the living; write the generation down whole."""
-        births = [one.birth(self._next, self._prepared.aims) for one in individuals]
-        looks = {
-            one.plan.id: one.evaluated.look
-            for one in individuals
-            if one.evaluated is not None and one.evaluated.look is not None
-        }
-        self._population.select(births, self._next, looks)
+    def _told(self) -> tuple[int, Picks, Weights]:
+        """What breeding must know of the next generation: its number, and what was asked for."""
+        steering = self._steering
+        weights = self._population.weights(self._next, steering.standing.weights)
+        return self._next, steering.picks, weights
+
+    def _written(self, births: Sequence[Birth]) -> Generation:
+        """Write the next generation down whole: its ``births``, and those who live on."""
         self._births += len(births)
         self._failures += sum(not birth.ok for birth in births)
         generation = self._generation(births)
@@ -423,7 +432,7 @@ class Search:
         refuse_failures(births, limit, generation.number, alive)
         return generation
 
-    def _generation(self, births: list[Birth]) -> Generation:
+    def _generation(self, births: Sequence[Birth]) -> Generation:
         rate, one = self._pace.end(births)
         return Generation(
             number=self._next,

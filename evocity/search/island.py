@@ -13,6 +13,9 @@ from evocity.search.breeding import (
     Picks,
     Plan,
     first_population,
+    founder,
+    generator,
+    letting_in,
     next_population,
     own_population,
     selecting,
@@ -87,8 +90,31 @@ class Island:
             algorithm, of = self.population.algorithm, (living, self._sources, picks, weights)
             plans = next_population(recipe, algorithm, generation, *of, self.slots)
             if refined:
-                plans = with_refinements(plans, recipe, generation, self.population, self.aims)
+                of = self.population, self.aims, self.slots
+                plans = with_refinements(plans, recipe, generation, *of)
         return [replace(plan, island=self.name) for plan in plans]
+
+    def plan(self, identifier: int, picks: Picks, weights: Mapping[str, float]) -> Plan:
+        """The birth with this id, after generation 0, of those who live now; a founder where nobody
+        does."""
+        recipe, population = self.recipe, self.population
+        generation, slot = divmod(identifier, recipe.run.population)
+        if not population.living:
+            return self.founder(identifier)
+        of = population.living, self._sources, picks, weights, range(slot, slot + 1)
+        plans = next_population(recipe, population.algorithm, generation, *of)
+        of = population, self.aims, self.slots
+        return with_refinements(plans, recipe, generation, *of)[0]
+
+    def founder(self, identifier: int) -> Plan:
+        """The birth with this id, of sources alone: one more as those of generation 0 are."""
+        recipe = self.recipe
+        rng = generator(recipe.run.seed, *divmod(identifier, recipe.run.population))
+        return founder(recipe, self._sources, identifier, rng)
+
+    def let_in(self, birth: Birth, looks: Mapping[int, np.ndarray]) -> None:
+        """One birth: it lives, and somebody else may not, if the algorithm selects so."""
+        self.population.select([birth], letting_in(self.recipe, birth.id), looks)
 
     def select(
         self,
@@ -99,6 +125,10 @@ class Island:
         """Those of the living and of the ``births`` of a ``generation`` live on that the algorithm
         selects."""
         self.population.select(births, selecting(self.recipe, generation, self.number), looks)
+        self.learn(births)
+
+    def learn(self, births: Sequence[Birth]) -> None:
+        """Take in what the operators of a generation's ``births`` have earned."""
         if self.credit is not None:
             own = [born for born in births if born.island == self.name]
             self.credit.learn(own, self.aims, {one.id for one in self.population.living})

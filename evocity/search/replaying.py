@@ -1,16 +1,17 @@
 """How one birth of a run came about: its plan, drawn again from what the log tells."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from evocity.errors import RunError
 from evocity.genome import Genome
-from evocity.search.archipelago import Archipelago
+from evocity.search.archipelago import Archipelago, Tell
 from evocity.search.breeding import NO_PICKS, Picks, Plan
 from evocity.search.commands import Standing
 from evocity.search.judging import births_without_genomes
 from evocity.search.preparation import Prepared
 from evocity.search.resuming import living_of, standing_of
-from evocity.store import Run
+from evocity.store import Birth, Run
 
 
 def plan_of(run: Run, prepared: Prepared, identifier: int) -> Plan:
@@ -46,15 +47,55 @@ def _drawn(run: Run, prepared: Prepared, identifier: int) -> Plan:
             "a run whose births are bred by the recipe's operators",
             "the parameters of its operator stand in `made` of its genome",
         )
-    standing = standing_of(run, generation)
-    population = Archipelago(prepared, standing.weights)
-    population.begin_with(births_without_genomes(run, 0))
-    population.restore(living_of(run, generation - 1))
-    picked = {birth.id: birth.genome for birth in run.individuals(list(standing.picks))}
-    picks = _picks(standing, picked, recipe.search.picks)
-    island = population.island_of(slot)
-    weights = _weights(run, recipe.operators, standing, generation)
-    return island.plans(generation, picks, weights)[slot - island.slots.start]
+    if recipe.search.window is not None:
+        last = identifier - recipe.search.window
+        if last < 0:
+            return Archipelago(prepared).founder(identifier)
+        then = Then.of(run, prepared, last // recipe.run.population)
+        population = then.population(prepared)
+        for birth in then.births(last):
+            population.let_in(birth)
+        return population.plan(identifier, then.picks, [then.weights])
+    then = Then.of(run, prepared, generation)
+    island = then.population(prepared).island_of(slot)
+    plans = island.plans(generation, then.picks, then.weights)
+    return plans[slot - island.slots.start]
+
+
+@dataclass(frozen=True)
+class Then:
+    """A ``run`` as its log tells that it was when a ``generation`` began: what was ``standing`` of
+    commands, who was picked, and the ``weights`` of operators that were not the recipe's."""
+
+    run: Run
+    generation: int
+    standing: Standing
+    picks: Picks
+    weights: Mapping[str, float]
+
+    @classmethod
+    def of(cls, run: Run, prepared: Prepared, generation: int) -> "Then":
+        recipe, standing = prepared.recipe, standing_of(run, generation)
+        picked = {birth.id: birth.genome for birth in run.individuals(list(standing.picks))}
+        picks = _picks(standing, picked, recipe.search.picks)
+        weights = _weights(run, recipe.operators, standing, generation)
+        return cls(run, generation, standing, picks, weights)
+
+    def population(
+        self, prepared: Prepared, event: Tell = lambda name, **details: None
+    ) -> Archipelago:
+        """Who lived then; ``event`` is told what happens from now on."""
+        population = Archipelago(prepared, self.standing.weights, event)
+        population.begin_with(births_without_genomes(self.run, 0))
+        if self.generation:
+            population.restore(living_of(self.run, self.generation - 1))
+        return population
+
+    def births(self, last: int | None = None) -> list[Birth]:
+        """Those of the generation with their genomes, by id, up to the ``last``."""
+        size = self.run.header.population
+        end = (self.generation + 1) * size if last is None else last + 1
+        return self.run.individuals(list(range(self.generation * size, end)))
 
 
 def _picks(standing: Standing, picked: Mapping[int, Genome], share: float) -> Picks:
@@ -70,4 +111,4 @@ def _weights(run: Run, names, standing: Standing, generation: int) -> dict[str, 
     return {name: weight for name, weight in standing.weights.items() if name in names}
 
 
-__all__ = ["plan_of"]
+__all__ = ["Then", "plan_of"]

@@ -121,6 +121,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         ),
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "search.algorithm": (_algorithm(run), recipe.search.algorithm),
+        "search.window": (_window(run), recipe.search.window),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
         "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }
@@ -148,6 +149,11 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
 def _algorithm(run: Run) -> str:
     """What the run selects by."""
     return run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)["algorithm"]
+
+
+def _window(run: Run) -> int | None:
+    """How far before a birth its parents are at least; None where generations follow each other."""
+    return run.provenance["recipe"].get("search", {}).get("window")
 
 
 def _sources(run: Run, recipe: Recipe) -> list[Source]:

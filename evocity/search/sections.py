@@ -292,6 +292,8 @@ class SearchSection(BaseModel):
     """``[search]``: an ``algorithm``, see `evocity.search.algorithms`, and the keys it has.
     ``picks``: the share of births that have a pick for their first parent, while there are picks.
     ``adapt``: weights of operators follow what their births earn, see `evocity.search.credit`.
+    ``window``: births have their parents among those at least so many before them, see
+    `evocity.search.steady`; None for one generation after the other.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
@@ -299,6 +301,7 @@ class SearchSection(BaseModel):
     algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
     picks: float = Field(0.5, gt=0, le=1)
     adapt: bool = False
+    window: int | None = Field(None, ge=1, le=100_000)
 
     @property
     def keys(self) -> Section:
@@ -319,6 +322,7 @@ class SearchSection(BaseModel):
 
     def faults(self, goals: int, population: int, parents: int) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of the algorithm for so many goals, so many who live, and so
+<<<<<<< HEAD
         many parents, as far as its keys are sound."""
         if self._sound is None:
             return []
@@ -327,6 +331,14 @@ class SearchSection(BaseModel):
     @property
     def _sound(self) -> Section | None:
         return sound_keys(algorithms()[self.algorithm], self.model_extra or {})[0]
+=======
+        many parents."""
+        faults = algorithms()[self.algorithm].faults(self.keys, goals, population, parents)
+        if self.window is not None and self.breeds_by is not None:
+            found = f"{self.window}, with the algorithm {self.algorithm!r}"
+            faults = [*faults, ("search.window", found, "no window, as it breeds by itself")]
+        return faults
+>>>>>>> 269d77d (wip)
 
     @property
     def breeds_by(self) -> str | None:

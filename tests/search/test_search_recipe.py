@@ -173,7 +173,10 @@ def test_the_largest_side_divides_the_map(toy, block):
         ("apart = 1", "search.apart: 1; allowed: below 1"),
         ("apart = nan", "search.apart: nan"),
         ("distinkt = 0.5", "unknown key, did you mean distinct?"),
-        ("algorithm = 'nsga2'\ngrid = [2, 2]", "allowed: algorithm, picks, adapt, distinct, apart"),
+        (
+            "algorithm = 'nsga2'\ngrid = [2, 2]",
+            "allowed: algorithm, picks, adapt, window, distinct, apart",
+        ),
     ],
 )
 def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):

@@ -85,9 +85,15 @@ class _Within:
 
 
 def with_refinements(
-    plans: Sequence[Plan], recipe: Recipe, generation: int, population: Population, aims: Aims
+    plans: Sequence[Plan],
+    recipe: Recipe,
+    generation: int,
+    population: Population,
+    aims: Aims,
+    slots: range,
 ) -> list[Plan]:
-    """The ``plans`` of a ``generation``; the last of them are refinements, if the recipe says so.
+    """The ``plans`` of a ``generation``; those for the last of the ``slots`` are refinements, if
+    the recipe says so.
 
     Each refines the best of the living by weights of the goals that are drawn for it; those who
     offer their fabric are drawn from the others.
@@ -97,14 +103,17 @@ def with_refinements(
         return list(plans)
     if section.way == "lambda_field" and len(population.living) < 2:  # nobody offers any fabric
         return list(plans)
-    score = Score.of(aims, population.first_losses)
-    kept = list(plans[: len(plans) - section.births])
-    for plan in plans[len(kept) :]:
-        rng = generator(recipe.run.seed, generation, plan.id % recipe.run.population)
-        operator, parents = _refinement(population.living, score, recipe, rng)
-        ids, genomes = zip(*((one.id, one.genome) for one in parents), strict=True)
-        kept.append(Plan(plan.id, operator, ids, genomes, rng))
-    return kept
+    last, found = slots[max(0, len(slots) - section.births) :], []
+    for plan in plans:
+        slot = plan.id % recipe.run.population
+        if slot in last:
+            rng = generator(recipe.run.seed, generation, slot)
+            score = Score.of(aims, population.first_losses)
+            operator, parents = _refinement(population.living, score, recipe, rng)
+            ids, genomes = zip(*((one.id, one.genome) for one in parents), strict=True)
+            plan = Plan(plan.id, operator, ids, genomes, rng)
+        found.append(plan)
+    return found
 
 
 def _refinement(
