@@ -1,44 +1,27 @@
 """A library of objects: footprints with heights, to stand where generated buildings are."""
 
-import math
 import os
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import shapely
-from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
-from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from evocity.citymap import CityMap, ClassTable
 from evocity.errors import MapError, keyword, shown, with_near_miss
-from evocity.files import whole_file
-from evocity.io.computed import check_views
-from evocity.io.sources import content_of
-from evocity.views.walls.coverage import pinched
+from evocity.scene.library_table import (
+    COLUMNS,
+    LAYER,
+    TABLE,
+    TALLEST,
+    check_ids,
+    read_table,
+    write_table,
+)
 
-#: The table of a library's folder, and its layer.
-TABLE, LAYER = "objects.gpkg", "objects"
-#: What the table tells of each object besides its footprint; the last two may be left out.
-COLUMNS = ("id", "class", "height", "atmosphere", "licence", "attribution", "attached")
-#: No object is higher, metres: as `read_map` has it.
-TALLEST = 1000.0
 #: Footprints under this area, m², are no objects: as `evocity.views.buildings.CRUMB`.
 LEAST = 24.0
-
-_NEEDED = ("id", "class", "height", "atmosphere", "licence")
-_TROUBLE = (DataSourceError, DataLayerError, FeatureError, GeometryError, CRSError, OSError)
-# Metres that lie nowhere on Earth.
-_METRES = (
-    'ENGCRS["metres of a library of objects",EDATUM["none"],CS[Cartesian,2],'
-    'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
-)
-# Metres left between objects where the table lays them out beside each other.
-_APART = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +118,7 @@ class Library:
         """All objects of several libraries. Raises `MapError` where an id is there twice."""
         every = list(libraries)
         ids = [one for library in every for one in library.ids]
-        _check_ids(ids, "libraries to be joined")
+        check_ids(ids, "libraries to be joined")
 
         def texts(name: str) -> tuple[str, ...]:
             return tuple(text for library in every for text in getattr(library, name))
@@ -198,69 +181,25 @@ class Library:
         height that is none of up to `TALLEST` metres; a class or licence that is missing; a column
         ``path`` that names a mesh, wherever it lies.
         """
-        folder = Path(folder)
-        path = folder / TABLE
-        shapes, fields, crs = _table(folder, path)
-        _check_metres(path, crs)
-        missing = [name for name in _NEEDED if name not in fields]
-        if missing:
-            raise MapError(
-                f"{path}: no column {', '.join(missing)}",
-                f"the columns {', '.join(_NEEDED)}",
-                "add what is missing; evocity library new makes such a table",
-            )
-        ids = _texts(fields["id"])
-        _check_ids(ids, str(path))
-        count = len(ids)
-        names = [f"{path}: object {one}" for one in ids]
-        empty = np.full(count, "", dtype=object)
-        _check_no_meshes(fields.get("path", empty), names)
+        polygons, columns = read_table(Path(folder))
         return cls(
-            tuple(ids),
-            _told(fields["class"], names, "class", "building, or another class"),
-            _centred(_checked(shapes, names)),
-            _heights(fields["height"], names),
-            tuple(_texts(fields["atmosphere"])),
-            _told(fields["licence"], names, "licence", "the licence it may be used under"),
-            tuple(_texts(fields.get("attribution", empty))),
-            np.array(
-                [one in (True, 1) for one in fields.get("attached", np.zeros(count, bool))], bool
-            ),
+            tuple(columns["id"]),
+            tuple(columns["class"]),
+            _centred(polygons),
+            columns["height"],
+            tuple(columns["atmosphere"]),
+            tuple(columns["licence"]),
+            tuple(columns["attribution"]),
+            columns["attached"],
         )
 
     def write(self, folder: str | os.PathLike) -> Path:
         """Write the table into a ``folder``, which is made if its own folder is there; a table that
         is there is written over. Objects lie beside each other, to be looked at in a GIS. Returns
         the table's path; raises `MapError` where it cannot be written."""
-        folder = Path(folder)
-        try:
-            folder.mkdir(exist_ok=True)
-            with whole_file(folder / TABLE) as temporary, warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # GDAL's, of an empty layer
-                pyogrio.raw.write(
-                    temporary,
-                    geometry=shapely.to_wkb(_laid_out(self.polygons)),
-                    field_data=self._columns(),
-                    fields=list(COLUMNS),
-                    layer=LAYER,
-                    driver="GPKG",
-                    geometry_type="Polygon",
-                    crs=_METRES,
-                    layer_options={"DESCRIPTION": "; ".join(sorted(set(self.attributions) - {""}))},
-                )
-        except _TROUBLE as error:
-            raise MapError(
-                f"{str(folder / TABLE)!r} cannot be written: {error}",
-                "a folder this user may write to, in one that is there",
-                "check the path, permissions and free space, or choose another place",
-            ) from error
-        return folder / TABLE
-
-    def _columns(self) -> list[np.ndarray]:
         told = (self.ids, self.classes, self.heights, self.atmospheres, self.licences)
         told += (self.attributions, self.attached)
-        kinds = (object, object, float, object, object, object, bool)
-        return [np.array(one, dtype=kind) for one, kind in zip(told, kinds, strict=True)]
+        return write_table(Path(folder), self.polygons, dict(zip(COLUMNS, told, strict=True)))
 
 
 def _cut(city: CityMap, polygons: np.ndarray) -> np.ndarray:
@@ -286,156 +225,6 @@ def _centred(polygons: np.ndarray) -> np.ndarray:
         x, y = np.round(shapely.get_coordinates(shapely.centroid(polygon))[0], 3)
         moved[k] = shapely.transform(polygon, lambda points, at=(x, y): points - at)
     return moved
-
-
-def _laid_out(polygons: np.ndarray) -> np.ndarray:
-    """The polygons beside each other in rows, in their order."""
-    laid = np.empty(len(polygons), object)
-    if not len(polygons):
-        return laid
-    west, south, east, north = shapely.bounds(polygons).T
-    wide = east - west + _APART
-    row = math.sqrt(float((wide * (north - south + _APART)).sum())) * 1.2
-    x = y = deep = 0.0
-    for k, polygon in enumerate(polygons):
-        if x and x + wide[k] > row:
-            x, y, deep = 0.0, y - deep - _APART, 0.0
-        at = np.round([x - west[k], y - north[k]], 3)
-        laid[k] = shapely.transform(polygon, lambda points, at=at: points + at)
-        x, deep = x + wide[k], max(deep, north[k] - south[k])
-    return laid
-
-
-def _table(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray], str | None]:
-    """Footprints as WKB, columns by name, and the reference system."""
-    if not path.is_file():
-        what = "no table in it" if folder.is_dir() else "no such folder"
-        raise MapError(
-            f"{str(folder)!r}: {what}",
-            f"the folder of a library, with {TABLE} in it",
-            "make one with: evocity library new MAP… -o FOLDER",
-        )
-    try:
-        with open(path, "rb") as file:
-            content = content_of(file.read(1024))
-        if content != "SQLite (GeoPackage)":
-            raise MapError(
-                f"{path} holds {content}", "a GeoPackage", "export the table again as one"
-            )
-        check_views(path)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if LAYER not in [str(name) for name, _ in pyogrio.list_layers(path)]:
-                raise MapError(f"{path}: no layer {LAYER}", f"a layer {LAYER}", "rename the layer")
-            meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
-    except (*_TROUBLE, UnicodeDecodeError) as error:
-        raise MapError(
-            f"{path} cannot be read: {[*str(error).splitlines(), 'it is damaged'][0][:200]}",
-            "a whole GeoPackage",
-            "make or export it again; it may have been cut off",
-        ) from error
-    if shapes is None:
-        raise MapError(
-            f"{path}: no footprints in its layer {LAYER}",
-            "a polygon for each object",
-            "export the table again, with its geometry",
-        )
-    return shapes, dict(zip(map(str, meta["fields"]), columns, strict=True)), meta["crs"]
-
-
-def _check_metres(path: Path, crs: str | None) -> None:
-    """Raise if a table says that it is in other units than metres."""
-    if crs is None:
-        return
-    try:
-        axes = CRS.from_user_input(crs).axis_info
-    except CRSError:
-        axes = []
-    if any(not math.isclose(axis.unit_conversion_factor, 1.0) for axis in axes[:2]):
-        raise MapError(
-            f"{path}: footprints in {axes[0].unit_name}",
-            "footprints in metres",
-            "project them to a system of metres first",
-        )
-
-
-def _check_ids(ids: Sequence[str], where: str) -> None:
-    seen = set()
-    for number, one in enumerate(ids, 1):
-        if not one:
-            raise MapError(f"{where}: row {number} without an id", "an id each", "give it one")
-        if one in seen:
-            raise MapError(
-                f"{where}: id {one} twice", "an id of its own each", "rename one of them"
-            )
-        seen.add(one)
-
-
-def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Valid polygons of WKB."""
-    polygons = shapely.from_wkb(shapes, on_invalid="ignore")
-    wanted = "a closed polygon that does not cross itself, metres"
-    for polygon, name in zip(polygons, names, strict=True):
-        if polygon is not None and polygon.geom_type == "MultiPolygon" and len(polygon.geoms) == 1:
-            polygon = polygon.geoms[0]
-        kind = "ring that is open" if polygon is None else polygon.geom_type
-        if kind != "Polygon":
-            raise MapError(f"{name}: a {kind}", wanted, "close it, or make one object of each part")
-        if not (polygon.is_valid and polygon.area > 0 and np.isfinite(polygon.bounds).all()):
-            reason = shapely.is_valid_reason(polygon) if polygon.area > 0 else "no area"
-            raise MapError(f"{name}: an invalid footprint, {reason}", wanted, "repair it")
-        if pinched(np.array([polygon]))[0]:
-            raise MapError(
-                f"{name}: a footprint that comes to one point twice, as where a courtyard touches "
-                "a wall",
-                "one whose walls stand apart, of which a solid can be made",
-                "move that corner by some centimetres, or open the courtyard",
-            )
-    parts = [one.geoms[0] if one.geom_type == "MultiPolygon" else one for one in polygons]
-    found = np.empty(len(parts), object)
-    found[:] = parts
-    return found
-
-
-def _heights(column: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    heights = np.array([_number(told) for told in column.tolist()], dtype=np.float64)
-    for height, told, name in zip(heights, column, names, strict=True):
-        if not 0 < height <= TALLEST:
-            raise MapError(
-                f"{name}: a height of {told}", f"metres, above 0, at most {TALLEST:g}", "correct it"
-            )
-    return heights
-
-
-def _number(told: object) -> float:
-    try:
-        return float(told)
-    except (TypeError, ValueError):
-        return math.nan
-
-
-def _texts(column: np.ndarray) -> list[str]:
-    """A column as texts; "" where it has nothing."""
-    return ["" if one is None or one != one else str(one).strip() for one in column.tolist()]
-
-
-def _told(column: np.ndarray, names: Sequence[str], what: str, expected: str) -> tuple[str, ...]:
-    texts = _texts(column)
-    for text, name in zip(texts, names, strict=True):
-        if not text:
-            raise MapError(f"{name} without a {what}", expected, f"tell it in the column {what}")
-    return tuple(texts)
-
-
-def _check_no_meshes(column: np.ndarray, names: Sequence[str]) -> None:
-    """Raise where a column ``path`` names a mesh: nothing would come of it."""
-    for told, name in zip(_texts(column), names, strict=True):
-        if told:
-            raise MapError(
-                f"{name}: a mesh in the path {told!r}",
-                "a footprint with a height: no file beside the table is opened",
-                "leave the column path out",
-            )
 
 
 __all__ = ["COLUMNS", "LAYER", "LEAST", "TABLE", "TALLEST", "Library"]

@@ -2,32 +2,13 @@
 
 import numpy as np
 from cli_tools import call, refused
+from towns import TWO_CLASSES, four_houses
 
-import evocity
 from evocity.scene.library import Library
-
-TABLE = """
-[[class]]
-name = "low"
-height = { below = 6 }
-[[class]]
-name = "high"
-[colours]
-low = "#9bcb72"
-high = "#8fa1b3"
-"""
-
-
-def town():
-    """Four houses that stand apart."""
-    heights = np.zeros((64, 64))
-    for top, left in ((8, 8), (8, 36), (36, 8), (36, 36)):
-        heights[top : top + 12, left : left + 16] = 9
-    return evocity.CityMap(heights, 1.0, name="drawn")
 
 
 def test_the_command_draws_as_it_is_asked(tmp_path):
-    np.save(tmp_path / "town.npy", town().heights)
+    np.save(tmp_path / "town.npy", four_houses().heights)
     words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1)
     call(*words, "-o", tmp_path / "plain.png", "--width", 300)
     call(*words, "-o", tmp_path / "plan.png", "--width", 300, "--tilt", 90, "--azimuth", 0)
@@ -42,12 +23,12 @@ def test_the_command_draws_as_it_is_asked(tmp_path):
 
 
 def test_nothing_that_is_read_is_written_over(tmp_path):
-    np.save(tmp_path / "town.npy", town().heights)
+    np.save(tmp_path / "town.npy", four_houses().heights)
     words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1)
     table = tmp_path / "own.city.json"
-    table.write_text(TABLE)
+    table.write_text(TWO_CLASSES)
     refused(tmp_path, *words, "--classes", table, "-o", table, says="both read and written")
-    Library.of(town(), licence="CC0-1.0").write(tmp_path / "objects")
+    Library.of(four_houses(), licence="CC0-1.0").write(tmp_path / "objects")
     path = tmp_path / "objects" / "objects.gpkg"
     library = ("--library", tmp_path / "objects", "-o", path)
     refused(tmp_path, *words, *library, says="both read and written")
@@ -58,7 +39,7 @@ def test_nothing_that_is_read_is_written_over(tmp_path):
 def test_maps_of_one_name_make_a_library(tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        np.save(tmp_path / folder / "town.npy", town().heights)
+        np.save(tmp_path / folder / "town.npy", four_houses().heights)
     maps = [tmp_path / folder / "town.npy" for folder in ("a", "b")]
     out = tmp_path / "objects"
     call("library", "new", *maps, "--metres-per-pixel", 1, "--licence", "CC0-1.0", "-o", out)
@@ -66,8 +47,8 @@ def test_maps_of_one_name_make_a_library(tmp_path):
 
 
 def test_objects_of_one_atmosphere(tmp_path):
-    np.save(tmp_path / "town.npy", town().heights)
-    Library.of(town(), licence="CC0-1.0", atmosphere="old town").write(tmp_path / "objects")
+    np.save(tmp_path / "town.npy", four_houses().heights)
+    Library.of(four_houses(), licence="CC0-1.0", atmosphere="old town").write(tmp_path / "objects")
     words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1, "-o", tmp_path / "x.glb")
     library = ("--library", tmp_path / "objects", "--atmosphere")
     assert "4 of them objects of the library" in call(*words, *library, "old town").output
@@ -76,9 +57,9 @@ def test_objects_of_one_atmosphere(tmp_path):
 
 
 def test_a_library_of_other_classes_is_told(tmp_path):
-    np.save(tmp_path / "town.npy", town().heights)
-    (tmp_path / "own.toml").write_text(TABLE)
-    Library.of(town(), licence="CC0-1.0").write(tmp_path / "objects")
+    np.save(tmp_path / "town.npy", four_houses().heights)
+    (tmp_path / "own.toml").write_text(TWO_CLASSES)
+    Library.of(four_houses(), licence="CC0-1.0").write(tmp_path / "objects")
     told = call(
         "scene", tmp_path / "town.npy", "--metres-per-pixel", 1, "--classes", tmp_path / "own.toml",
         "--library", tmp_path / "objects", "-o", tmp_path / "x.glb",

@@ -7,37 +7,19 @@ import pyogrio
 import pytest
 import shapely
 from PIL import Image
+from towns import TWO_CLASSES, four_houses
 
 import evocity
 from evocity.errors import MapError
 from evocity.scene.library import Library
 from evocity.views.classes import ClassTable
 
-TABLE = """
-[[class]]
-name = "street"
-height = { below = 6 }
-[[class]]
-name = "high"
-[colours]
-street = "#9bcb72"
-high = "#8fa1b3"
-"""
-
-
-def town(attribution="© drawn", height=9.0):
-    """Four houses that stand apart, in a site that is a disc or the whole map."""
-    heights = np.zeros((64, 64))
-    for top, left in ((8, 8), (8, 36), (36, 8), (36, 36)):
-        heights[top : top + 12, left : left + 16] = height
-    return evocity.CityMap(heights, 1.0, name="drawn", attribution=attribution)
-
 
 @pytest.fixture(scope="module")
 def fitted():
     """A scene whose houses are objects of a library."""
-    library = Library.of(town("© library"), licence="CC0-1.0")
-    made = evocity.scene(town("© map"), library=library, streets=True)
+    library = Library.of(four_houses("© library"), licence="CC0-1.0")
+    made = evocity.scene(four_houses("© map"), library=library, streets=True)
     assert made.substitution.counts["fitted"] == 4
     return made
 
@@ -51,7 +33,7 @@ def test_whom_to_thank_stands_in_every_file(fitted, tmp_path):
     fitted.write(tmp_path / "x.png")
     with Image.open(tmp_path / "x.png") as picture:
         assert "© library" in picture.info["Copyright"]
-    again = evocity.scene(town("© map; © map"))
+    again = evocity.scene(four_houses("© map; © map"))
     assert again.about.attribution == "© map"
 
 
@@ -79,7 +61,7 @@ def test_no_street_lies_under_an_object(fitted):
 
 
 def test_storeys_are_counted_by_the_height_asked_for(tmp_path):
-    made = evocity.scene(town(height=20.0), storeys=4.0)
+    made = evocity.scene(four_houses(height=20.0), storeys=4.0)
     made.write(tmp_path / "x.city.json")
     objects = json.loads((tmp_path / "x.city.json").read_text())["CityObjects"]
     told = {one["attributes"].get("storeysAboveGround") for one in objects.values()}
@@ -87,10 +69,10 @@ def test_storeys_are_counted_by_the_height_asked_for(tmp_path):
 
 
 def test_classes_of_low_things_and_of_the_name_of_streets(tmp_path):
-    heights = np.array(town().heights)
+    heights = np.array(four_houses().heights)
     heights[52:60, 4:60] = 0.4  # a lawn
     city = evocity.CityMap(heights, 1.0)
-    made = evocity.scene(city, classes=ClassTable.of(TABLE), streets=True)
+    made = evocity.scene(city, classes=ClassTable.of(TWO_CLASSES), streets=True)
     made.write(tmp_path / "x.city.json")
     objects = json.loads((tmp_path / "x.city.json").read_text())["CityObjects"]
     kinds = [one["type"] for one in objects.values()]
@@ -105,18 +87,23 @@ def test_classes_of_low_things_and_of_the_name_of_streets(tmp_path):
 
 def test_the_ground_of_a_part_is_its_pixels():
     rows, columns = np.indices((64, 64))
-    city = evocity.CityMap(town().heights, 1.0, site=np.hypot(rows - 32, columns - 32) < 30)
+    city = evocity.CityMap(four_houses().heights, 1.0, site=np.hypot(rows - 32, columns - 32) < 30)
     ground = evocity.scene(city).groups[0]
     assert shapely.area(ground.polygons).sum() == pytest.approx(city.site.sum())
 
 
 def test_paths_serve_for_tables_and_libraries(tmp_path):
-    (tmp_path / "own.toml").write_text(TABLE)
-    Library.of(town(), licence="CC0-1.0").write(tmp_path / "objects")
-    made = evocity.scene(town(), classes=tmp_path / "own.toml")
+    (tmp_path / "own.toml").write_text(TWO_CLASSES)
+    Library.of(four_houses(), licence="CC0-1.0").write(tmp_path / "objects")
+    made = evocity.scene(four_houses(), classes=tmp_path / "own.toml")
     assert made.classes.names == ("street", "high")
-    assert evocity.scene(town(), library=tmp_path / "objects").substitution.counts["fitted"] == 4
-    assert evocity.scene(town(), measures={"gsi": np.float32(0.25)}).about.measures == {"gsi": 0.25}
+    assert (
+        evocity.scene(four_houses(), library=tmp_path / "objects").substitution.counts["fitted"]
+        == 4
+    )
+    assert evocity.scene(four_houses(), measures={"gsi": np.float32(0.25)}).about.measures == {
+        "gsi": 0.25
+    }
     with pytest.raises(MapError, match="a scene of 'lyon-1er'"):
         evocity.scene("lyon-1er")
 
@@ -126,13 +113,13 @@ def test_paths_serve_for_tables_and_libraries(tmp_path):
 )
 def test_pictures_that_cannot_be_are_refused(how):
     with pytest.raises(MapError, match=next(iter(how))):
-        evocity.scene(town()).picture(**how)
+        evocity.scene(four_houses()).picture(**how)
 
 
 def test_a_library_refuses_what_comes_to_a_point_twice(tmp_path):
     shell = [(0, 0), (20, 0), (20, 12), (0, 12)]
     polygon = shapely.Polygon(shell, [[(10, 0), (14, 5), (6, 5)]])
-    library = Library.of(town(), licence="CC0-1.0")
+    library = Library.of(four_houses(), licence="CC0-1.0")
     library.polygons[0] = polygon
     library.write(tmp_path / "objects")
     with pytest.raises(MapError, match="comes to one point twice"):
@@ -140,7 +127,7 @@ def test_a_library_refuses_what_comes_to_a_point_twice(tmp_path):
 
 
 def test_numbers_without_end_and_depth_without_end_are_no_tables(tmp_path):
-    long = TABLE.replace("below = 6", "below = 1" + "0" * 400)
+    long = TWO_CLASSES.replace("below = 6", "below = 1" + "0" * 400)
     with pytest.raises(MapError, match="finite numbers"):
         ClassTable.of(long)
     with pytest.raises(MapError, match="too deep"):
