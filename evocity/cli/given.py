@@ -11,10 +11,25 @@ import evocity
 from evocity.cli.common import converged, note_reading
 from evocity.errors import EvocityError, FitnessError
 
+
+def one_of(context: click.Context, option: click.Parameter, told: tuple):
+    """The one value of an option of ``multiple=True``, or None: of two none is left out in
+    silence."""
+    if len(told) > 1:
+        raise EvocityError(
+            " ".join(f"{option.opts[0]} {one}" for one in told),
+            f"{option.opts[0]} once",
+            "name one individual; call the command again for the next",
+        )
+    return told[0] if told else None
+
+
 id_option = click.option(
     "--id",
     "identifier",
     type=int,
+    multiple=True,
+    callback=one_of,
     metavar="N",
     show_default="none",
     help="Which individual of a run folder, by the number its report and `status` give it.",

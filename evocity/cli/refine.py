@@ -20,6 +20,7 @@ from evocity.cli.common import (
     quiet_stdout,
     writing,
 )
+from evocity.cli.given import one_of
 from evocity.errors import EvocityError
 
 
@@ -38,6 +39,8 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
     "--id",
     "identifier",
     type=click.IntRange(min=0),
+    multiple=True,
+    callback=one_of,
     required=True,
     metavar="N",
     help="Which individual, by the number its report and `status` give it.",
