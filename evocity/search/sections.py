@@ -322,23 +322,18 @@ class SearchSection(BaseModel):
 
     def faults(self, goals: int, population: int, parents: int) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of the algorithm for so many goals, so many who live, and so
-<<<<<<< HEAD
         many parents, as far as its keys are sound."""
-        if self._sound is None:
-            return []
-        return algorithms()[self.algorithm].faults(self._sound, goals, population, parents)
+        faults = []
+        if self._sound is not None:
+            faults += algorithms()[self.algorithm].faults(self._sound, goals, population, parents)
+        if self.window is not None and self.breeds_by is not None:
+            found = f"{self.window}, with the algorithm {self.algorithm!r}"
+            faults.append(("search.window", found, "no window, as it breeds by itself"))
+        return faults
 
     @property
     def _sound(self) -> Section | None:
         return sound_keys(algorithms()[self.algorithm], self.model_extra or {})[0]
-=======
-        many parents."""
-        faults = algorithms()[self.algorithm].faults(self.keys, goals, population, parents)
-        if self.window is not None and self.breeds_by is not None:
-            found = f"{self.window}, with the algorithm {self.algorithm!r}"
-            faults = [*faults, ("search.window", found, "no window, as it breeds by itself")]
-        return faults
->>>>>>> 269d77d (wip)
 
     @property
     def breeds_by(self) -> str | None:
