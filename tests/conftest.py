@@ -1,6 +1,7 @@
 """Fixtures that many tests share, and what no test may leave behind for the next."""
 
 import contextlib
+import os
 import signal
 from collections.abc import Iterator
 from unittest.mock import patch
@@ -14,6 +15,13 @@ from evocity.fitness import registry
 # A shell's background job ignores Ctrl-C, and so would all it starts; some tests press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _state_of_its_own(tmp_path_factory):
+    """What evocity remembers for its user stays out of the home of whoever tests."""
+    with patch.dict(os.environ, {"XDG_STATE_HOME": str(tmp_path_factory.mktemp("state"))}):
+        yield
 
 
 @pytest.fixture(scope="session")

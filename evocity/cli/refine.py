@@ -21,6 +21,7 @@ from evocity.cli.common import (
     writing,
 )
 from evocity.cli.given import one_of
+from evocity.cli.trusting import confirmed, trust_option
 from evocity.errors import EvocityError
 
 
@@ -118,11 +119,12 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
     is_flag=True,
     help="Go on although a measure's source, or what else the run started from, has changed.",
 )
+@trust_option
 @map_options
 @json_option
 def refine(
     run: Path, identifier, output, way, budget, algorithm, side, rounds, seed, others, tune,
-    towards, accept_changes, reading, as_json,
+    towards, accept_changes, trust, reading, as_json,
 ) -> None:  # fmt: skip
     """Make the individual --id of RUN better by an optimiser, as a genome of its own.
 
@@ -161,6 +163,7 @@ def refine(
             tune=tune,
             towards=target,
             accept_changes=accept_changes,
+            trust=confirmed(run, trust),
             progress=None if bar is None else lambda done, _: bar(done, budget),
         )
     with writing(output):

@@ -7,6 +7,7 @@ import click
 import evocity
 from evocity.cli.common import echo, note
 from evocity.cli.searching import blaming_options, carry_out, until_option
+from evocity.cli.trusting import confirmed, trust_option
 
 
 @click.command(
@@ -34,20 +35,22 @@ Examples:
     is_flag=True,
     help="Go on although a measure's source, or what else the run started from, has changed.",
 )
+@trust_option
 @click.option(
     "--set-aside",
     is_flag=True,
     help="Move damaged files at the end of the run to its folder damaged/, and breed their "
     "generations again: the same births.",
 )
-def resume(folder: Path, generations, workers, until, accept_changes, set_aside) -> None:
+def resume(folder: Path, generations, workers, until, accept_changes, trust, set_aside) -> None:
     """Go on with the run in the folder RUN.
 
     It goes on after its last whole generation, however it ended, as if it had not been
     stopped: the same births, bit for bit. A run that is finished only gets its report written
     again, unless --generations asks for more. What stopped it may hold still, a target or
     stagnation: then it stops at once and says what to change; --generations goes on in spite of
-    these. Measures of your own that the recipe names are executed.
+    these. Measures and
+    commands of your own that the recipe names are executed.
     """
 
     if set_aside:
@@ -59,6 +62,8 @@ def resume(folder: Path, generations, workers, until, accept_changes, set_aside)
         if not moved:
             note("no file of births or membership is damaged")
 
+    trust = confirmed(folder, trust)
+
     def start(tell):
         with blaming_options(generations=generations, until=until):
             return evocity.Search.resume(
@@ -67,6 +72,7 @@ def resume(folder: Path, generations, workers, until, accept_changes, set_aside)
                 workers=workers,
                 until=until,
                 accept_changes=accept_changes,
+                trust=trust,
                 progress=tell,
             )
 

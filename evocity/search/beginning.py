@@ -12,6 +12,7 @@ from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
+from evocity.search.trust import marked
 from evocity.store import RunWriter
 
 
@@ -24,11 +25,12 @@ def sides_of(recipe: Recipe, prepared: Prepared | None) -> int | tuple[int, int]
 def writer_of(prepared: Prepared, out: str | os.PathLike, engine: Mapping[str, Any]) -> RunWriter:
     """The run folder ``out``, made with all that the run begins with; ``engine``: what carries out
     its births, described. Raises `RunError`."""
-    kept = kept_by(prepared.recipe)
+    kept, text = kept_by(prepared.recipe), prepared.recipe.text
+    about = provenance_of(prepared, out, kept) | {"evaluation": dict(engine)}
     return RunWriter.create(
         out,
-        prepared.recipe.text,
-        provenance_of(prepared, out, kept) | {"evaluation": dict(engine)},
+        text,
+        marked(about, text, out),
         prepared.header,
         prepared.sources,
         prepared.condensation,

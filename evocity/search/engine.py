@@ -103,6 +103,7 @@ class Search:
         generations: int | None = None,
         workers: int | None = None,
         accept_changes: bool = False,
+        trust: bool = False,
         progress: Callable[[str], None] | None = None,
         observers: Sequence[Observer] = (),
         until: str | None = None,
@@ -115,10 +116,12 @@ class Search:
         go on in spite of a target that is reached, and of stagnation. Raises `RunError` if the
         recipe, a map or a measure's source changed since and ``accept_changes`` is False (the
         message names what changed; no changed file is executed before), if the change cannot
-        be had in one run, or if the run has more generations already.
+        be had in one run, or if the run has more generations already. Raises it too, and executes
+        nothing, if the run was not begun on this machine and brings measures or commands of its
+        own: ``trust`` confirms these.
         """
         asked = {"run.generations": generations, "stop.until": until}
-        taken = resuming.take_up(path, asked, accept_changes)
+        taken = resuming.take_up(path, asked, accept_changes, trust)
         try:
             search = cls(taken.prepared.recipe, None, workers, progress, observers, clock)
         except BaseException:

@@ -19,6 +19,7 @@ from evocity.search.preparation import (
 )
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe
+from evocity.search.trust import refuse_untrusted
 from evocity.store import Run, Source
 
 #: What releases before leaves took where a recipe says nothing of it.
@@ -38,10 +39,14 @@ _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
 
 
 def read_again(
-    run: Run, asked: Mapping[str, object] | None = None, accept_changes: bool = False
+    run: Run,
+    asked: Mapping[str, object] | None = None,
+    accept_changes: bool = False,
+    trust: bool = False,
 ) -> tuple[Prepared, list[str]]:
     """What the ``run`` was prepared with, and in words what changed since. Its own measures are
-    executed, unless they changed and that is not accepted. ``asked``: what replaces values of its
+    executed, unless they changed and that is not accepted, or the run was not begun on this machine
+    and nobody says to ``trust`` it. ``asked``: what replaces values of its
     recipe, as {"run.generations": 400}; None leaves one as it is.
 
     Raises `RunError` as `Search.resume` says.
@@ -57,6 +62,8 @@ def read_again(
                 f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
                 "the living then keep the values they were given",
             )
+        if not trust:
+            refuse_untrusted(run, bool(changes and copies))
         recipe = _recipe(run, asked or {}, copies)
         _refuse_another_run(run, recipe)
         likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]

@@ -23,6 +23,7 @@ from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
 from evocity.search.rereading import lacking, read_again
 from evocity.search.sections import RunSection
+from evocity.search.trust import marked
 from evocity.store import Birth, Run, RunWriter, open_run
 
 #: A change of these may change the births; it is noted, not refused.
@@ -63,11 +64,16 @@ class TakenUp:
             island.credit = self.credit.get(island.name, island.credit)
 
 
-def take_up(path: str | os.PathLike, asked: Mapping[str, object], accept_changes: bool) -> TakenUp:
+def take_up(
+    path: str | os.PathLike,
+    asked: Mapping[str, object],
+    accept_changes: bool,
+    trust: bool = False,
+) -> TakenUp:
     """Reopen the run in ``path``; ``asked``: what replaces the recipe's values, None where nothing
     does. Raises `RunError` as `Search.resume` says."""
     run = open_run(path)
-    prepared, changes = read_again(run, asked, accept_changes)
+    prepared, changes = read_again(run, asked, accept_changes, trust)
     recipe = prepared.recipe
     try:
         notes, edited = _notes(run, recipe), _edited(run)
@@ -153,7 +159,7 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
                 one["reference"] = {name: hashed(prepared.recipe.folder, name) for name in maps}
     if changes:
         told |= {key: fresh[key] for key in ("maps", "locked", "within") if key in fresh}
-    writer.update_provenance(told)
+    writer.update_provenance(marked(told, run.recipe_text, run.path))
 
 
 def nobody_lives(path: Path, generation: int) -> RunError:

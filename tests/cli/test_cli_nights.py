@@ -4,8 +4,10 @@ import json
 
 import pytest
 from cli_tools import call, refused, write_recipe
+from click.testing import CliRunner
 
 import evocity
+from evocity.cli import main
 
 
 def with_lines(recipe, lines: str):
@@ -70,3 +72,44 @@ def test_a_command_that_fails_is_told_and_costs_nothing(tmp_path, recipe):
     assert "Note: notify.on_end: no program no-such-program is found" in result.stderr
     assert "Note: notify.on_end failed: No such file or directory" in result.stderr
     assert json.loads(call("status", tmp_path / "run", "--json").stdout)["finished"]
+
+
+# -- trust ---------------------------------------------------------------------------------------
+
+OWN = """
+import evocity
+
+@evocity.fitness(goal="max")
+def own(city):
+    return city.heights.mean()
+"""
+
+
+@pytest.fixture
+def stranger(tmp_path, monkeypatch):
+    """A run of somebody else's, with a measure of their own."""
+    recipe = write_recipe(tmp_path, fitness='file = "own.py"')
+    (tmp_path / "own.py").write_text(OWN)
+    call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "mine"))
+    return tmp_path / "run"
+
+
+def test_a_strangers_run_is_executed_only_with_trust(stranger, tmp_path):
+    refine = ("refine", stranger, "--id", 3, "-o", tmp_path / "x.parquet")
+    for words in (("resume", stranger), refine):
+        message = refused(tmp_path, *words, says="was not begun on this machine")
+        assert "own.py" in message
+        assert "--trust" in message
+    for words in (("status", stranger), ("score", stranger, "--id", 3)):
+        call(*words)
+    call("resume", stranger, "--generations", 2, "--trust")
+    call("resume", stranger)
+
+
+@pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("n\n", 2), ("\n", 2)])
+def test_at_a_terminal_trust_is_asked_for(stranger, monkeypatch, answer, code):
+    monkeypatch.setattr("evocity.cli.trusting._at_terminal", lambda: True)
+    result = CliRunner().invoke(main, ["resume", str(stranger)], input=answer)
+    assert result.exit_code == code
+    assert "would execute what it brings:\n  own.py\n" in result.stderr

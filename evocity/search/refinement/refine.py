@@ -83,6 +83,7 @@ def refine(
     tune: Sequence[str] = (),
     towards: CityMap | None = None,
     accept_changes: bool = False,
+    trust: bool = False,
     progress: Callable[[int, float], None] | None = None,
     told: Callable[[str], None] | None = None,
 ) -> Refined:
@@ -109,6 +110,7 @@ def refine(
     others : ids whose fabric is offered; unless told, in each round two of those who live in the
         last generation, drawn by ``seed``.
     accept_changes : go on though the recipe, a map or a measure has changed since.
+    trust : execute the measures of a run that was not begun on this machine.
     progress : called with (evaluations, the best score).
     told : told in a few words what is prepared.
 
@@ -130,7 +132,7 @@ def refine(
     run = run if isinstance(run, Run) else open_run(run)
     say("reading the run")
     (birth,) = alive(run, [id])
-    prepared = _with_void(read_again(run, None, accept_changes)[0])
+    prepared = _with_void(read_again(run, None, accept_changes, trust)[0])
     compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
     pool = pool_of(prepared, 0, (), say, say)
     score = score_of(run, prepared)
