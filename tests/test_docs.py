@@ -323,6 +323,7 @@ def test_run_folder_holds_what_is_told(small_run):
     told = {row[0].strip("`").split("/")[0] for row in rows(table)[1:]}
     told -= {
         "report.html",
+        "recipe-1.toml",
         "fitness",
         "references",
         "within",

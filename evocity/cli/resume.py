@@ -14,7 +14,8 @@ from evocity.cli.trusting import confirmed, trust_option
     epilog="""\b
 Examples:
   evocity resume runs/lyon-x-montpellier
-  evocity resume runs/lyon-x-montpellier --generations 400"""
+  evocity resume runs/lyon-x-montpellier --generations 400
+  evocity resume runs/lyon-x-montpellier --recipe runs/lyon-x-montpellier.toml"""
 )
 @click.argument("folder", metavar="RUN", type=click.Path(path_type=Path))
 @click.option(
@@ -31,6 +32,14 @@ Examples:
 )
 @until_option
 @click.option(
+    "--recipe",
+    "revised",
+    metavar="RECIPE",
+    show_default="the run's own",
+    help="Go on by another recipe: other weights, targets, bounds, parameters, more generations, "
+    "[stop], [notify] or [evaluation]. Its measures are executed.",
+)
+@click.option(
     "--accept-changes",
     is_flag=True,
     help="Go on although a measure's source, or what else the run started from, has changed.",
@@ -42,7 +51,9 @@ Examples:
     help="Move damaged files at the end of the run to its folder damaged/, and breed their "
     "generations again: the same births.",
 )
-def resume(folder: Path, generations, workers, until, accept_changes, trust, set_aside) -> None:
+def resume(
+    folder: Path, generations, workers, until, revised, accept_changes, trust, set_aside
+) -> None:
     """Go on with the run in the folder RUN.
 
     It goes on after its last whole generation, however it ended, as if it had not been
@@ -62,7 +73,7 @@ def resume(folder: Path, generations, workers, until, accept_changes, trust, set
         if not moved:
             note("no file of births or membership is damaged")
 
-    trust = confirmed(folder, trust)
+    trust = revised is None and confirmed(folder, trust)
 
     def start(tell):
         with blaming_options(generations=generations, until=until):
@@ -71,6 +82,7 @@ def resume(folder: Path, generations, workers, until, accept_changes, trust, set
                 generations=generations,
                 workers=workers,
                 until=until,
+                recipe=revised,
                 accept_changes=accept_changes,
                 trust=trust,
                 progress=tell,

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import RunFailed, echo, note, note_heights, note_window, told
+from evocity.cli.common import RunFailed, echo, note, note_heights, note_window, told, warn
 from evocity.errors import RecipeError, RunError, plain_text
 
 #: In a log file, seconds between two lines.
@@ -67,6 +67,7 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
                 noted = _note(search, noted)
                 if generation.number == 0:
                     _note_parents(folder, search.recipe)
+                    _tell_estimate(folder, search.recipe, generation)
                 show(progress_line(generation, search.recipe.run.generations, signs))
             if search.asked_to_stop:
                 _say(f"stopped, as it was asked to; go on with: evocity resume {folder}")
@@ -151,6 +152,18 @@ def _note_parents(folder: Path, recipe) -> None:
             otherwise = "" if chosen else "; default_height in its [[parents]] says otherwise"
             note_heights(source.city, parent.default_height, otherwise)
             note_window(source.city, "center in [[parents]], and [map], choose")
+
+
+def _tell_estimate(folder: Path, recipe, generation) -> None:
+    """Say what the run will take of the disk, and how long."""
+    from evocity.search.estimate import estimate_of
+
+    with contextlib.suppress(OSError):  # an estimate ends no run
+        found = estimate_of(folder, recipe, generation)
+        if found is not None:
+            _say(f"estimate: {found.words}")
+        if found is not None and found.warning:
+            warn(found.warning)
 
 
 def _tell_failures(folder: Path) -> None:

@@ -22,6 +22,8 @@ from evocity.store.lock import is_held
 MOST_PICKS = 10_000
 #: The events that tell what was done about a command.
 DONE, REFUSED = "command", "command refused"
+#: The event of another recipe that a run goes on by; weights that were set before are over.
+REVISED = "recipe"
 
 _Id = Annotated[int, Field(ge=0, lt=2**63)]
 _Weight = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -147,10 +149,12 @@ class Standing:
         found = cls()
         for event in events:
             since = event.get("generation")
-            if event.get("event") not in (DONE, REFUSED) or not isinstance(since, int):
+            if event.get("event") not in (DONE, REFUSED, REVISED) or not isinstance(since, int):
                 continue
             if since > generation:
                 continue
+            if event["event"] == REVISED:
+                found = replace(found, weights={})
             line = event.get("line")
             if isinstance(line, int):
                 found = replace(found, read=max(found.read, line + 1))
@@ -357,6 +361,7 @@ def refuse_idle(weights: Mapping[str, float], mixture: Iterable[str], where: str
 __all__ = [
     "DONE",
     "REFUSED",
+    "REVISED",
     "Asked",
     "Command",
     "Pick",

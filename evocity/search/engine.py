@@ -18,7 +18,7 @@ from evocity.search.evaluator import Outcome
 from evocity.search.generation import Generation, Pace, refuse_failures
 from evocity.search.generational import Generational, Weights
 from evocity.search.guarding import told_of_parents
-from evocity.search.notifying import Notifier, missing
+from evocity.search.notifying import told_to
 from evocity.search.observers import Observer, Observers
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
@@ -107,6 +107,7 @@ class Search:
         progress: Callable[[str], None] | None = None,
         observers: Sequence[Observer] = (),
         until: str | None = None,
+        recipe: Recipe | str | os.PathLike | None = None,
         clock: Clock = now,
     ) -> "Search":
         """Go on with the run in ``path`` after its last whole generation.
@@ -119,9 +120,13 @@ class Search:
         be had in one run, or if the run has more generations already. Raises it too, and executes
         nothing, if the run was not begun on this machine and brings measures or commands of its
         own: ``trust`` confirms these.
+
+        ``recipe``: another one to go on by, or where to read it. Parents, map, genome, population,
+        seed and measures are the run's own: `RecipeError` lists what differs. All births are
+        judged by it from then on.
         """
         asked = {"run.generations": generations, "stop.until": until}
-        taken = resuming.take_up(path, asked, accept_changes, trust)
+        taken = resuming.take_up(path, asked, accept_changes, trust, recipe)
         try:
             search = cls(taken.prepared.recipe, None, workers, progress, observers, clock)
         except BaseException:
@@ -140,7 +145,7 @@ class Search:
             taken.restore(search._population)
             living, more = search._population.living, generations is not None
             held = search._stopping.take_up(open_run(path), living, more)
-            search._notify()
+            search.notes += told_to(search.recipe, path, search._observers, search._stopping.best)
             if search.stopped_by is not None:
                 search.notes.append(search.stopped_by.still)
             elif not search.finished:
@@ -286,7 +291,7 @@ class Search:
 
     def _start(self, guarded: bool) -> None:
         refuse_passed(self.recipe.stop, self._clock)
-        self._notify()
+        self.notes += told_to(self.recipe, self.out, self._observers)
         self._compile()
         self._prepared = prepare(self.recipe, self._progress)
         try:
@@ -306,15 +311,6 @@ class Search:
     def _settled(self) -> Archipelago:
         """Where nobody lives yet."""
         return Archipelago(self._prepared, self._steering.standing.weights, self._observers.event)
-
-    def _notify(self) -> None:
-        """Have the recipe's commands tell of the search from now on."""
-        section, folder = self.recipe.notify, self.recipe.folder
-        if section.commands:
-            best = None if self._stopping is None else self._stopping.best
-            log = self._observers.event
-            self._observers.add(Notifier(section, folder, self.out, log, best))
-            self.notes += missing(section, folder)
 
     def _new_breeding(self, taken: resuming.TakenUp | None = None) -> Generational | Steady:
         """Generations one after the other, or by the recipe's window; ``taken``: a run that is

@@ -18,8 +18,9 @@ from evocity.errors import RunError, cut_short, plain_text
 from evocity.search.commands import DONE
 from evocity.search.evaluation.processes import kill_group
 from evocity.search.generation import Generation
-from evocity.search.observers import Observer
+from evocity.search.observers import Observer, Observers
 from evocity.search.overnight import NotifySection, words_of
+from evocity.search.recipe import Recipe
 from evocity.search.stopping import progress_of
 
 #: The event of a command that has ended.
@@ -256,4 +257,15 @@ class Notifier(Observer):
             self._log(NOTIFIED, **one.details)
 
 
-__all__ = ["NOTIFIED", "Ended", "Errand", "Notifier", "Runner", "missing"]
+def told_to(
+    recipe: Recipe, run: str | os.PathLike | None, observers: Observers, best: float | None = None
+) -> list[str]:
+    """Have the commands of a ``recipe``, if it has any, tell of a search from now on, as one of its
+    ``observers``. Returns what is `missing` for that."""
+    section, folder = recipe.notify, recipe.folder
+    if section.commands:
+        observers.add(Notifier(section, folder, run, observers.event, best))
+    return missing(section, folder)
+
+
+__all__ = ["NOTIFIED", "Ended", "Errand", "Notifier", "Runner", "missing", "told_to"]

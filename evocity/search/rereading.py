@@ -14,11 +14,13 @@ from evocity.search.preparation import (
     Prepared,
     aims_of,
     compared_names,
+    map_of,
     named_cities,
     references_of,
 )
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe
+from evocity.search.revising import refuse_revision, with_values
 from evocity.search.trust import refuse_untrusted
 from evocity.store import Run, Source
 
@@ -43,31 +45,42 @@ def read_again(
     asked: Mapping[str, object] | None = None,
     accept_changes: bool = False,
     trust: bool = False,
+    revised: Recipe | None = None,
 ) -> tuple[Prepared, list[str]]:
     """What the ``run`` was prepared with, and in words what changed since. Its own measures are
     executed, unless they changed and that is not accepted, or the run was not begun on this machine
     and nobody says to ``trust`` it. ``asked``: what replaces values of its
-    recipe, as {"run.generations": 400}; None leaves one as it is.
+    recipe, as {"run.generations": 400}; None leaves one as it is. ``revised``: another recipe to go
+    on by; then nothing of the run's own is executed.
 
     Raises `RunError` as `Search.resume` says.
     """
     try:
         noted = noted_of(run.provenance)
         copies = replaced(run.path, folder_of(run), noted)
-        changes = changes_of(run, copies)
-        if changes and not accept_changes:
-            raise RunError(
-                f"{run.path}: changed since the run began: {'; '.join(changes)}",
-                "the recipe, maps and measures it began with",
-                f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
-                "the living then keep the values they were given",
-            )
-        if not trust:
-            refuse_untrusted(run, bool(changes and copies))
-        recipe = _recipe(run, asked or {}, copies)
+        if revised is None:
+            changes = changes_of(run, copies)
+            if changes and not accept_changes:
+                raise RunError(
+                    f"{run.path}: changed since the run began: {'; '.join(changes)}",
+                    "the recipe, maps and measures it began with",
+                    f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
+                    "the living then keep the values they were given",
+                )
+            if not trust:
+                refuse_untrusted(run, bool(changes and copies))
+            recipe = _recipe(run, asked or {}, copies)
+        else:
+            changes, recipe = [], with_values(revised, run, asked or {})
+            refuse_revision(run, recipe)
         _refuse_another_run(run, recipe)
         likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]
-        if changes:  # cities that are not there any more cannot be measured again
+        if revised is not None:  # another city may be wanted
+            now = {
+                m.name: map_of(recipe, e.like) for e in recipe.fitness if e.like for m in e.measures
+            }
+            likes = [one for one in likes if now.get(one["name"]) == one["like"]]
+        if changes or revised is not None:  # cities that are gone cannot be measured again
             likes = [one for one in likes if hash_now(recipe.folder, one["like"]) == "missing"]
         aims = aims_of(recipe, {one["name"]: one["target"] for one in likes})
         sources = _sources(run, recipe)

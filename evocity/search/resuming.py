@@ -14,14 +14,16 @@ from evocity.errors import RunError
 from evocity.search.algorithms import algorithms
 from evocity.search.archipelago import Archipelago
 from evocity.search.changes import compared_with, folder_of, hash_now, noted_of
-from evocity.search.commands import Standing
+from evocity.search.commands import REVISED, Standing
 from evocity.search.credit import Credit, credit_of
 from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.preparation import Prepared
+from evocity.search.reading import read_recipe
 from evocity.search.recipe import Recipe
 from evocity.search.rereading import lacking, read_again
+from evocity.search.revising import changed_keys, flat
 from evocity.search.sections import RunSection
 from evocity.search.trust import marked
 from evocity.store import Birth, Run, RunWriter, open_run
@@ -69,20 +71,28 @@ def take_up(
     asked: Mapping[str, object],
     accept_changes: bool,
     trust: bool = False,
+    revised: Recipe | str | os.PathLike | None = None,
 ) -> TakenUp:
     """Reopen the run in ``path``; ``asked``: what replaces the recipe's values, None where nothing
-    does. Raises `RunError` as `Search.resume` says."""
+    does; ``revised``: another recipe to go on by. Raises `RunError` as `Search.resume` says."""
+    undo_unfinished(path)
     run = open_run(path)
-    prepared, changes = read_again(run, asked, accept_changes, trust)
+    if revised is not None and not isinstance(revised, Recipe):
+        revised = read_recipe(revised)
+    prepared, changes = read_again(run, asked, accept_changes, trust, revised)
     recipe = prepared.recipe
     try:
-        notes, edited = _notes(run, recipe), _edited(run)
+        notes, edited = _notes(run, recipe), "" if revised is not None else _edited(run)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise lacking(run, error) from None
     writer = RunWriter.reopen(path)
     try:
-        _record(run, prepared, writer, changes)
         whole = run.generations
+        if revised is not None:
+            edited = _revise(run, prepared, writer)
+            notes.append(edited)
+        else:
+            _record(run, prepared, writer, changes)
         first, living, births, failures = [], {}, 0, 0
         standing = standing_of(run, len(whole))
         again = algorithms()[recipe.search.algorithm].replays
@@ -148,7 +158,8 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
 
     kept = kept_by(prepared.recipe)
     fresh = provenance_of(prepared, run.path, kept, hashed)
-    given = {"file": run.provenance["recipe"].get("file")}
+    given = {key: run.provenance["recipe"].get(key) for key in ("file", "before")}
+    given = {key: value for key, value in given.items() if key == "file" or value is not None}
     told = {**run.provenance, "recipe": fresh["recipe"] | given}
     before = {one["name"]: one.get("kept") for one in noted_of(run.provenance)}
     if changes or any(before[name] != place for name, place in kept.places.items()):
@@ -160,6 +171,43 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     if changes:
         told |= {key: fresh[key] for key in ("maps", "locked", "within") if key in fresh}
     writer.update_provenance(marked(told, run.recipe_text, run.path))
+
+
+def _revise(run: Run, prepared: Prepared, writer: RunWriter) -> str:
+    """Have the ``run`` go on by another recipe: its own goes to recipe-1.toml, the next to
+    recipe-2.toml, …; provenance, which is written last, tells of both. Returns in words what
+    changed."""
+    recipe, before = prepared.recipe, run.provenance["recipe"]
+    keys = changed_keys(run.recipe_text, recipe.text)
+    earlier = before.get("before", [])
+    name = f"recipe-{len(earlier) + 1}.toml"
+    kept = kept_by(recipe)
+    fresh = provenance_of(prepared, run.path, kept, hash_now)
+    note = {key: before.get(key) for key in ("hash", "overrides", "operators", "search")}
+    note |= {"file": name, "generations": len(run.generations)}
+    told = {**run.provenance, "recipe": fresh["recipe"] | {"before": [*earlier, note]}}
+    told |= {key: fresh[key] for key in ("fitness", "recorded") if key in fresh}
+    writer.event(REVISED, generation=len(run.generations), before=name, keys=keys)
+    writer.keep(kept.files)
+    writer.replace_recipe(recipe.text, name)
+    writer.update_provenance(marked(told, recipe.text, run.path))
+    return f"goes on by another recipe, changed in {', '.join(keys) or 'comments alone'}"
+
+
+def undo_unfinished(path: str | os.PathLike) -> None:
+    """Put the recipe of the run in ``path`` back, if it was being replaced when the process was
+    killed."""
+    run = open_run(path)
+    noted = run.provenance.get("recipe")
+    if not isinstance(noted, dict) or store.hash_of_text(run.recipe_text) == noted.get("hash"):
+        return
+    text = run.earlier_recipe(len(noted.get("before", ())) + 1)
+    if text is not None and store.hash_of_text(text) == noted.get("hash"):
+        writer = RunWriter.reopen(path)
+        try:
+            writer.replace_recipe(text)
+        finally:
+            writer.close()
 
 
 def nobody_lives(path: Path, generation: int) -> RunError:
@@ -199,26 +247,14 @@ def _edited(run: Run) -> str:
     if text == run.recipe_text:
         return ""
     try:
-        theirs, own = (_flat(tomllib.loads(one)) for one in (text, run.recipe_text))
+        theirs, own = (flat(tomllib.loads(one)) for one in (text, run.recipe_text))
     except (ValueError, RecursionError):
         keys = ["it is at fault"]
     else:
         keys = [key for key in own | theirs if own.get(key) != theirs.get(key)]
     if not keys:  # comments alone
         return ""
-    more = (
-        "more generations: --generations; for the rest" if "run.generations" in keys else "for it"
-    )
     return (
         f"{path} differs from the run's own copy, {run.path / 'recipe.toml'}, by which it goes on "
-        f"({', '.join(keys)}); {more} start a new run, with --out"
+        f"({', '.join(keys)}); to go on by it: --recipe {path}"
     )
-
-
-def _flat(recipe: dict) -> dict:
-    """``recipe`` with the keys of its tables as "run.seed"; lists of tables stay whole."""
-    flat = {}
-    for section, value in recipe.items():
-        table = value if isinstance(value, dict) else {"": value}
-        flat |= {f"{section}.{key}".rstrip("."): one for key, one in table.items()}
-    return flat

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from evocity.errors import RecipeError
 from evocity.fitness import Aims, Objective
+from evocity.search.commands import REVISED
 from evocity.search.generation import Generation
 from evocity.search.individual import Individual
 from evocity.search.overnight import StopSection, moment_of
@@ -22,9 +23,6 @@ from evocity.store import Run
 
 #: Tells the time, with its zone.
 Clock = Callable[[], datetime]
-
-#: The event of another recipe that a run goes on by.
-REVISED = "recipe"
 
 #: What holds still when a run is taken up, unless more generations are asked for.
 _LASTING = ("target", "stagnation")

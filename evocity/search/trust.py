@@ -15,7 +15,6 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from evocity import store
 from evocity.errors import RunError, keyword, shown
 from evocity.store import Run
 
@@ -77,7 +76,7 @@ def _mark(provenance: Mapping, recipe_text: str, out: Path, key: bytes | None) -
         for kind in ("fitness", "recorded")
         for one in provenance.get(kind, [])
     ]
-    signed = [store.hash_of_text(recipe_text), recipe.get("overrides", {}), measures]
+    signed = [_executed(recipe_text, recipe), measures]
     if commands_of(recipe_text):  # what lies in their folder is theirs to execute
         signed.append(str((out.resolve() / recipe["folder"]).resolve()))
     content = json.dumps(signed, sort_keys=True).encode()
@@ -98,10 +97,14 @@ def commands_of(recipe_text: str) -> list[str]:
 def executed_by(run: Run) -> list[str]:
     """In words, what going on with a ``run`` executes that it brings itself: files of measures, and
     commands. Nothing is executed to find out."""
-    text = run.recipe_text
+    return _executed(run.recipe_text, run.provenance["recipe"])
+
+
+def _executed(text: str, about: Mapping) -> list[str]:
+    """The same, by the ``text`` of a recipe and what provenance tells ``about`` it."""
     sections = (one for key, one in _raw(text).items() if key != "notify")
     files = dict.fromkeys(one for one in _files(list(sections)) if one.endswith(".py"))
-    cluster = run.provenance["recipe"].get("overrides", {}).get("evaluation.cluster")
+    cluster = about.get("overrides", {}).get("evaluation.cluster")
     others = [cluster] if isinstance(cluster, str) else []
     return [*files, *(shown(one) for one in [*commands_of(text), *others])]
 

@@ -92,6 +92,15 @@ class Run:
         with self._readable(self._folder.recipe):
             return read_bytes(self._folder.recipe).decode()
 
+    def earlier_recipe(self, number: int) -> str | None:
+        """The recipe that the run went by before it was replaced for the ``number``-th time, from
+        1; None if it never was."""
+        path = self.path / f"recipe-{number}.toml"
+        if not os.path.lexists(path):
+            return None
+        with self._readable(path):
+            return read_bytes(path).decode()
+
     @cached_property
     def condensation(self) -> Condensation | None:
         """What is locked in every genome of the run, None if nothing is."""

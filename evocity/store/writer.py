@@ -184,6 +184,16 @@ class RunWriter:
         with self._explained():
             _write_provenance(self.folder, provenance, self.header)
 
+    def replace_recipe(self, text: str, kept: str | None = None) -> None:
+        """Replace the recipe; the one before is ``kept`` under that name, such as
+        "recipe-1.toml"."""
+        with self._explained():
+            if kept is not None:
+                with whole_file(self.path / kept) as temporary:
+                    temporary.write_bytes(self.folder.recipe.read_bytes())
+            with whole_file(self.folder.recipe) as temporary:
+                temporary.write_bytes(text.encode())
+
     def keep(self, own: Mapping[str, bytes]) -> None:
         """Keep files of the user's own measures: place in the run folder, such as
         "fitness/my_measure.py", to content."""

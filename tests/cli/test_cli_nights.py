@@ -113,3 +113,21 @@ def test_at_a_terminal_trust_is_asked_for(stranger, monkeypatch, answer, code):
     result = CliRunner().invoke(main, ["resume", str(stranger)], input=answer)
     assert result.exit_code == code
     assert "would execute what it brings:\n  own.py\n" in result.stderr
+
+
+# -- another recipe, an estimate -----------------------------------------------------------------
+
+
+def test_a_run_goes_on_by_another_recipe(tmp_path, recipe):
+    result = call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
+    assert "estimate: about 12 births of " in result.stderr
+    text = recipe.read_text()
+    recipe.write_text(text.replace("seed = 3", "seed = 4"))
+    message = refused(tmp_path, "resume", tmp_path / "run", "--recipe", recipe, says="run.seed: ")
+    assert "it cannot change: all births are drawn from it" in message
+    recipe.write_text(text.replace("target = 0.35", "target = 0.5"))
+    result = call("resume", tmp_path / "run", "--recipe", recipe)
+    assert "Note: goes on by another recipe, changed in fitness" in result.stderr
+    assert "generation 2/2" in result.stderr
+    assert "estimate" not in result.stderr
+    assert (tmp_path / "run" / "recipe-1.toml").read_text() == text

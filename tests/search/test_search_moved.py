@@ -113,7 +113,8 @@ def test_an_edited_copy_is_named_and_not_executed(recipe, home, tmp_path):
     for words in (("status", out), ("report", out), ("show", out, "-o", tmp_path / "a.png")):
         assert CliRunner().invoke(main, list(map(str, words))).exit_code == 0
     assert not trace.exists()
-    Search.resume(out, workers=0, generations=1, accept_changes=True).close()
+    confirmed = {"accept_changes": True, "trust": True}
+    Search.resume(out, workers=0, generations=1, **confirmed).close()
     assert trace.exists()
 
 
@@ -181,7 +182,9 @@ def test_a_run_of_old_gets_its_copies_when_it_is_taken_up(recipe, home, tmp_path
         if "beside" in one:
             one["beside"] = [str(home / name) for name in one["beside"]]
     path.write_text(json.dumps(told), encoding="utf-8")
-    Search.resume(home / "run", workers=0, generations=1).close()
+    with pytest.raises(RunError, match="not begun on this machine"):
+        Search.resume(home / "run", workers=0, generations=1)
+    Search.resume(home / "run", workers=0, generations=1, trust=True).close()
     out = moved(home, tmp_path)
     with Search.resume(out, generations=3, workers=0) as search:
         list(search)

@@ -85,15 +85,18 @@ def test_a_stranger_cannot_change_what_a_marked_run_executes(traced, kind, tmp_p
             told["marks"] = ["0" * 64]
     else:
         path = out / "recipe.toml"
-        added = '[notify]\non_end = "touch here"\n' if kind == "command" else "# a word\n"
+        added = '[[fitness]]\nfile = "more.py"\n'
+        if kind == "command":
+            added = '[notify]\non_end = "touch here"\n'
+        (tmp_path / "more.py").write_text(f"open({str(trace)!r}, 'w').close()\n")
         path.write_text(path.read_text() + added)
 
         def change(told):
             told["recipe"]["hash"] = hash_of_text(path.read_text())
 
     rewritten(out, change)
-    with pytest.raises(RunError, match="not begun on this machine") as caught:
-        Search.resume(out, workers=0)
+    with pytest.raises(RunError, match="would execute what it brings") as caught:
+        Search.resume(out, workers=0, accept_changes=True)
     assert ("'touch here'" in caught.value.found) == (kind == "command")
     assert not trace.exists()
 
