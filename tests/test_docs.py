@@ -21,6 +21,7 @@ from evocity.io.heights import RULES
 from evocity.pavement import read_sides
 from evocity.search import recipe as recipes
 from evocity.search.algorithms import algorithms
+from evocity.search.islands import IslandSection
 from evocity.search.mixture import OperatorEntry
 from evocity.search.sections import Parent
 from evocity.search.wanted import FitnessEntry
@@ -119,6 +120,7 @@ def test_recipe_page_tells_every_key_and_its_default(section):
         "parents": Parent,
         "fitness": FitnessEntry,
         "operators": OperatorEntry,
+        "islands": IslandSection,
     }
     model = models.get(section) or recipes.Recipe.model_fields[section].annotation
     text = text_of("docs/recipe.md")

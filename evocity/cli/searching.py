@@ -212,6 +212,7 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
         f"{generation.evaluations_per_second:.1f} evaluations/s",
         *kept,
         f"hypervolume {generation.hypervolume:.4g}",
+        *(f"{name} {_volume(told)}" for name, told in generation.islands.items()),
         *(f"{name.replace('_', ' ')} {value:.4g}" for name, value in generation.algorithm.items()),
         "best "
         + ", ".join(
@@ -221,6 +222,13 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
         f"{left} left",
     ]
     return " · ".join(parts)
+
+
+def _volume(told: Mapping) -> str:
+    """The hypervolume of an island, and which share of its grid is filled, if it fills one."""
+    volume, coverage = told["hypervolume"], told["algorithm"].get("coverage")
+    filled = "" if coverage is None else f" ({coverage:.0%} filled)"
+    return ("–" if volume is None else f"{volume:.4g}") + filled
 
 
 @contextlib.contextmanager

@@ -36,7 +36,10 @@ def status(run: str, as_json: bool) -> None:
     JSON keys: generation (the last whole one, null before the first), births, failures,
     hypervolume, best (measure to the best value among the living; constraints are left out),
     algorithm (what the
-    algorithm tells of all the living: of map_elites coverage, cells and qd_score), parents (each
+    algorithm tells of all the living: of map_elites coverage, cells and qd_score), islands (of a
+    run with islands, name to what is told of each: living, feasible, and by its own goals
+    hypervolume, best and algorithm; hypervolume, best and front above are those of all together,
+    by all goals), parents (each
     source city to what its code has of these measures, null where it has none),
     evaluations_per_second, finished, stopped (why it ended before, in words; null while it goes on,
     and where it was killed), running (a process is at it now), seconds_left (an estimate
@@ -49,14 +52,14 @@ def status(run: str, as_json: bool) -> None:
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
     state = opened.status()
-    members = [] if state["generation"] is None else _members(opened, state["generation"])
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
-    front = sorted(row["id"] for row in members if row["rank"] == 0)
     from evocity.report import Facts, failures
     from evocity.report.facts import figures_told
 
     facts = Facts(opened)
+    members = [] if state["generation"] is None else _members(facts, state["generation"])
+    front = sorted(row["id"] for row in members if row["rank"] == 0)
     # runs of old had constraints among the best
     best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
     whole = state["generation"] is not None
@@ -76,6 +79,7 @@ def status(run: str, as_json: bool) -> None:
         *(("", str(kind)) for kind in failed),
         ("hypervolume", _shown(state["hypervolume"])),
         *figures_told(state["algorithm"]),
+        *((f"on {name}", _island(told)) for name, told in state["islands"].items()),
         *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
         *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
         *([("front", _ids(front, run))] if whole else []),
@@ -85,14 +89,26 @@ def status(run: str, as_json: bool) -> None:
     print_table(rows)
 
 
+def _island(told: dict) -> str:
+    """What is told of one island."""
+    from evocity.report.facts import figures_told
+
+    best = ", ".join(f"{name} {value:.4g}" for name, value in told.get("best", {}).items())
+    parts = [f"{told['living']} living", f"hypervolume {_shown(told.get('hypervolume'))}"]
+    parts += [f"{name} {value}" for name, value in figures_told(told.get("algorithm", {}))]
+    return ", ".join(parts) + (f"; best {best}" if best else "")
+
+
 def _is_held(opened) -> bool:
     from evocity.store.lock import is_held
 
     return is_held(opened.path / "lock")
 
 
-def _members(opened, generation: int) -> list[dict]:
-    return opened.members(generation).select(["id", "rank"]).to_pylist()
+def _members(facts, generation: int) -> list[dict]:
+    if facts.run.header.islands:
+        return facts.members
+    return facts.run.members(generation).select(["id", "rank"]).to_pylist()
 
 
 def _seconds_left(opened) -> float | None:

@@ -1,7 +1,6 @@
 """What a report tells, gathered from a run folder. Nothing in the folder is executed."""
 
 import math
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,9 +14,11 @@ from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.fitness.part import own_name
 from evocity.genome import VOID
+from evocity.report.aim import Aim
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
 from evocity.search.binning import Binned, binned, grid_of_run
+from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.sections import RunSection
@@ -32,79 +33,6 @@ _APART = Ranked.Keys.model_fields["apart"].default
 
 #: Events that say when a run went on and when it did not.
 _TURNS = ("start", "resume", "stop", "finish")
-
-
-@dataclass(frozen=True)
-class Aim:
-    """A measure of the run and what was wanted of it: max, min, like, a target, bounds (for a
-    constraint alone), or unknown; what it counted in if it was part of a sum; and what it tells,
-    if it is known here."""
-
-    name: str
-    unit: str
-    goal: str
-    target: float | None = None
-    low: float | None = None
-    high: float | None = None
-    total: str | None = None
-    meaning: str = ""
-
-    @property
-    def wanted(self) -> str:
-        """The goal in words."""
-        words = {
-            "max": "more is better",
-            "min": "less is better",
-            "like": "as in one city",
-            "bounds": "",
-            "none": "recorded",
-        }
-        parts = [words.get(self.goal, "as its file declares")]
-        if self.target is not None:
-            parts = [f"{self.target:.4g} {self.unit}".rstrip() + " is wanted"]
-        parts.append(self.bounds)
-        if self.total is not None:
-            parts.append(f"part of {self.total}")
-        return ", ".join(part for part in parts if part)
-
-    @property
-    def bounds(self) -> str:
-        """The bounds in words; nothing if there are none."""
-        told = ("at least", self.low), ("at most", self.high)
-        return ", ".join(f"{w} {b:.4g} {self.unit}".rstrip() for w, b in told if b is not None)
-
-    @property
-    def sign(self) -> str:
-        """The goal as a sign: ↑ more, ↓ less, →0.35 a target, ≥ and ≤ bounds; nothing if it is
-        unknown."""
-        if self.target is not None:
-            return f"→{self.target:.4g}"
-        if self.goal == "bounds":
-            bounds = ("≥", self.low), ("≤", self.high)
-            return " ".join(f"{sign}{b:.4g}" for sign, b in bounds if b is not None)
-        return {"max": "↑", "min": "↓"}.get(self.goal, "")
-
-    @property
-    def _bounds(self) -> tuple[float, float]:
-        low = -math.inf if self.low is None else self.low
-        return low, math.inf if self.high is None else self.high
-
-    def within(self, values: np.ndarray) -> np.ndarray:
-        """Bool: which ``values`` keep the bounds."""
-        low, high = self._bounds
-        return (low <= values) & (values <= high) | ((low, high) == (-math.inf, math.inf))
-
-    def loss(self, value: float) -> float:
-        """Lower is better, in the order of `evocity.fitness.Wanted`; that one needs the measure
-        itself, which a stranger's run may not have."""
-        if self.goal == "bounds":
-            low, high = self._bounds
-            if math.isnan(value):
-                return sys.float_info.max
-            return min(max(low - value, value - high, 0.0), sys.float_info.max)
-        if self.target is not None:
-            return min(abs(float(value) - self.target), sys.float_info.max)
-        return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
 
 
 @dataclass(frozen=True)
@@ -236,6 +164,7 @@ class Facts:
         """All births, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
         columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
+        columns += ["island"] if self.run.header.islands else []
         births = self.run.births(columns=columns)
         return births.filter(pc.less_equal(births["generation"], self.last))  # it may go on
 
@@ -266,10 +195,40 @@ class Facts:
         return {row["id"] for row in self.members if not within.get(row["id"], True)}
 
     @cached_property
+    def lived(self) -> list[dict]:
+        """The last generation: slot, id, rank, as their algorithms have them; of a run with islands
+        ``island`` too, on which they live."""
+        columns = ["slot", "id", "rank", *(["island"] if self.run.header.islands else [])]
+        return self.run.members(self.last).select(columns).to_pylist()
+
+    @cached_property
     def members(self) -> list[dict]:
-        """The last generation: slot, id, rank; best first, as its algorithm has them."""
-        rows = self.run.members(self.last).select(["slot", "id", "rank"]).to_pylist()
-        return sorted(rows, key=lambda row: row["slot"])
+        """The last generation: slot, id, rank; best first, as its algorithm has them. Of a run with
+        islands each individual once, ranked by all goals together."""
+        if not self.run.header.islands:
+            return sorted(self.lived, key=lambda row: row["slot"])
+        ids = sorted({row["id"] for row in self.lived})
+        ranks = self._ranks(ids)
+        told = sorted(zip(ranks, ids, strict=True))
+        return [{"slot": slot, "id": one, "rank": rank} for slot, (rank, one) in enumerate(told)]
+
+    def _ranks(self, ids: Sequence[int]) -> list[int]:
+        """The fronts of individuals by all goals; the best that an island tells, where the run does
+        not tell what it wanted."""
+        where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
+        self.run.individuals([one for one in ids if one not in where])  # says who is missing
+        try:
+            aims = aims_of_run(self.run)
+        except RunError:
+            ranks: dict[int, int] = {}
+            for row in self.lived:
+                ranks[row["id"]] = min(row["rank"], ranks.get(row["id"], row["rank"]))
+            return [ranks[one] for one in ids]
+        names = self.run.header.measures
+        values = [dict(zip(names, self.values[where[one]].tolist(), strict=True)) for one in ids]
+        losses = np.array([aims.losses(one) for one in values]).reshape(len(ids), -1)
+        violations = np.array([aims.violation(one) for one in values])
+        return ranks_of(losses, violations).tolist()
 
     @property
     def front(self) -> list[int]:
@@ -318,20 +277,35 @@ class Facts:
         return archive(self.run, self.last)
 
     @cached_property
-    def binned(self) -> Binned | None:
-        """The best of each cell of the grid that the run fills; None if it fills none, or does not
-        tell what it wanted."""
-        try:
-            grid = grid_of_run(self.run)
-            return None if grid is None else binned(self.run, grid, self.last)
-        except RunError:
-            return None
+    def grids(self) -> dict[str | None, Binned]:
+        """The best of each cell of the grid that the run fills, or that islands of it do, by their
+        names; those alone whose run tells what it wanted."""
+        found = {}
+        for island in self.run.header.islands or (None,):
+            try:
+                grid = grid_of_run(self.run, island)
+                goal = None if island is None else self.quality_on(island)
+                if grid is not None:
+                    found[island] = binned(self.run, grid, self.last, goal)
+            except RunError:
+                continue
+        return found
 
     @property
-    def quality(self) -> str:
+    def binned(self) -> Binned | None:
+        """The best of each cell of the grid that the run as a whole fills; None if it fills none,
+        or does not tell what it wanted."""
+        return self.grids.get(None)
+
+    def quality_on(self, island: str | None = None) -> str:
         """What the best of a cell is the best by: a measure, or a sum."""
-        goals = dict.fromkeys(aim.total or aim.name for aim in self.sought)
-        return ", ".join(goals)
+        recipe = self.run.provenance.get("recipe")
+        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
+        tables = [one for one in listed or () if isinstance(one, Mapping)]
+        own = next((one.get("measures") for one in tables if one.get("name") == island), None)
+        goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.sought}
+        kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
+        return ", ".join(kept)
 
     @cached_property
     def gone(self) -> list[int]:

@@ -32,26 +32,29 @@ _WORST = (232, 214, 206)
 _PARENT = (63, 116, 163)  # the report's colour of the first population
 
 
-def grid_picture(facts: Facts) -> Image.Image:
-    """The grid of a run that fills one: the first descriptor to the right, the second upwards, of a
-    third a slice beside the other. Each filled cell shows the map of its best birth of all, with
-    its number if there is room, and beneath it a bar: how far its quality lies from the reference
-    towards the best of all. Cells that parents' codes fall into have a frame.
+def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
+    """The grid of a run that fills one, or of an ``island``: the first descriptor to the right,
+    the second upwards, of a third a slice beside the other. Each filled cell shows the map of its
+    best birth of all, with its number if there is room, and beneath it a bar: how far its quality
+    lies from the reference towards the best of all. Cells that parents' codes fall into have a
+    frame.
 
-    Raises ValueError if the run has no grid, see `Facts.binned`.
+    Raises ValueError if there is no grid, see `Facts.grids`.
     """
-    binned = facts.binned
+    binned = facts.grids.get(island)
     if binned is None:
         raise ValueError("a run without a grid")
     plain, title = ImageFont.truetype(FONT, 13), ImageFont.truetype(FONT, 22)
     layout = _Layout.of(binned)
     highest = common_scale(facts)
-    lines = [line for text in _told(facts, binned, layout) for line in _wrapped(text, layout)]
+    told = _told(facts, binned, layout, facts.quality_on(island))
+    lines = [line for text in told for line in _wrapped(text, layout)]
     lines += _wrapped(facts.run.header.attribution, layout)
     low = layout.low
     sheet = Image.new("RGB", (layout.width, layout.words + _LINE * len(lines) + 16), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((20, 18), f"{facts.title}, generation {facts.last}", INK, title)
+    of = facts.title if island is None else f"{facts.title}, {island}"
+    draw.text((20, 18), f"{of}, generation {facts.last}", INK, title)
     for number in range(len(layout.slices)):
         _draw_axes(sheet, draw, layout, number, plain)
     _fill(sheet, draw, facts, binned, layout, highest)
@@ -128,8 +131,7 @@ class _Layout:
         return left + int(place[0]) * self.side, top + row * self.side
 
 
-def _told(facts: Facts, binned: Binned, layout: _Layout) -> list[str]:
-    goal = facts.quality
+def _told(facts: Facts, binned: Binned, layout: _Layout, goal: str) -> list[str]:
     cells = (
         f"{len(binned)} of {len(binned.grid)} cells are filled ({binned.coverage:.1%}), "
         f"QD-score {binned.qd_score:.4g}."

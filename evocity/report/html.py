@@ -15,10 +15,12 @@ import numpy as np
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import VOID
-from evocity.report.facts import Aim, Facts, Shown, figures_told
+from evocity.report.aim import Aim
+from evocity.report.facts import Facts, Shown, figures_told
 from evocity.report.failures import failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
 from evocity.report.grid import grid_picture
+from evocity.report.islands import Islands
 from evocity.report.pictures import common_scale, data_uri, scale_colours, scene_uri
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
 from evocity.store import STATUSES, open_run
@@ -68,7 +70,8 @@ def _page(facts: Facts) -> str:
     sections = [
         ("Parents", parents(facts, highest)),
         ("The front", _front(facts)),
-        *([("The grid", _grid(facts))] if facts.binned is not None else []),
+        *((_grid_title(island), _grid(facts, island)) for island in facts.grids),
+        *([("Islands", _islands(facts))] if facts.run.header.islands else []),
         ("Generation by generation", _curves(facts)),
         *_scenes(facts, highest),
         (_gallery_title(facts), city_key(facts.run.header.cities) + gallery(facts, highest)),
@@ -169,13 +172,44 @@ def _scale(highest: float) -> str:
     )
 
 
-def _grid(facts: Facts) -> str:
-    """The picture of the grid that the run fills."""
-    picture = grid_picture(facts)
-    names = " × ".join(_text(name) for name in facts.binned.grid.descriptors)
+def _grid_title(island: str | None) -> str:
+    return "The grid" if island is None else f"The grid of {island}"
+
+
+def _grid(facts: Facts, island: str | None) -> str:
+    """The picture of the grid that the run fills, or an ``island`` of it."""
+    picture = grid_picture(facts, island)
+    names = " × ".join(_text(name) for name in facts.grids[island].grid.descriptors)
     return (
         f'<figure class="sheet"><img src="{data_uri(picture)}" width="{picture.width}" '
         f'alt="grid over {names}: the best map of each filled cell"></figure>'
+    )
+
+
+def _islands(facts: Facts) -> str:
+    """How good each island is, who lives where, and who moved."""
+    told = Islands(facts)
+    figures = (
+        "island",
+        "hypervolume, by its goals",
+        "born there",
+        "living",
+        "of them from elsewhere",
+    )
+    plots = [curve(values, Axis(f"hypervolume of {name}")) for name, values in told.volumes]
+    shown = "".join(f"<figure>{plot}</figure>" for plot in plots)
+    moved = _table(("from", "to", "sent", "lived there after"), told.moves)
+    return (
+        _table(("island", "algorithm", "operators", "goals"), told.settings)
+        + _table((*figures, "algorithm tells"), told.figures)
+        + '<div class="tables">'
+        + _table(
+            ("living on", *(f"born on {name}" for name in told.names)),
+            [(name, *counts) for name, counts in told.homes],
+        )
+        + (moved if told.moves else "<p>Nobody migrated.</p>")
+        + "</div>"
+        + (f'<div class="plots">{shown}</div>' if len(facts.history) > 1 else "")
     )
 
 

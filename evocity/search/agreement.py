@@ -8,6 +8,7 @@ from evocity.errors import GenomeError, OperatorError, shown, with_near_miss
 from evocity.operators.grid import METRES
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
+from evocity.search.islands import merged_operators
 from evocity.search.mixture import (
     MOST_PARENTS,
     OperatorEntry,
@@ -16,6 +17,7 @@ from evocity.search.mixture import (
     operator_of,
     parted,
     range_faults,
+    usual_operators,
 )
 from evocity.search.sections import LARGEST_BLOCK
 
@@ -49,11 +51,21 @@ def across_sections(raw: dict) -> list[tuple[str, str, str]]:
         elif len(choices) == 2:
             faults.append(("genome.max_error", "lifs as well", "lifs or max_error, not both"))
     entries = raw.get("operators")
-    if isinstance(entries, dict):
-        faults += _operator_faults(entries)
-        metres = _of(raw, "map", "metres_per_pixel", 2.0)
-        if len(sides) > 1 and isinstance(metres, int | float):
-            faults += _sizes_in_blocks(entries, metres)
+    own = _mixture_faults(entries, raw, sides) if isinstance(entries, dict) else []
+    faults += own
+    usual = {name: dict(entry) for name, entry in usual_operators().items()}
+    for key, entries in merged_operators(raw, usual):
+        told = _mixture_faults(entries, raw, sides)
+        faults += [(key + fault[0], *fault[1:]) for fault in told if fault not in own]
+    return faults
+
+
+def _mixture_faults(entries: dict, raw: dict, sides: tuple[int, ...]) -> list[tuple[str, str, str]]:
+    """Faults of one mixture of operators."""
+    faults = _operator_faults(entries)
+    metres = _of(raw, "map", "metres_per_pixel", 2.0)
+    if len(sides) > 1 and isinstance(metres, int | float):
+        faults += _sizes_in_blocks(entries, metres)
     return faults
 
 

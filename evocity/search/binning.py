@@ -101,11 +101,10 @@ def binned(
     return Binned(grid, table, worth)
 
 
-def grid_of_run(run: Run) -> Grid | None:
-    """The grid that ``run`` selects by, None if it selects by none; raises `RunError` if it does
-    not tell it, or has no whole generation yet."""
-    recipe = run.provenance.get("recipe")
-    noted = recipe.get("search") if isinstance(recipe, Mapping) else None
+def grid_of_run(run: Run, island: str | None = None) -> Grid | None:
+    """The grid that ``run``, or an ``island`` of it, selects by, None if it selects by none; raises
+    `RunError` if it does not tell it, has no such island, or no whole generation yet."""
+    noted = _search(run, island)
     name = noted.get("algorithm") if isinstance(noted, Mapping) else None
     kind = algorithms().get(name) if isinstance(name, str) else None
     if kind is None or not issubclass(kind, MapElites):
@@ -122,6 +121,27 @@ def grid_of_run(run: Run) -> Grid | None:
         raise _unknown(run, error.found) from error
     pairs = tuple((float(low), float(high)) for low, high in ranges)
     return Grid(tuple(keys.descriptors), tuple(keys.grid), pairs)
+
+
+def _search(run: Run, island: str | None) -> object:
+    """What provenance notes of how the run, or an ``island`` of it, selects."""
+    if island is not None and island not in run.header.islands:
+        raise RunError(
+            f"{run.path} has no island {island!r}",
+            f"one of {', '.join(run.header.islands)}"
+            if run.header.islands
+            else "a run with islands",
+            "leave it out, or name one that there is",
+        )
+    recipe = run.provenance.get("recipe")
+    if not isinstance(recipe, Mapping) or (island is None and run.header.islands):
+        return None
+    if island is None:
+        return recipe.get("search")
+    try:
+        return next(one["search"] for one in recipe["islands"] if one["name"] == island)
+    except (LookupError, TypeError, StopIteration) as error:
+        raise _unknown(run, f"{type(error).__name__}: {error}") from error
 
 
 def _unknown(run: Run, reason: str) -> RunError:

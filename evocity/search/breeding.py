@@ -77,6 +77,12 @@ def letting_in(recipe: Recipe, identifier: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(sequence))
 
 
+def migrating(recipe: Recipe, generation: int, island: int) -> np.random.Generator:
+    """The generator of what an island lets in of a generation; of one more than there are, of who
+    migrates. Its slot is no birth's, and no selection's."""
+    return generator(recipe.run.seed, generation, recipe.run.population + 2 * island + 1)
+
+
 def first_population(
     recipe: Recipe, sources: Sequence[Genome], slots: range | None = None
 ) -> list[Plan]:

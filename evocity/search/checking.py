@@ -15,6 +15,14 @@ from evocity.errors import RecipeError, shown, with_near_miss
 from evocity.fitness import Measure
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
+from evocity.search.islands import (
+    IslandSection,
+    faults_of_islands,
+    fill_islands,
+    islands_in,
+    keys_of_islands,
+    on_island,
+)
 from evocity.search.sections import Parent, SearchSection, sound_keys
 from evocity.search.values import parent_place, parent_title
 from evocity.search.wanted import FitnessEntry, MeasureEntry
@@ -40,7 +48,7 @@ def _plain(value: Any, place: tuple[str, ...]) -> Any:
     if isinstance(value, Mapping):
         told = ((str(key), one) for key, one in value.items() if one is not None)
         return {key: _plain(one, (*place, key)) for key, one in told}
-    if place[:1] == ("operators",) and len(place) == 2 and isinstance(value, int | float):
+    if place[-2:-1] == ("operators",) and isinstance(value, int | float):
         return {"weight": value}  # in TOML tables come last, and the order of operators counts
     if isinstance(value, Measure):
         return value.name
@@ -71,12 +79,15 @@ def check(
         if isinstance(raw.setdefault(section, {}), dict):
             raw[section][entry] = value
     for key, value in (defaults or {}).items():
+        if key == "islands":  # each has its own, see below
+            continue
         section, _, entry = key.partition(".")
         if not entry:
             raw.setdefault(section, value)
         elif isinstance(raw.setdefault(section, {}), dict):
             raw[section].setdefault(entry, value)
-    faults, sound = [], False
+    shared, sound = fill_islands(raw, (defaults or {}).get("islands")), False
+    faults: list[tuple[str, str, str]] = []
     try:
         context = {"folder": folder, "parents": _parents(raw), "kept": kept}
         type(recipe).__pydantic_validator__.validate_python(
@@ -86,15 +97,17 @@ def check(
     except ValidationError as error:
         told = error.errors(include_url=False)
         faults = [_with_measure(_fault(one, raw, type(recipe)), one["loc"], raw) for one in told]
-    faults += across_sections(raw) + _of_search(raw, type(recipe))
+    faults += shared + across_sections(raw) + _of_search(raw, type(recipe))
+    faults += _of_islands(raw, type(recipe))
     if sound:
         faults += _repeated(recipe)
         if recipe.run.population < len(recipe.parents):
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
             faults.append(("run.population", str(recipe.run.population), allowed))
-        faults += recipe.search.faults(
-            len(recipe.goals), recipe.run.population, len(recipe.parents)
-        )
+        faults += faults_of_islands(recipe)
+        if not recipe.islands:
+            told = len(recipe.goals), recipe.run.population, len(recipe.parents)
+            faults += recipe.search.faults(*told)
         faults += _undescribed(recipe) + _of_refine(recipe) + _of_stop(recipe)
     if faults:
         allowances: dict[tuple[str, str], list[str]] = {}
@@ -126,6 +139,31 @@ def _of_search(raw: Mapping, recipe: type[BaseModel]) -> list[tuple[str, str, st
     if keys is None or any(one["loc"][:1] == ("descriptors",) for one in errors):
         return faults  # what the others have to agree with is not known
     return faults + keys.disagreements()
+
+
+def _of_islands(raw: Mapping, recipe: type[BaseModel]) -> list[tuple[str, str, str]]:
+    """Faults of the keys of the islands' algorithms, as far as these are known."""
+    faults = []
+    for number, algorithm, given in keys_of_islands(raw, DEFAULT):
+        own, kind = islands_in(raw)[number], algorithms()[algorithm]
+        keys, errors = sound_keys(kind, given)
+        for one in errors:
+            if one["loc"][:1] and one["loc"][0] not in own:
+                continue  # it is told of [search]
+            location = ("islands", number, *one["loc"])
+            key, found, allowed = _fault({**one, "loc": location}, raw, recipe)
+            if one["type"] == "extra_forbidden":
+                known = [*IslandSection.model_fields, *kind.Keys.model_fields]
+                found = with_near_miss("unknown key", one["loc"][-1], known)
+                if others := _algorithms_with(one["loc"][-1]):
+                    found = f"a key of {' and '.join(others)}, not of {algorithm}"
+                allowed = ", ".join(known)
+            faults.append((key, found, allowed))
+        if keys is None or any(one["loc"][:1] == ("descriptors",) for one in errors):
+            continue
+        if set(own) & set(kind.Keys.model_fields):
+            faults += [(on_island(key, number), *rest) for key, *rest in keys.disagreements()]
+    return faults
 
 
 def _parents(raw: Mapping) -> list[tuple[str | None, str]]:
@@ -176,25 +214,28 @@ def _undescribed(recipe: BaseModel) -> list[tuple[str, str, str]]:
     """Faults of what the algorithm needs of every birth, and nothing measures."""
     own = [measure.name for measure in [*recipe.measures, *recipe.recorded]]
     known = sorted({*own, *(measure.name for measure in fitness.measures())})
+    keys = [f"islands[{number}]" for number in range(len(recipe.islands))] or ["search"]
     return [
         (
-            "search.descriptors",
+            f"{key}.descriptors",
             with_near_miss(f"no measure {shown(name)} that is one number", name, known),
             f"a measure of evocity, or one in [[fitness]] or run.record: {', '.join(own)}",
         )
-        for name in recipe.search.described
+        for key, local in zip(keys, recipe.local, strict=True)
+        for name in local.search.described
         if name not in own
     ]
 
 
 def _of_refine(recipe: BaseModel) -> list[tuple[str, str, str]]:
     """Faults of refinement with so many births a generation, and with the algorithm."""
-    refine, population = recipe.refine, recipe.run.population
+    refine, population = recipe.refine, min(map(len, recipe.slots))
     faults = []
     if refine.births > population:
-        found = f"{refine.births} of {population} births a generation"
+        on = " on the smallest island" if recipe.islands else ""
+        found = f"{refine.births} of {population} births a generation{on}"
         faults.append(("refine.births", found, f"{population} or fewer"))
-    if refine.births and recipe.search.breeds_by is not None:
+    if refine.births and not recipe.islands and recipe.search.breeds_by is not None:
         found = f"{refine.births}, with the algorithm {recipe.search.algorithm!r}"
         faults.append(("refine.births", found, "0, as it breeds by itself"))
     return faults
@@ -310,7 +351,7 @@ def _keys_at(location: list, raw: Mapping, recipe: type[BaseModel]) -> list[str]
         return list(recipe.model_fields)
     if location == ["search"]:
         return [*SearchSection.model_fields, *algorithms()[_algorithm(raw)].Keys.model_fields]
-    models = {"parents": Parent, "fitness": FitnessEntry}
+    models = {"parents": Parent, "fitness": FitnessEntry, "islands": IslandSection}
     if location[:2] == ["run", "record"]:
         return list(MeasureEntry.model_fields)
     model = models.get(location[0]) or recipe.model_fields[location[0]].annotation

@@ -225,9 +225,9 @@ def send(path: str | os.PathLike, command: Command) -> bool:
     if isinstance(command, Unpick):
         _refuse_unpicked(run, command.ids)
     if isinstance(command, Reweight):
-        mixture, sums = weighed_of(run)
-        refuse_weights(command.weights, list(mixture), sums, str(run.path))
-        refuse_idle({**mixture, **_stands(run).weights, **command.weights}, mixture, str(run.path))
+        mixtures, sums = weighed_of(run)
+        refuse_weights(command.weights, mixtures, sums, str(run.path))
+        refuse_idle({**_stands(run).weights, **command.weights}, mixtures, str(run.path))
     try:
         append_command(run.path / "commands.jsonl", told(command))
     except OSError as error:
@@ -307,29 +307,37 @@ def _refuse_unpicked(run: Run, ids: Sequence[int]) -> None:
         )
 
 
-def weighed_of(run: Run) -> tuple[dict[str, float], list[str]]:
-    """What a ``run`` weighs: the operators of its mixture, to the weights of its recipe, and the
-    measures that count in sums. An algorithm that breeds by itself weighs no operators."""
+def weighed_of(run: Run) -> tuple[list[dict[str, float]], list[str]]:
+    """What a ``run`` weighs: the operators of its mixture, or of each island's, to the weights of
+    its recipe, and the measures that count in sums. An algorithm that breeds by itself weighs no
+    operators."""
     try:
         recipe = run.provenance["recipe"]
         kind = algorithms().get(str(recipe.get("search", {}).get("algorithm")))
         sums = [one["name"] for one in run.provenance["fitness"] if one.get("objective")]
         if kind is not None and kind.breeds_by is not None:
-            return {}, sums
-        entries = recipe.get("operators", {}).items()
-        return {
-            name: float(one.get("weight", 1) if isinstance(one, Mapping) else one)
-            for name, one in entries
-        }, sums
+            return [], sums
+        every = [island["operators"] for island in recipe.get("islands", [])]
+        return [
+            {
+                name: float(one.get("weight", 1) if isinstance(one, Mapping) else one)
+                for name, one in entries.items()
+            }
+            for entries in every or [recipe.get("operators", {})]
+        ], sums
     except (LookupError, TypeError, AttributeError, ValueError):
-        return {}, []
+        return [], []
 
 
 def refuse_weights(
-    weights: Mapping[str, float], mixture: Sequence[str], sums: Sequence[str], where: str
+    weights: Mapping[str, float],
+    mixtures: Sequence[Mapping[str, float]],
+    sums: Sequence[str],
+    where: str,
 ) -> None:
-    """Raise `RunError` for ``weights`` of anything but operators of the ``mixture`` and measures
+    """Raise `RunError` for ``weights`` of anything but operators of the ``mixtures`` and measures
     in ``sums``, which are above 0."""
+    mixture = list(dict.fromkeys(name for one in mixtures for name in one))
     for name, weight in weights.items():
         if name not in (*mixture, *sums):
             known = [f"the operators {', '.join(mixture)}"] if mixture else []
@@ -346,16 +354,20 @@ def refuse_weights(
             )
 
 
-def refuse_idle(weights: Mapping[str, float], mixture: Iterable[str], where: str) -> None:
-    """Raise `RunError` if no operator of a ``mixture`` has a weight: all of them do in
-    ``weights``."""
-    own = [weights[name] for name in mixture]
-    if own and not any(own):
-        raise RunError(
-            f"{where}: all operators would have the weight 0",
-            "at least one weight above 0",
-            "leave one of them, or raise another",
-        )
+def refuse_idle(
+    weights: Mapping[str, float], mixtures: Sequence[Mapping[str, float]], where: str
+) -> None:
+    """Raise `RunError` if no operator of one of the ``mixtures`` has a weight, with ``weights`` in
+    place of their own."""
+    for mixture in mixtures:
+        own = [weights.get(name, weight) for name, weight in mixture.items()]
+        if own and not any(own):
+            of_one = f" of an island ({', '.join(mixture)})" if len(mixtures) > 1 else ""
+            raise RunError(
+                f"{where}: all operators{of_one} would have the weight 0",
+                "at least one weight above 0",
+                "leave one of them, or raise another",
+            )
 
 
 __all__ = [

@@ -70,17 +70,19 @@ class Credit:
         return among[len(front) - len(new) :].tolist()
 
 
-def credit_of(run: Run, aims: Aims, events: Sequence[Mapping]) -> Credit:
-    """What a ``run`` that is taken up again has earned so far; ``aims`` with the recipe's weights,
-    ``events`` of the run tell those that commands have set."""
+def credit_of(run: Run, aims: Aims, events: Sequence[Mapping], island: str | None = None) -> Credit:
+    """What a ``run`` that is taken up again, or one ``island`` of it, has earned so far; ``aims``
+    with the recipe's weights, ``events`` of the run tell those that commands have set."""
     credit, weights = Credit(), {}
     for generation in run.generations:
         now = Standing.of(events, generation).weights
         if now != weights:
             credit.forget_front()
             weights = now
-        births = births_without_genomes(run, generation)
-        living = set(run.members(generation)["id"].to_pylist())
+        births = [one for one in births_without_genomes(run, generation) if one.island == island]
+        living = {
+            one["id"] for one in run.members(generation).to_pylist() if one.get("island") == island
+        }
         credit.learn(births, aims.reweighted(weights), living)
     if Standing.of(events, len(run.generations)).weights != weights:
         credit.forget_front()

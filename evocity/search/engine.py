@@ -427,8 +427,8 @@ class Search:
         self._asked = None
         self._stopping.look(generation)
         self._next += 1
-        limit, alive = self.recipe.evaluation.max_failures, bool(self._population.living)
-        refuse_failures(births, limit, generation.number, alive)
+        limit = self.recipe.evaluation.max_failures
+        refuse_failures(births, limit, generation.number, self._population.alive)
         return generation
 
     def _generation(self, births: Sequence[Birth]) -> Generation:
@@ -444,4 +444,5 @@ class Search:
             population=list(self._population.living),
             feasible=sum(not one.violation for one in self._population.living),
             algorithm=self._population.summary,
+            islands=self._population.summaries,
         )

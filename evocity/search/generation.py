@@ -17,7 +17,9 @@ class Generation:
     living keep all constraints; ``best`` maps each measure that is more than a constraint to the
     raw value of the best living individual, ``hypervolume`` is in units of the first population's
     ranges. ``algorithm`` is what the algorithm tells of all the living, such as the coverage of
-    `map_elites`. ``seconds_left`` is an estimate.
+    `map_elites`; of a search on ``islands`` each has its own, see
+    `evocity.search.archipelago.Archipelago.summaries`, and the rest is of all together, each of the
+    living once. ``seconds_left`` is an estimate.
     """
 
     number: int
@@ -30,6 +32,7 @@ class Generation:
     population: list[Individual] = field(repr=False)
     feasible: int = 0
     algorithm: dict[str, float] = field(default_factory=dict)
+    islands: dict[str, dict] = field(default_factory=dict)
 
 
 class Pace:

@@ -21,6 +21,7 @@ from evocity.search.breeding import (
     selecting,
 )
 from evocity.search.credit import Credit
+from evocity.search.individual import Individual
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
@@ -132,6 +133,13 @@ class Island:
         if self.credit is not None:
             own = [born for born in births if born.island == self.name]
             self.credit.learn(own, self.aims, {one.id for one in self.population.living})
+
+    def migrants(self, taker: "Island", count: int, rng: np.random.Generator) -> list[Individual]:
+        """``count`` of those who live here and not on the ``taker``, as the algorithm here chooses,
+        that may live there too."""
+        there = {one.genome.digest for one in taker.population.living}
+        strange = [one for one in self.population.living if one.genome.digest not in there]
+        return self.population.algorithm.migrants(strange, count, rng)
 
     def relive(self, births: Sequence[Birth], generation: int) -> None:
         """Go through a ``generation`` once more, of which ``births`` came, for an algorithm that

@@ -116,6 +116,7 @@ def births_without_genomes(run: Run, generation: int) -> list[Birth]:
     parents and errors; for genomes stand their digests alone."""
     names = run.header.columns
     columns = ["id", "operator", "status", "genome", *(f"fitness.{name}" for name in names)]
+    columns += ["island"] if run.header.islands else []
     return [
         Birth(
             generation,
@@ -127,6 +128,7 @@ def births_without_genomes(run: Run, generation: int) -> list[Birth]:
             0.0,
             {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
             None if row["genome"] is None else Digest(row["genome"]),
+            island=row.get("island"),
         )
         for row in run.births(generation, columns).to_pylist()
     ]

@@ -36,6 +36,17 @@ class OperatorEntry(BaseModel):
         return dict(self.model_extra or {})
 
 
+def usual_operators() -> dict[str, OperatorEntry]:
+    """The mixture of a recipe without ``[operators]``."""
+    return {
+        "quarter_fusion": OperatorEntry(weight=2, fill={"from": 0.05, "to": 0.6}),
+        "quarter_refill": OperatorEntry(weight=3, street_blocks={"from": 2, "to": 8}),
+        "height_scaling": OperatorEntry(weight=2),
+        "relocation": OperatorEntry(weight=1.5),
+        "region_fusion": OperatorEntry(weight=1.5, cut=0.0),
+    }
+
+
 def entry_of(value: Any) -> Any:
     """What `OperatorEntry` is made of, from what a recipe has under an operator's name."""
     if isinstance(value, bool) or not isinstance(value, int | float | dict | OperatorEntry):
@@ -184,4 +195,5 @@ __all__ = [
     "operator_of",
     "parted",
     "range_faults",
+    "usual_operators",
 ]

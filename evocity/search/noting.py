@@ -43,11 +43,9 @@ def provenance_of(
             "file": recipe.file,
             "hash": store.hash_of_text(recipe.text),
             "overrides": recipe.overrides,
-            "operators": {
-                name: entry.model_dump(exclude_none=True)
-                for name, entry in recipe.operators.items()
-            },
+            "operators": _mixture(recipe),
             "search": recipe.search.asked,
+            **_islands(recipe),
         },
         "maps": [
             {
@@ -76,6 +74,28 @@ def provenance_of(
     }
 
 
+def _islands(recipe: Recipe) -> dict:
+    """What `provenance.json` tells of the recipe's islands, each whole; nothing without any."""
+    if not recipe.islands:
+        return {}
+    told = [
+        {
+            "name": island.name,
+            "population": island.population,
+            "operators": _mixture(local),
+            "search": {key: local.search.asked[key] for key in ("algorithm", *local.search.own)},
+            "measures": island.measures,
+            "weights": island.weights,
+        }
+        for island, local in zip(recipe.islands, recipe.local, strict=True)
+    ]
+    return {"islands": told, "migration": recipe.migration.model_dump()}
+
+
+def _mixture(recipe: Recipe) -> dict:
+    return {name: one.model_dump(exclude_none=True) for name, one in recipe.operators.items()}
+
+
 def _recorded(recipe: Recipe, kept: Kept, hashed) -> dict:
     """What `provenance.json` tells of measures that are recorded besides; nothing without any."""
     told = [
@@ -99,10 +119,10 @@ def _within(prepared: Prepared, hashed) -> dict:
 
 
 def _descriptors(recipe: Recipe) -> dict:
-    """What `provenance.json` tells of measures that the algorithm needs: the lowest and the highest
-    value they declare, null for no bound. Nothing if it needs none."""
+    """What `provenance.json` tells of measures that algorithms need: the lowest and the highest
+    value they declare, null for no bound. Nothing if they need none."""
     told = []
-    for name in recipe.search.described:
+    for name in recipe.described:
         low, high = (one if math.isfinite(one) else None for one in recipe.limits[name])
         told.append({"name": name, "low": low, "high": high})
     return {"descriptors": told} if told else {}

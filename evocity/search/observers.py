@@ -41,8 +41,9 @@ class Log(Observer):
         summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
         for key in self._UNSAID:
             del summary[key]
-        if not generation.algorithm:
-            del summary["algorithm"]
+        for key in ("algorithm", "islands"):
+            if not summary[key]:
+                del summary[key]
         if not math.isfinite(generation.hypervolume):  # JSON has no infinity
             summary["hypervolume"] = None
         self._writer.write_generation(generation.number, births, members, summary)

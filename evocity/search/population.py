@@ -47,11 +47,15 @@ class Population:
         """Those of the living and the newly born live on that the algorithm selects; what it draws
         is drawn from ``rng``. ``looks``: by id, how maps look, as far as it is known."""
         self.begin_with(births)
-        candidates = {one.genome.digest: one for one in self.living}
-        for born in births:
-            if born.ok:
-                candidates.setdefault(born.genome.digest, self._individual(born))
         self._looks |= looks or {}
+        self.admit([born for born in births if born.ok], rng)
+
+    def admit(self, others: Sequence[Birth | Individual], rng: np.random.Generator) -> None:
+        """Let ``others`` in, who were born, or live elsewhere, as far as the algorithm selects them
+        among the living."""
+        candidates = {one.genome.digest: one for one in self.living}
+        for one in others:
+            candidates.setdefault(one.genome.digest, self._individual(one))
         self.living = self.algorithm.survivors(list(candidates.values()), self._look, rng)
         self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
@@ -85,8 +89,7 @@ class Population:
     def hypervolume(self) -> float:
         """Of those that break no constraint, in units of the first population's ranges, see
         `Hypervolume`; 0 if there are none."""
-        feasible = [one.losses for one in self.living if not one.violation]
-        return self._hypervolume(np.array(feasible)) if feasible else 0.0
+        return volume_of(self.living, self._hypervolume)
 
     @property
     def summary(self) -> dict[str, float]:
@@ -100,16 +103,7 @@ class Population:
     def best(self) -> dict[str, float]:
         """Raw value of the best individual, for each measure that is more than a constraint; of
         those that break the constraints least."""
-        if not self.living:
-            return {}
-        least = min(one.violation for one in self.living)
-        among = [one.values for one in self.living if one.violation == least]
-        return {
-            name: min((values[name] for values in among), key=wanted.loss)
-            for wanted in self._aims.wanted
-            if wanted.objective is not None
-            for name in [wanted.measure.name]
-        }
+        return best_of(self.living, self._aims)
 
     @property
     def members(self) -> list[Member]:
@@ -124,3 +118,25 @@ class Population:
         if one.id not in self._looks:
             self._looks[one.id] = look_of(self._kind.express(one.genome).city)
         return self._looks[one.id]
+
+
+def volume_of(living: Sequence[Individual], volume: Hypervolume | None) -> float:
+    """The hypervolume of those of the ``living`` that break no constraint, by the units of a
+    ``volume``; 0 if there are none."""
+    feasible = [one.losses for one in living if not one.violation]
+    return volume(np.array(feasible)) if feasible else 0.0
+
+
+def best_of(living: Sequence[Individual], aims: Aims) -> dict[str, float]:
+    """Raw value of the best of the ``living``, for each measure that is more than a constraint; of
+    those that break the constraints least."""
+    if not living:
+        return {}
+    least = min(one.violation for one in living)
+    among = [one.values for one in living if one.violation == least]
+    return {
+        name: min((values[name] for values in among), key=wanted.loss)
+        for wanted in aims.wanted
+        if wanted.objective is not None
+        for name in [wanted.measure.name]
+    }

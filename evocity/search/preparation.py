@@ -259,12 +259,13 @@ def _header(
     attribution: str,
 ) -> Header:
     names = [city.name for city in cities]
-    if any(_lays_void(recipe.operator(name)) for name in recipe.breeding):
+    if any(_lays_void(one.operator(name)) for one in recipe.local for name in one.breeding):
         names.append(VOID)
     if len(names) > 255:
         raise RecipeError(f"{len(names)} parents", "255 or fewer", "leave some out")
     told = [*(city.attribution for city in cities), attribution]  # of a layer's files last
     places = {(city.origin, city.crs) for city in cities}
+    kinds = [algorithms()[one.search.algorithm] for one in recipe.local]
     origin, crs = places.pop() if len(places) == 1 else (None, None)
     return Header(
         height=cities[0].shape[0],
@@ -282,6 +283,7 @@ def _header(
         recorded=tuple(measure.name for measure in recipe.recorded),
         locked=None if condensation is None else condensation.digest,
         settle=recipe.genome.settle,
-        marks=algorithms()[recipe.search.algorithm].marks,
-        figures=algorithms()[recipe.search.algorithm].figures,
+        marks=tuple(dict.fromkeys(mark for kind in kinds for mark in kind.marks)),
+        figures=() if recipe.islands else kinds[0].figures,
+        islands=tuple(one.name for one in recipe.islands),
     )

@@ -6,6 +6,7 @@
 
 import contextlib
 import os
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ from evocity import operators
 from evocity.coding.matching import available_cores
 from evocity.fitness import Measure
 from evocity.search.checking import fill
+from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
 from evocity.search.mixture import (
     MOST_PARENTS,
     OperatorEntry,
@@ -30,6 +32,7 @@ from evocity.search.mixture import (
     entry_of,
     is_range,
     operator_of,
+    usual_operators,
 )
 from evocity.search.overnight import NotifySection, StopSection
 from evocity.search.sections import (
@@ -65,9 +68,10 @@ class Recipe(Section):
     Parameters
     ----------
     folder : what paths are relative to; the working directory unless told.
-    sections : those of a TOML file (docs/recipe.md), as mappings of its keys, ``parents`` and
-        ``fitness`` as lists. There, and in ``record`` of ``run``, a text stands for a map, or a
-        measure, by its name alone; a `evocity.fitness.Measure` stands for itself.
+    sections : those of a TOML file (docs/recipe.md), as mappings of its keys, ``parents``,
+        ``fitness`` and ``islands`` as lists. In the first two, and in ``record`` of ``run``, a text
+        stands for a map, or a measure, by its name alone; a `evocity.fitness.Measure` stands for
+        itself.
 
     Raises `RecipeError`, which lists every fault with its key.
 
@@ -82,16 +86,7 @@ class Recipe(Section):
     operators: dict[
         str,
         Annotated[OperatorEntry, BeforeValidator(entry_of)],
-    ] = Field(
-        default_factory=lambda: {
-            "quarter_fusion": OperatorEntry(weight=2, fill={"from": 0.05, "to": 0.6}),
-            "quarter_refill": OperatorEntry(weight=3, street_blocks={"from": 2, "to": 8}),
-            "height_scaling": OperatorEntry(weight=2),
-            "relocation": OperatorEntry(weight=1.5),
-            "region_fusion": OperatorEntry(weight=1.5, cut=0.0),
-        },
-        min_length=1,
-    )
+    ] = Field(default_factory=usual_operators, min_length=1)
     fitness: list[FitnessEntry] = Field(min_length=1)
     locked: LockedSection = LockedSection.model_construct()
     evaluation: EvaluationSection = EvaluationSection()
@@ -99,6 +94,8 @@ class Recipe(Section):
     refine: RefineSection = RefineSection()
     stop: StopSection = StopSection()
     notify: NotifySection = NotifySection()
+    islands: list[IslandSection] = Field([], max_length=MOST_ISLANDS)
+    migration: MigrationSection = MigrationSection()
 
     _text: str = PrivateAttr("")
     _overrides: dict = PrivateAttr(default_factory=dict)
@@ -111,12 +108,12 @@ class Recipe(Section):
 
     @model_validator(mode="after")
     def _record_the_rest(self, info: ValidationInfo) -> "Recipe":
-        """Of a whole file nothing is recorded that `fitness` logs already. What the algorithm needs
-        is recorded, as far as its name is known; `checking` tells of the others."""
+        """Of a whole file nothing is recorded that `fitness` logs already. What algorithms need is
+        recorded, as far as its name is known; `checking` tells of the others."""
         logged = {measure.name for measure in self.measures}
         for entry in self.run.record:
             entry.leave_out(logged)
-        for name in dict.fromkeys(self.search.described):
+        for name in self.described:
             if name not in logged | {measure.name for measure in self.recorded}:
                 with contextlib.suppress(ValidationError):
                     entry = MeasureEntry.model_validate({"name": name}, context=info.context)
@@ -152,7 +149,7 @@ class Recipe(Section):
 
     @property
     def recording(self) -> list[MeasureEntry]:
-        """What is recorded besides: as ``run.record`` says, and what the algorithm needs."""
+        """What is recorded besides: as ``run.record`` says, and what algorithms need."""
         return [*self.run.record, *self._described]
 
     @property
@@ -177,6 +174,49 @@ class Recipe(Section):
         return {one.name: one.range for one in [*self.measures, *self.recorded]}
 
     @property
+    def local(self) -> list["Recipe"]:
+        """The recipe as each island has it, with its own operators and search; without islands
+        itself alone."""
+        return [
+            self.model_copy(
+                update={
+                    "operators": island.operators_of(self.operators),
+                    "search": island.search_of(self.search),
+                    "islands": [],
+                }
+            )
+            for island in self.islands
+        ] or [self]
+
+    @property
+    def slots(self) -> list[range]:
+        """The slots in each generation of the births of each island; without islands all."""
+        ends = [0]
+        for island in self.islands:
+            ends.append(ends[-1] + island.population)
+        return [range(*ends) for ends in pairwise(ends)] or [range(self.run.population)]
+
+    def at(self, slot: int) -> "Recipe":
+        """The recipe as the island has it whose births have a ``slot``."""
+        pairs = zip(self.local, self.slots, strict=True)
+        return next(recipe for recipe, slots in pairs if slot in slots)
+
+    @property
+    def described(self) -> tuple[str, ...]:
+        """Names of the measures that algorithms need of every birth besides the goals."""
+        return tuple(dict.fromkeys(name for one in self.local for name in one.search.described))
+
+    @property
+    def mixtures(self) -> list[dict[str, float]]:
+        """The weights of operators, by name, on each island; none where an algorithm breeds by
+        itself."""
+        return [
+            {name: entry.weight for name, entry in one.operators.items()}
+            for one in self.local
+            if one.search.breeds_by is None
+        ]
+
+    @property
     def worker_count(self) -> int:
         """``workers``, or the cores this process may use."""
         if self.evaluation.workers is not None:
@@ -187,6 +227,8 @@ class Recipe(Section):
     def breeding(self) -> list[str]:
         """The operators that may breed: those of the mixture, or the algorithm's own, and that of
         refinement."""
+        if self.islands:
+            return list(dict.fromkeys(name for one in self.local for name in one.breeding))
         own = self.search.breeds_by
         names = list(self.operators) if own is None else [own]
         refining = [self.refine.operator] if self.refine.births else []

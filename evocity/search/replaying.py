@@ -1,6 +1,6 @@
 """How one birth of a run came about: its plan, drawn again from what the log tells."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from evocity.errors import RunError
@@ -58,14 +58,16 @@ def _drawn(run: Run, prepared: Prepared, identifier: int) -> Plan:
         return population.plan(identifier, then.picks, [then.weights])
     then = Then.of(run, prepared, generation)
     island = then.population(prepared).island_of(slot)
-    plans = island.plans(generation, then.picks, then.weights)
+    weights = _weights(run, island.name, island.mixture, then.standing, generation)
+    plans = island.plans(generation, then.picks, weights)
     return plans[slot - island.slots.start]
 
 
 @dataclass(frozen=True)
 class Then:
     """A ``run`` as its log tells that it was when a ``generation`` began: what was ``standing`` of
-    commands, who was picked, and the ``weights`` of operators that were not the recipe's."""
+    commands, who was picked, and the ``weights`` of operators that were not the recipe's, where
+    there is one island."""
 
     run: Run
     generation: int
@@ -78,7 +80,9 @@ class Then:
         recipe, standing = prepared.recipe, standing_of(run, generation)
         picked = {birth.id: birth.genome for birth in run.individuals(list(standing.picks))}
         picks = _picks(standing, picked, recipe.search.picks)
-        weights = _weights(run, recipe.operators, standing, generation)
+        weights = (
+            {} if recipe.islands else _weights(run, None, recipe.operators, standing, generation)
+        )
         return cls(run, generation, standing, picks, weights)
 
     def population(
@@ -102,12 +106,14 @@ def _picks(standing: Standing, picked: Mapping[int, Genome], share: float) -> Pi
     return Picks(tuple((one, picked[one]) for one in standing.picks), standing.share or share)
 
 
-def _weights(run: Run, names, standing: Standing, generation: int) -> dict[str, float]:
-    """Weights of operators other than the recipe's: those of commands, or what credit made of
-    them."""
+def _weights(
+    run: Run, island: str | None, names: Collection[str], standing: Standing, generation: int
+) -> dict[str, float]:
+    """Weights of an ``island``'s operators, of these ``names``, other than the recipe's: those of
+    commands, or what credit made of them."""
     for event in reversed(run.events()):  # one that was stopped before it was bred tells twice
         if event.get("event") == "weights" and event.get("generation") == generation:
-            return event["weights"]
+            return event["weights"] if island is None else event["weights"][island]
     return {name: weight for name, weight in standing.weights.items() if name in names}
 
 

@@ -120,6 +120,10 @@ def _recipe(run: Run, asked: Mapping[str, object], copies: Mapping[str, str]) ->
     older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
     selected = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
     older |= {f"search.{key}": value for key, value in selected.items()}
+    noted = run.provenance["recipe"].get("islands", [])
+    older["islands"] = [
+        {key: value for key, value in one["search"].items() if value is not None} for one in noted
+    ]
     name = f"{run.path}/recipe.toml"
     return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
 
@@ -142,6 +146,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
         "locked": (run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         "search.algorithm": (_algorithm(run), recipe.search.algorithm),
         "search.window": (_window(run), recipe.search.window),
+        "islands": (_islands(run), _islands_of(recipe)),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
         "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }
@@ -164,6 +169,17 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
             f"{done} or more: a run loses none of its generations",
             "ask for more, or leave the number out to keep what the run was started with",
         )
+
+
+def _islands(run: Run) -> list[str]:
+    """The run's islands, in words."""
+    noted = run.provenance["recipe"].get("islands", [])
+    return [f"{one['name']}: {one['population']}, {one['search']['algorithm']}" for one in noted]
+
+
+def _islands_of(recipe: Recipe) -> list[str]:
+    told = zip(recipe.islands, recipe.local if recipe.islands else [], strict=True)
+    return [f"{one.name}: {one.population}, {local.search.algorithm}" for one, local in told]
 
 
 def _algorithm(run: Run) -> str:

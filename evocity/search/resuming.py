@@ -97,13 +97,13 @@ def take_up(
         standing = standing_of(run, len(whole))
         again = algorithms()[recipe.search.algorithm].replays
         past = [births_without_genomes(run, g) for g in whole] if again else []
-        credit = {None: credit_of(run, prepared.aims, run.events())} if recipe.search.adapt else {}
+        credit = _credit(run, prepared) if recipe.search.adapt else {}
         if whole:
             first = births_without_genomes(run, 0)
             living = living_of(run, whole[-1])
             status = run.status()
             births, failures = status["births"], status["failures"]
-            if not any(living.values()):
+            if not all(living.values()):
                 raise nobody_lives(run.path, whole[-1])
     except BaseException:
         writer.close()
@@ -127,7 +127,12 @@ def take_up(
 
 def living_of(run: Run, generation: int) -> dict[str | None, list[Birth]]:
     """Who lived in a ``generation``, by the island, best first."""
-    return {None: run.individuals(run.members(generation).column("id").to_pylist())}
+    rows = run.members(generation).to_pylist()
+    births = {one.id: one for one in run.individuals(list({row["id"] for row in rows}))}
+    return {
+        name: [births[row["id"]] for row in rows if row.get("island") == name]
+        for name in run.header.islands or [None]
+    }
 
 
 def standing_of(run: Run, generation: int) -> Standing:
@@ -141,6 +146,13 @@ def standing_of(run: Run, generation: int) -> Standing:
             "commands as the run carried them out",
             "bring the file back from a copy",
         ) from None
+
+
+def _credit(run: Run, prepared: Prepared) -> dict[str | None, Credit]:
+    """What operators have earned on each island."""
+    events, islands = run.events(), prepared.recipe.islands
+    own = {one.name: one.aims_of(prepared.aims) for one in islands} or {None: prepared.aims}
+    return {name: credit_of(run, aims, events, name) for name, aims in own.items()}
 
 
 def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str]) -> None:

@@ -161,7 +161,8 @@ class GenomeSection(Section):
         return self.block if isinstance(self.block, int) else self.block[1]
 
 
-def _some_algorithm(name: str) -> str:
+def some_algorithm(name: str) -> str:
+    """The ``name``, if it is an algorithm's; else a fault."""
     known = algorithms()
     if name not in known:
         raise fault(with_near_miss(shown(name), name, known), " or ".join(map(shown, known)))
@@ -298,7 +299,7 @@ class SearchSection(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
 
-    algorithm: Annotated[str, AfterValidator(_some_algorithm)] = DEFAULT
+    algorithm: Annotated[str, AfterValidator(some_algorithm)] = DEFAULT
     picks: float = Field(0.5, gt=0, le=1)
     adapt: bool = False
     window: int | None = Field(None, ge=1, le=100_000)
@@ -313,6 +314,11 @@ class SearchSection(BaseModel):
         """All keys with their values, those left out too."""
         common = {name: getattr(self, name) for name in SearchSection.model_fields}
         return common | self.keys.model_dump()
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the algorithm's own keys."""
+        return tuple(algorithms()[self.algorithm].Keys.model_fields)
 
     @property
     def described(self) -> tuple[str, ...]:

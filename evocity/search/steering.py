@@ -90,12 +90,9 @@ class Steering:
                 if entry.total is not None
                 for measure in entry.measures
             ]
-            mixture = {name: entry.weight for name, entry in self._recipe.operators.items()}
-            if self._recipe.search.breeds_by is not None:
-                mixture = {}
-            refuse_weights(command.weights, list(mixture), sums, "the recipe")
-            weights = {**mixture, **self.standing.weights, **command.weights}
-            refuse_idle(weights, mixture, "the run")
+            mixtures = self._recipe.mixtures
+            refuse_weights(command.weights, mixtures, sums, "the recipe")
+            refuse_idle({**self.standing.weights, **command.weights}, mixtures, "the run")
         self.standing = self.standing.after(command)
         self._picked = {one: self._picked[one] for one in self.standing.picks}
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, OperatorError, shown
+from evocity.errors import EvocityError, OperatorError, RecipeError, shown
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search.beginning import pool_of, sides_of
@@ -262,13 +262,19 @@ def deap_toolbox(
     0 works in this process. What our operators draw comes from the recipe's seed; DEAP draws from
     Python's ``random``, which the caller seeds.
 
-    Raises what `Search.prepare` raises.
+    Raises what `Search.prepare` raises, and `RecipeError` for a recipe with islands.
     """
     if not isinstance(recipe, Recipe):
         raise OperatorError(
             f"a toolbox for {shown(recipe)}",
             "a Recipe",
             "read one first: evocity.read_recipe(path)",
+        )
+    if recipe.islands:
+        raise RecipeError(
+            f"a recipe with {len(recipe.islands)} islands for DEAP's algorithms",
+            "a recipe of one population",
+            "leave [[islands]] out; DEAP's own migRing moves individuals between lists of them",
         )
     return Toolbox(recipe, workers, progress or (lambda text: None))
 

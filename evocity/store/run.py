@@ -144,7 +144,9 @@ class Run:
 
     def members(self, generation: int | None = None) -> pa.Table:
         """Who lived in one generation, or in all: generation, slot (0 is the best), id, rank, and
-        what the run's algorithm tells of each, as ``header.marks`` names it."""
+        what the run's algorithm tells of each, as ``header.marks`` names it. Of a run with islands
+        ``island`` too: slots and ranks are those of the island, and who lives on several has a row
+        of each."""
         return self._table(MEMBERSHIP, generation, None)
 
     def individuals(self, ids: Sequence[int]) -> list[Birth]:
@@ -291,8 +293,9 @@ class Run:
 
         Keys: generation (the last whole one; None before the first), births, failures,
         hypervolume, best (measure -> value), algorithm (what the run's algorithm tells of all the
-        living, by the names of ``header.figures``), evaluations_per_second, finished, stopped (why
-        it ended before, in words; None while it goes on, and where it was killed).
+        living, by the names of ``header.figures``), islands (name -> living, feasible, and by the
+        island's own goals hypervolume, best and algorithm), evaluations_per_second, finished,
+        stopped (why it ended before, in words; None while it goes on, and where it was killed).
         """
 
         def last_summary() -> tuple[int | None, dict]:
@@ -313,6 +316,7 @@ class Run:
             "hypervolume": about.get("hypervolume"),
             "best": about.get("best", {}),
             "algorithm": about.get("algorithm", {}),
+            "islands": about.get("islands", {}),
             "evaluations_per_second": about.get("evaluations_per_second"),
             "finished": last.get("event") == "finish",
             "stopped": str(last.get("reason", "")) if last.get("event") == "stop" else None,
@@ -388,7 +392,7 @@ class Run:
             if piece.first == piece.last:  # without rows it has no row group
                 groups = range(file.num_row_groups)
             table = read_bounded(piece.path, file, kind, groups, columns)
-            check_rows(table, () if kind == BIRTHS else self.header.marks)
+            check_rows(table, self.header, kind != BIRTHS)
             return table
 
     def _spans(self) -> list[tuple[int, int, int]]:

@@ -25,9 +25,9 @@ from evocity.pavement import Pavement
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
-#: distance alone. 6 has what the run's algorithm tells of all the living together. New runs without
-#: these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6)
+#: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
+#: New runs without these are written as 3; a run of an older release goes on as it began.
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
@@ -50,7 +50,7 @@ def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
-    if {"generation", "slot", "id", "rank"} & set(names):
+    if {"generation", "slot", "id", "rank", "island"} & set(names):
         raise ValueError("a column that every membership has")
     return names
 
@@ -75,7 +75,9 @@ class Header:
     chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
     the one side of all range blocks in runs of older releases, None in others. ``marks`` names
     what the run's algorithm tells of each of the living, columns of the membership, and
-    ``figures`` what it tells of all of them, in each generation's summary.
+    ``figures`` what it tells of all of them, in each generation's summary. ``islands`` names those
+    that the run has: births and membership then have a column ``island``, marks are those of all
+    islands, and each island's figures stand in the summary.
     """
 
     height: _Side
@@ -97,12 +99,15 @@ class Header:
     recorded: _Names = ()
     marks: Annotated[_Names, AfterValidator(_no_column)] = CROWDING
     figures: _Names = ()
+    islands: _Names = ()
 
     __pydantic_config__ = _STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
+            if self.islands:
+                return 7
             if self.figures:
                 return 6
             return 5 if self.marks != CROWDING else 4 if self.recorded else 3
@@ -124,7 +129,7 @@ class Header:
             del about["locked"]
         version = self.schema_version
         newer = ("block",) if version > 2 else ("kind", "settle")
-        later = {"recorded": 4, "marks": 5, "figures": 6}
+        later = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7}
         newer += tuple(name for name, since in later.items() if version < since)
         for name in newer:
             del about[name]
@@ -148,7 +153,8 @@ class Header:
             raise ValueError(f"measured and recorded: {header.recorded}")
         if version != header.schema_version:
             told = (
-                f"recorded = {header.recorded}, marks = {header.marks}, figures = {header.figures}"
+                f"recorded = {header.recorded}, marks = {header.marks}, "
+                f"figures = {header.figures}, islands = {header.islands}"
             )
             raise ValueError(f"schema version {version} with {told}")
         if header.block is not None:
@@ -159,6 +165,18 @@ class Header:
 @cache
 def _header_model() -> TypeAdapter:
     return TypeAdapter(Header)
+
+
+class IslandSummary(BaseModel):
+    """What a generation's summary tells of one island."""
+
+    model_config = _STRICT
+
+    living: int = Field(ge=0)
+    feasible: int = Field(ge=0)
+    hypervolume: _Finite | None = None
+    best: dict[str, _Finite] = Field(default_factory=dict)
+    algorithm: dict[str, _Finite] = Field(default_factory=dict)
 
 
 class Summary(BaseModel):
@@ -172,6 +190,7 @@ class Summary(BaseModel):
     best: dict[str, _Finite] = Field(default_factory=dict)
     evaluations_per_second: _Finite | None = None
     algorithm: dict[str, _Finite] = Field(default_factory=dict)
+    islands: dict[str, IslandSummary] = Field(default_factory=dict)
 
 
 _SUMMARIES = TypeAdapter(dict[str, Summary])
@@ -216,12 +235,14 @@ class Birth:
 @dataclass(frozen=True)
 class Member:
     """Who lived in a generation: slot, individual, front (0 = first), and what the run's algorithm
-    tells of it besides, by the names of `Header.marks`."""
+    tells of it besides, by the names of `Header.marks`; on which island, where there are several:
+    an individual may live on more than one, and slots count anew on each."""
 
     slot: int
     id: int
     rank: int
     marks: Mapping[str, float] = field(default_factory=dict)
+    island: str | None = None
 
 
 _MEMBERSHIP = (
@@ -232,7 +253,7 @@ _MEMBERSHIP = (
 )
 
 _NEVER_NULL = frozenset(
-    ("generation", "id", "parents", "operator", "made", "status", "seconds", "feasible")
+    ("generation", "id", "parents", "operator", "made", "status", "seconds", "feasible", "island")
 ) | {name for name, _ in _MEMBERSHIP}
 
 
@@ -257,7 +278,13 @@ def told_short(error: str | None) -> str | None:
 
 def membership_schema(header: Header) -> pa.Schema:
     """Columns of a membership file."""
-    return pa.schema([*_MEMBERSHIP, *((name, pa.float64()) for name in header.marks)])
+    marks = ((name, pa.float64()) for name in header.marks)
+    return pa.schema([*_MEMBERSHIP, *marks, *_islands(header)])
+
+
+def _islands(header: Header) -> list[tuple[str, pa.DataType]]:
+    """The column of islands, where there are some."""
+    return [("island", _WORD)] if header.islands else []
 
 
 def births_schema(header: Header) -> pa.Schema:
@@ -265,6 +292,7 @@ def births_schema(header: Header) -> pa.Schema:
     columns = [
         ("generation", pa.int32()),
         ("id", pa.int64()),
+        *_islands(header),
         ("parents", pa.list_(pa.int64())),
         ("operator", _WORD),
         ("made", pa.string()),
@@ -279,14 +307,19 @@ def births_schema(header: Header) -> pa.Schema:
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
 
 
-def check_rows(table: pa.Table, marks: Sequence[str] = ()) -> None:
+def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
     """Raise ValueError if a ``table`` read from a file lacks a value that every row has; of a
-    membership its ``marks`` too."""
+    ``membership`` its marks too, unless islands have others each."""
+    marks = header.marks if membership and not header.islands else ()
     for name in set(table.column_names) & {*_NEVER_NULL, *marks}:
         if table[name].null_count:
             raise ValueError(f"a row without {name}")
     if "status" in table.column_names and not set(table["status"].to_pylist()) <= set(STATUSES):
         raise ValueError(f"a status other than {', '.join(STATUSES)}")
+    if "island" in table.column_names and not set(table["island"].to_pylist()) <= set(
+        header.islands
+    ):
+        raise ValueError(f"an island other than {', '.join(header.islands)}")
 
 
 def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
@@ -295,6 +328,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     columns = {
         "generation": [b.generation for b in births],
         "id": [b.id for b in births],
+        "island": [b.island for b in births],
         "parents": [list(b.parents) for b in births],
         "operator": [b.operator for b in births],
         "made": [json.dumps(b.made, default=plain) for b in births],
@@ -344,6 +378,7 @@ def births_of(
                 parents=tuple(row["parents"].as_py()),
                 values={name: value for name, value in values.items() if value is not None},
                 genome=genome,
+                island=row["island"].as_py() if header.islands else None,
                 made=dict(from_json(row["made"].as_py())),
             )
         )
@@ -367,7 +402,11 @@ def membership_table(
         {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
     )
     columns = [[getattr(m, name) for m in members] for name in ("slot", "id", "rank")]
-    columns += [[m.marks[name] for m in members] for name in header.marks]
+    one = not header.islands  # islands have other marks each
+    columns += [
+        [m.marks[name] if one else m.marks.get(name) for m in members] for name in header.marks
+    ]
+    columns += [[m.island for m in members]] if header.islands else []
     return pa.table(
         [
             pa.array(column, kind.type)

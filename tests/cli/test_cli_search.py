@@ -185,6 +185,7 @@ def test_status_tells_where_a_run_is(finished):
         "hypervolume",
         "best",
         "algorithm",
+        "islands",
         "picked",
         "picks_share",
         "weights",

@@ -101,6 +101,13 @@ class Algorithm(ABC):
     def judged(self, living: Sequence[Individual]) -> list[Individual]:
         """All of the ``living``, best first, with their rank and marks."""
 
+    def migrants(
+        self, living: Sequence[Individual], count: int, rng: np.random.Generator
+    ) -> list[Individual]:
+        """Those of the ``living``, given best first, that may live on another island too, ``count``
+        at most: the best."""
+        return list(living[:count])
+
     @abstractmethod
     def parents(
         self, living: Sequence[Individual], count: int, rng: np.random.Generator

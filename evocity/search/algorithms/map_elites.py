@@ -107,6 +107,13 @@ class MapElites(Algorithm):
         order = [*rng.permutation(kept), *rng.permutation(broken)]
         return [int(order[turn % len(order)]) for turn in range(count)]
 
+    def migrants(
+        self, living: Sequence[Individual], count: int, rng: np.random.Generator
+    ) -> list[Individual]:
+        """Drawn evenly among the holders of filled cells; of the others where none is."""
+        holders = [one for one in living if not one.violation] or living
+        return [holders[place] for place in rng.permutation(len(holders))[:count]]
+
     def summary(self, living: Sequence[Individual]) -> dict[str, float]:
         losses = np.array([one.losses[0] for one in living if not one.violation])
         return self._quality.summary(self._grid, losses)

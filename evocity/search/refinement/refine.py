@@ -173,7 +173,8 @@ def refine(
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     else:
         plan = plan_of(run, prepared, birth.id)
-        tuning, own = of_parameters(plan, recipe.parameters(plan.name), tune), plan.genomes
+        local = recipe.at(birth.id % recipe.run.population)
+        tuning, own = of_parameters(plan, local.parameters(plan.name), tune), plan.genomes
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     before = score(birth.values)
     noted = {
