@@ -14,7 +14,7 @@ from evocity.operators.crossing import Draft, Drafting, raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.lambda_crossover import interpolated
 from evocity.search import Observer
-from evocity.search.beginning import pool_of
+from evocity.search.beginning import Crew, pool_of
 from evocity.search.preparation import prepare
 from evocity.search.toolbox import deap_toolbox
 
@@ -124,7 +124,7 @@ def bench(case: Case) -> Iterator["Bench"]:
     """Parents of a case, and workers that breed and evaluate its births."""
     recipe = case.recipe(0)
     prepared = prepare(recipe)
-    pool = pool_of(prepared, 2, (), lambda text: None, lambda text: None)
+    pool = pool_of(prepared, Crew(2), (), lambda text: None, lambda text: None)
     try:
         yield Bench(case, recipe, [one.genome for one in prepared.sources], prepared, pool)
     finally:

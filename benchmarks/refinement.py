@@ -21,7 +21,7 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.search.beginning import pool_of
+from evocity.search.beginning import Crew, pool_of
 from evocity.search.breeding import founders_of
 from evocity.search.refinement.refine import score_of
 from evocity.search.rereading import read_again
@@ -113,7 +113,7 @@ def run_one(job) -> dict[str, tuple[float, float]]:
 def own_search(prepared, score, best, living, budget: int, seed: int) -> float:
     """The gain of a (1+1) search from the individual ``best``."""
     recipe, rng = prepared.recipe, np.random.default_rng([seed, 1])
-    pool = pool_of(prepared, 0, (), print, print)
+    pool = pool_of(prepared, Crew(0), (), print, print)
     sources = [source.genome for source in prepared.sources]
     genome, now = best.genome, score(best.values)
     names = list(recipe.operators)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 import re
 import runpy
 import shlex
@@ -189,9 +190,19 @@ def test_shell_lines_use_commands_and_options_that_exist():
                 pass
             command.make_parser(click.Context(command)).parse_args(list(rest))
             checked += 1
+        elif "dask" in words:
+            check_dask(words[words.index("dask") + 1 :])
         else:
-            assert words[:1] in (["duckdb"], ["mkdir"]), line
+            assert words[:1] in (["duckdb"], ["mkdir"], ["pip"]), line
     assert checked > 10
+
+
+def check_dask(words: list[str]) -> None:
+    """Raises for options that ``dask scheduler`` or ``dask worker`` do not know."""
+    module = pytest.importorskip(f"distributed.cli.dask_{words[0]}")
+    rest = list(itertools.takewhile(lambda word: not word.endswith(";"), words[1:]))
+    rest += [word.rstrip(";") for word in words[len(rest) + 1 :][:1]]
+    module.main.make_parser(click.Context(module.main)).parse_args(rest)
 
 
 def click_command(words: list[str]) -> tuple[click.Command, list[str]]:

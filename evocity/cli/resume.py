@@ -6,7 +6,7 @@ import click
 
 import evocity
 from evocity.cli.common import echo, note
-from evocity.cli.searching import blaming_options, carry_out, until_option
+from evocity.cli.searching import blaming_options, carry_out, cluster_option, until_option
 from evocity.cli.trusting import confirmed, trust_option
 
 
@@ -15,7 +15,8 @@ from evocity.cli.trusting import confirmed, trust_option
 Examples:
   evocity resume runs/lyon-x-montpellier
   evocity resume runs/lyon-x-montpellier --generations 400
-  evocity resume runs/lyon-x-montpellier --recipe runs/lyon-x-montpellier.toml"""
+  evocity resume runs/lyon-x-montpellier --recipe runs/lyon-x-montpellier.toml
+  evocity resume runs/lyon-x-montpellier --cluster tcp://10.0.0.1:8786"""
 )
 @click.argument("folder", metavar="RUN", type=click.Path(path_type=Path))
 @click.option(
@@ -30,6 +31,7 @@ Examples:
     show_default="as it was started",
     help="Processes that evaluate; the result does not depend on them.",
 )
+@cluster_option("as it was started")
 @until_option
 @click.option(
     "--recipe",
@@ -52,7 +54,7 @@ Examples:
     "generations again: the same births.",
 )
 def resume(
-    folder: Path, generations, workers, until, revised, accept_changes, trust, set_aside
+    folder: Path, generations, workers, cluster, until, revised, accept_changes, trust, set_aside
 ) -> None:
     """Go on with the run in the folder RUN.
 
@@ -81,6 +83,7 @@ def resume(
                 folder,
                 generations=generations,
                 workers=workers,
+                cluster=cluster,
                 until=until,
                 recipe=revised,
                 accept_changes=accept_changes,

@@ -8,7 +8,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_folder
-from evocity.cli.searching import blaming_options, carry_out, until_option
+from evocity.cli.searching import blaming_options, carry_out, cluster_option, until_option
 from evocity.errors import RunError
 
 
@@ -17,7 +17,8 @@ from evocity.errors import RunError
 Examples:
   evocity run
   evocity run runs/lyon-x-montpellier.toml --generations 500 --out runs/tonight
-  evocity run my-recipe.toml --seed 8 --workers 4 --until 07:00
+  evocity run my-recipe.toml --seed 8 --workers 4
+  evocity run my-recipe.toml --cluster local:4 --until 07:00
 
 A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
 )
@@ -31,6 +32,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     help="Processes that evaluate; the result does not depend on them. 0 evaluates in this one, "
     "without deadlines.",
 )
+@cluster_option("the recipe's")
 @click.option("--seed", type=int, show_default="the recipe's", help="Same seed, same bits.")
 @until_option
 @click.option(
@@ -40,7 +42,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     show_default="runs/NAME of the recipe, else runs/NAME-2, …",
     help="Run folder to make; refused if it exists.",
 )
-def run(recipe, generations, population, workers, seed, until, out) -> None:
+def run(recipe, generations, population, workers, cluster, seed, until, out) -> None:
     """Breed what RECIPE says; write every birth into a run folder.
 
     Without a RECIPE, breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a TOML
@@ -51,6 +53,7 @@ def run(recipe, generations, population, workers, seed, until, out) -> None:
         "generations": generations,
         "population": population,
         "workers": workers,
+        "cluster": cluster,
         "seed": seed,
         "until": until,
     }

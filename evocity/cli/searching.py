@@ -24,6 +24,20 @@ until_option = click.option(
     'time ("2026-11-25T07:00"); none: never.',
 )
 
+
+def cluster_option(default: str) -> Callable:
+    """``--cluster``, which is ``default`` unless given."""
+    return click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        show_default=default,
+        help='Dask cluster that evaluates: the scheduler\'s address, such as "tcp://host:8786", or '
+        '"local:N" for N workers on this machine; --workers is then the processes that each of its '
+        "workers hosts, one a thread unless given. none: no cluster. The result does not depend "
+        "on it.",
+    )
+
+
 #: Makes a `Search`, given whom to tell what is prepared.
 Start = Callable[[Callable[[str], None]], "evocity.Search"]
 
@@ -89,7 +103,8 @@ def _how_on(reason, folder: Path) -> str:
 
 
 def _commands_told():
-    """An observer that says which commands were carried out, and which were refused."""
+    """An observer that says which commands were carried out, which were refused, and what is done
+    again."""
     from evocity.search import Observer
     from evocity.search.commands import DONE, REFUSED, command_of
     from evocity.search.notifying import NOTIFIED
@@ -103,6 +118,8 @@ def _commands_told():
             if event == NOTIFIED and details["code"] != 0:
                 how = details.get("reason") or f"exit code {details['code']}"
                 note(f"notify.{details['on']} failed: {how}; {details['output']}".strip("; "))
+            if event == "retry":
+                note(details["reason"])
 
     def _words(details: dict) -> str:
         return command_of(details).words

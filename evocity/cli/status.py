@@ -47,7 +47,8 @@ def status(run: str, as_json: bool) -> None:
     front), picked (numbers of those that are bred from besides, see `evocity pick`), picks_share
     (the share of births that have one of them for their first parent), weights (those that `evocity
     reweight` has set, by name), waiting (commands that are not yet carried out, in words), refused
-    (those that were refused: generation and reason).
+    (those that were refused: generation and reason), evaluation (what births were evaluated by
+    last: engine, workers and the cluster; null in runs of older releases).
     """
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
@@ -67,7 +68,7 @@ def status(run: str, as_json: bool) -> None:
     steered = _steered(opened, state["generation"])
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
-        print_json(state | {"best": best} | more | steered)
+        print_json(state | {"best": best} | more | steered | {"evaluation": _engine(opened)})
         return
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
@@ -85,6 +86,7 @@ def status(run: str, as_json: bool) -> None:
         *([("front", _ids(front, run))] if whole else []),
         *_steered_rows(steered, run),
         ("evaluations/s", _shown(state["evaluations_per_second"])),
+        *([("evaluated by", _engine_told(_engine(opened)))] if _engine(opened) else []),
     ]
     print_table(rows)
 
@@ -97,6 +99,21 @@ def _island(told: dict) -> str:
     parts = [f"{told['living']} living", f"hypervolume {_shown(told.get('hypervolume'))}"]
     parts += [f"{name} {value}" for name, value in figures_told(told.get("algorithm", {}))]
     return ", ".join(parts) + (f"; best {best}" if best else "")
+
+
+def _engine(opened) -> dict | None:
+    """What births were evaluated by since the run was last started or resumed."""
+    told = [event for event in opened.events() if "engine" in event]
+    kept = ("engine", "cluster", "dask_workers", "workers")
+    return {key: told[-1][key] for key in kept if key in told[-1]} if told else None
+
+
+def _engine_told(engine: dict) -> str:
+    place = f"Dask at {engine['cluster']}" if "cluster" in engine else "this machine"
+    count = engine.get("workers")
+    return (
+        f"{place}, {count} worker process{'' if count == 1 else 'es'}" if count else "this process"
+    )
 
 
 def _is_held(opened) -> bool:

@@ -2,17 +2,20 @@
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from evocity.errors import RecipeError, keyword, setting
 from evocity.fitness.shipping import Shipment
 from evocity.search.compiling import needed
 from evocity.search.evaluation import Engine, Here, Workers
+from evocity.search.evaluation.parcels import parcel_of
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
 from evocity.search.trust import marked
+from evocity.search.values import CLUSTERS, cluster_of
 from evocity.store import RunWriter
 
 
@@ -40,24 +43,67 @@ def writer_of(prepared: Prepared, out: str | os.PathLike, engine: Mapping[str, A
     )
 
 
+@dataclass(frozen=True)
+class Crew:
+    """Who breeds and evaluates: so many ``workers`` processes, this process if that is 0; on a
+    ``cluster`` so many in each Dask worker, None for one a thread of it."""
+
+    workers: int | None
+    cluster: str | None = None
+
+    @classmethod
+    def asked(
+        cls, recipe: Recipe, workers: int | None = None, cluster: str | None = None
+    ) -> "Crew":
+        """As the ``recipe`` says, but for what is told. Raises `RecipeError`."""
+        given = recipe.evaluation
+        try:
+            address = cluster_of(cluster or given.cluster or "none")
+        except ValueError:
+            raise RecipeError(
+                f"a search on {setting('cluster', cluster)}", CLUSTERS, "correct the address"
+            ) from None
+        if address is None:
+            return cls(recipe.worker_count if workers is None else workers)
+        crew = cls(given.workers if workers is None else workers, address)
+        if crew.workers == 0:
+            raise RecipeError(
+                f"{setting('workers', 0)} beside {setting('cluster', address)}",
+                "worker processes, which each worker of the cluster hosts",
+                f"leave {keyword('workers')} out for one a thread, or the cluster",
+            )
+        return crew
+
+    @property
+    def here(self) -> bool:
+        """Whether everything is done in this process."""
+        return self.workers == 0
+
+
 def pool_of(
     prepared: Prepared,
-    count: int,
+    crew: Crew,
     shipped: tuple[Shipment, ...],
     tell: Callable[[str], None],
     retried: Callable[[str], None],
 ) -> Engine:
-    """Where births are bred and evaluated: in ``count`` workers, or in this process if that is 0.
-    ``shipped``: measures of the session; ``tell`` and ``retried`` are told in words what is done,
-    and what went wrong with the pool itself."""
+    """Where births are bred and evaluated. ``shipped``: measures of the session; ``tell`` and
+    ``retried`` are told in words what is done, and what went wrong with the pool itself. Raises
+    `RunError` if a cluster cannot be had."""
     recipe = prepared.recipe
     parts, sides = tuple(needed(recipe)), sides_of(recipe, prepared)
     setup = replace(prepared.setup, shipped=shipped, sides=sides, parts=parts)
-    if count == 0:
+    if crew.here:
         return Here(setup)
-    tell(f"starting {count} worker{'' if count == 1 else 's'}")
-    asked = recipe.evaluation
-    return Workers(setup, count, asked.timeout, retried, asked.memory_bytes)
+    limits = recipe.evaluation.timeout, recipe.evaluation.memory_bytes
+    if crew.cluster is None:
+        tell(f"starting {crew.workers} worker{'' if crew.workers == 1 else 's'}")
+        return Workers(setup, crew.workers, limits[0], retried, limits[1])
+    from evocity.search.evaluation.cluster import Cluster  # it loads Dask
+
+    tell(f"going to the Dask cluster at {crew.cluster}")
+    parcel = parcel_of(setup, [*recipe.measures, *recipe.recorded])
+    return Cluster(parcel, crew.cluster, crew.workers, *limits, tell, retried)
 
 
-__all__ = ["pool_of", "sides_of", "writer_of"]
+__all__ = ["Crew", "pool_of", "sides_of", "writer_of"]

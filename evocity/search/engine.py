@@ -8,7 +8,7 @@ from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
 from evocity.search import resuming
 from evocity.search.archipelago import Archipelago
-from evocity.search.beginning import pool_of, sides_of, writer_of
+from evocity.search.beginning import Crew, pool_of, sides_of, writer_of
 from evocity.search.births import Born, bred, to_evaluate, with_results
 from evocity.search.breeding import Picks
 from evocity.search.commands import Pick, Reweight, Stop
@@ -43,6 +43,9 @@ class Search:
     out : run folder to be created; None records nothing.
     workers : worker processes, in place of the recipe's; 0 works in this process, without
         deadlines. Births do not depend on it.
+    cluster : address of a Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N" for
+        N workers here, "none" for no cluster. ``workers`` are then the processes that each of its
+        workers hosts, one a thread unless told.
     progress : told in a few words what is prepared before the first generation.
     observers : see `evocity.search.observers`; they see every generation and event.
     clock : tells the time by which ``[stop] until`` of the recipe goes.
@@ -53,10 +56,10 @@ class Search:
 
     ``notes`` are what a user should know, in words: on `resume`, before it goes on; of a new run,
     from `prepare` on, what of the maps' files was taken, and which constraints no parent keeps.
-    Raises `RunError` if ``out`` exists, `FitnessError` if a measure declared in this session, in a
-    notebook's cell for one, cannot be sent to the worker processes. A script that uses workers
-    must start the search under ``if __name__ == "__main__":``, as with every use of processes in
-    Python.
+    Raises `RunError` if ``out`` exists or the cluster cannot be had, `FitnessError` if a measure
+    declared in this session, in a notebook's cell for one, cannot be sent to the worker processes.
+    A script that uses workers must start the search under ``if __name__ == "__main__":``, as with
+    every use of processes in Python.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class Search:
         progress: Callable[[str], None] | None = None,
         observers: Sequence[Observer] = (),
         clock: Clock = now,
+        cluster: str | None = None,
     ):
         if not isinstance(recipe, Recipe):
             raise RecipeError(
@@ -78,9 +82,9 @@ class Search:
             refuse_existing(out)
         self.recipe, self.out = recipe, out
         self.notes: list[str] = []
-        self._worker_count = recipe.worker_count if workers is None else workers
+        self._crew = Crew.asked(recipe, workers, cluster)
         measured = [*recipe.measures, *recipe.recorded]
-        self._shipped = shipped(measured) if self._worker_count else ()
+        self._shipped = () if self._crew.here else shipped(measured)
         self._progress = progress
         self._prepared: Prepared | None = None
         self._writer: RunWriter | None = None
@@ -94,7 +98,7 @@ class Search:
         self._next = 0
         self._births = self._failures = 0
         self._closed = self._entered = self._ended = False
-        self._pace = Pace(self._worker_count)
+        self._pace = Pace(1)
 
     @classmethod
     def resume(
@@ -109,6 +113,7 @@ class Search:
         until: str | None = None,
         recipe: Recipe | str | os.PathLike | None = None,
         clock: Clock = now,
+        cluster: str | None = None,
     ) -> "Search":
         """Go on with the run in ``path`` after its last whole generation.
 
@@ -128,7 +133,7 @@ class Search:
         asked = {"run.generations": generations, "stop.until": until}
         taken = resuming.take_up(path, asked, accept_changes, trust, recipe)
         try:
-            search = cls(taken.prepared.recipe, None, workers, progress, observers, clock)
+            search = cls(taken.prepared.recipe, None, workers, progress, observers, clock, cluster)
         except BaseException:
             taken.writer.close()
             raise
@@ -346,11 +351,12 @@ class Search:
     def _start_pool(self) -> None:
         self._pool = pool_of(
             self._prepared,
-            self._worker_count,
+            self._crew,
             self._shipped,
             self._tell,
             lambda text: self._observers.event("retry", reason=text),
         )
+        self._pace = Pace(self._pool.size)
 
     def _stopped(self, error: BaseException | None) -> None:
         """Note why the run stops, once; what is not whole is dropped at the next resume."""

@@ -37,7 +37,8 @@ class Setup:
     session, which another process does not know by name; ``references``: what the measures that
     compare cities compare with, by their names; ``sources``: the maps of the source cities, for
     measures that ask for them; ``sides``, ``parts``: the kernels it calls, as
-    `evocity.search.warm` names them; ``bounds``: the measures that are constraints alone."""
+    `evocity.search.warm` names them; ``bounds``: the measures that are constraints alone;
+    ``moved``: folders that files of measures were brought to -> those that errors name."""
 
     header: Header
     measures: tuple[tuple[str, str | None], ...]
@@ -49,6 +50,7 @@ class Setup:
     sources: tuple[CityMap, ...] = ()
     within: Mapping[str, Part] = field(default_factory=dict)
     bounds: frozenset[str] = frozenset()
+    moved: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

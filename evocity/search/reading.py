@@ -24,8 +24,8 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | Non
     Parameters
     ----------
     source : a path to a TOML file, or the name of a bundled recipe (see `recipes`).
-    overrides : ``generations``, ``population``, ``seed``, ``workers``, ``until`` of ``[stop]``;
-        None leaves the recipe's own.
+    overrides : ``generations``, ``population``, ``seed``, ``workers``, ``cluster``, ``until``
+        of ``[stop]``; None leaves the recipe's own.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | Non
             f"a TOML file, or one of {', '.join(recipes())}",
             near_miss(path.name, recipes()) or "check the path",
         ) from None
-    sections = {"workers": "evaluation", "until": "stop"}
+    sections = {"workers": "evaluation", "cluster": "evaluation", "until": "stop"}
     changes = {
         f"{sections.get(key, 'run')}.{key}": value
         for key, value in overrides.items()

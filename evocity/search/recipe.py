@@ -218,9 +218,13 @@ class Recipe(Section):
 
     @property
     def worker_count(self) -> int:
-        """``workers``, or the cores this process may use."""
-        if self.evaluation.workers is not None:
-            return self.evaluation.workers
+        """``workers``, or the cores this process may use; of an embedded cluster those of all its
+        workers."""
+        asked = self.evaluation
+        if (asked.cluster or "").startswith("local:"):
+            return int(asked.cluster.removeprefix("local:")) * (asked.workers or 1)
+        if asked.workers is not None:
+            return asked.workers
         return available_cores()
 
     @property

@@ -25,6 +25,7 @@ from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
 from evocity.search.algorithms import DEFAULT, Algorithm, algorithms
 from evocity.search.values import (
+    ClusterAddress,
     GenomeFile,
     Heights,
     LockFile,
@@ -232,7 +233,8 @@ def _some_memory(text: str) -> str:
 
 
 class EvaluationSection(Section):
-    """``[evaluation]``. ``workers`` 0: in the calling process, without deadlines.
+    """``[evaluation]``. ``workers`` 0: in the calling process, without deadlines. ``cluster``: the
+    address of a Dask scheduler, or "local:N"; ``workers`` is then what each of its workers hosts.
 
     ``timeout``: seconds, one individual. ``memory``: what one individual may take besides what its
     worker has before, such as "4 GB", or "none". ``max_failures``: the share of a generation's
@@ -240,9 +242,16 @@ class EvaluationSection(Section):
     """
 
     workers: int | None = Field(None, ge=0, le=4096)
+    cluster: ClusterAddress | None = None
     timeout: Positive = 60.0
     memory: Annotated[str, AfterValidator(_some_memory)] = "4 GB"
     max_failures: float = Field(0.5, ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _somebody_there(self) -> "EvaluationSection":
+        if self.workers == 0 and self.cluster not in (None, "none"):
+            raise fault("workers = 0 beside a cluster", "1 or more, or a key less")
+        return self
 
     @property
     def memory_bytes(self) -> int | None:

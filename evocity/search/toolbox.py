@@ -13,7 +13,7 @@ from evocity.citymap import CityMap
 from evocity.errors import EvocityError, OperatorError, RecipeError, shown
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
-from evocity.search.beginning import pool_of, sides_of
+from evocity.search.beginning import Crew, pool_of, sides_of
 from evocity.search.borrowed import deap
 from evocity.search.breeding import founder, generator
 from evocity.search.compiling import compile_once, needed
@@ -100,9 +100,9 @@ class Toolbox(deap.Toolbox):
     def __init__(self, recipe: Recipe, workers: int | None, tell: Callable[[str], None]):
         super().__init__()
         self.recipe = recipe
-        self._count = recipe.worker_count if workers is None else workers
+        self._crew = Crew.asked(recipe, workers)
         measured = [*recipe.measures, *recipe.recorded]
-        self._shipped = shipped(measured) if self._count else ()
+        self._shipped = shipped(measured) if not self._crew.here else ()
         compile_once(sides_of(recipe, None), needed(recipe), tell)
         self.prepared = prepare(recipe, tell)
         self._sources = [source.genome for source in self.prepared.sources]
@@ -237,7 +237,7 @@ class Toolbox(deap.Toolbox):
     @property
     def _workers(self) -> Engine:
         if self._pool is None:
-            args = self.prepared, self._count, self._shipped, self._tell, self._tell
+            args = self.prepared, self._crew, self._shipped, self._tell, self._tell
             self._pool = pool_of(*args)
         return self._pool
 

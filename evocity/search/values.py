@@ -4,6 +4,7 @@ The paths are relative to the recipe's folder, which stands with the parents, (n
 each, in the context of the validation; of a run taken up again also what it kept.
 """
 
+import re
 from collections.abc import Collection, Sequence
 from itertools import chain, count
 from pathlib import Path
@@ -33,6 +34,39 @@ class Section(BaseModel):
     def disagreements(self) -> list[tuple[str, str, str]]:
         """Faults (key, found, allowed) of keys that are sound each by itself."""
         return []
+
+
+#: Workers of an embedded cluster at most.
+_MOST_EMBEDDED = 256
+
+
+def cluster_of(text: str) -> str | None:
+    """The address of a Dask cluster, as `evocity.search.evaluation.cluster` takes it; None for
+    "none". Raises ValueError for anything else."""
+    if text == "none":
+        return None
+    embedded = re.fullmatch(r"local:([1-9]\d{0,2})", text, re.ASCII)
+    remote = re.fullmatch(r"(tcp|tls)://[^\s/]+:\d{1,5}", text, re.ASCII)
+    if remote is None and (embedded is None or int(embedded[1]) > _MOST_EMBEDDED):
+        raise ValueError(text)
+    return text
+
+
+def _some_cluster(text: str) -> str:
+    try:
+        cluster_of(text)
+    except ValueError:
+        raise fault(shown(text), CLUSTERS) from None
+    return text
+
+
+#: What addresses of clusters look like.
+CLUSTERS = (
+    '"tcp://HOST:PORT" or "tls://HOST:PORT" of a Dask scheduler, "local:N" for N workers here '
+    f'(1 to {_MOST_EMBEDDED}), or "none"'
+)
+#: The address of a cluster in a recipe.
+ClusterAddress = Annotated[str, AfterValidator(_some_cluster)]
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:

@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import replace
 from multiprocessing import connection, spawn
 
@@ -63,7 +64,7 @@ def _serve(served: socket.socket) -> None:
         while True:
             number, method, arguments = receive(served)
             budget.renew()
-            outcome = _done(evaluator, limit, method, arguments)
+            outcome = _as_at_home(_done(evaluator, limit, method, arguments), setup.moved)
             if os.getpid() != me:  # a copy that a measure forked answers for nobody
                 os._exit(0)
             leaves = not upkeep.restore() or outcome.status == "memory" or limit.half_used()
@@ -120,6 +121,16 @@ def _done(evaluator: Evaluator | Outcome, limit: "Limit", method: str, arguments
         text = f"{outcome.error}; allowed: {told_bytes(limit.allowed)}"
         outcome = replace(outcome, error=text)
     return outcome
+
+
+def _as_at_home(outcome: Outcome, moved: Mapping[str, str]) -> Outcome:
+    """An ``outcome`` whose error names folders as they are where the search is."""
+    if outcome.error is None or not moved:
+        return outcome
+    text = outcome.error
+    for here, there in moved.items():
+        text = text.replace(here, there)
+    return replace(outcome, error=text)
 
 
 class Limit:

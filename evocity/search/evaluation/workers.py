@@ -5,6 +5,7 @@ import math
 import os
 import selectors
 import signal
+import socket
 import sys
 import time
 from collections import Counter, deque
@@ -47,6 +48,8 @@ class Workers:
     A job that fails, hangs or ends its worker costs that job alone; a worker is ended with all
     processes that it began. Order and bits of the outcomes do not depend on ``count``. ``retried``
     is called with a text when jobs are done again: a worker was killed, or what starts them broke.
+    ``setup`` is sent to the workers, and may be what becomes a setup there. ``main``: whether they
+    load the main module too, as processes of multiprocessing do.
     """
 
     def __init__(
@@ -57,9 +60,10 @@ class Workers:
         retried: Callable[[str], None] | None = None,
         memory: int | None = None,
         clock: Callable[[], float] = time.monotonic,
+        main: bool = True,
     ):
         self._setup, self._count, self._timeout = setup, count, timeout
-        self._memory, self._clock = memory, clock
+        self._memory, self._clock, self._main = memory, clock, main
         self._retried = retried or (lambda text: None)
         self._starter: Nursed | Spawned | None = None
         self._seats: dict[int, Seat] = {}
@@ -69,6 +73,9 @@ class Workers:
         self._seconds = 1.0  # that a job takes, roughly
         self._selector = selectors.DefaultSelector()
         self._watched: dict[int, int] = {}
+        self._bell, self._heard = socket.socketpair()
+        self._bell.setblocking(False)
+        self._selector.register(self._heard, selectors.EVENT_READ)
         self._begin("", iter(()))
 
     @property
@@ -77,10 +84,11 @@ class Workers:
 
     @property
     def described(self) -> dict:
-        return {"engine": "processes", "workers": self._count}
+        return {"engine": "workers", "workers": self._count}
 
-    def run(self, method: str, jobs: Sequence[tuple]) -> list[Outcome]:
-        """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``.
+    def run(self, method: str, jobs: Sequence[tuple | bytes]) -> list[Outcome]:
+        """Outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``; one may be framed
+        already.
 
         Raises `RunError` if no workers can be had.
         """
@@ -110,6 +118,13 @@ class Workers:
         """End all workers, and what they began; safe to call twice."""
         self._stop()
         self._selector.close()
+        self._bell.close()
+        self._heard.close()
+
+    def wake(self) -> None:
+        """Have `run` look at the clock at once; called by another thread."""
+        with contextlib.suppress(OSError):  # it will anyway
+            self._bell.send(b"!")
 
     def __del__(self):
         with contextlib.suppress(Exception):
@@ -149,6 +164,8 @@ class Workers:
     def _step(self) -> None:
         self._fill_seats()
         self._hand_out()
+        if self._outcomes:  # of jobs that cannot be sent: nothing will tell of them
+            return
         patience = self._patience()
         ready = self._selector.select(patience)
         self._forgive(patience)
@@ -157,6 +174,8 @@ class Workers:
                 if events & selectors.EVENT_WRITE:
                     key.data.flush()
                 self._listen(key.data)
+            elif key.fileobj is self._heard:
+                self._heard.recv(1 << 12)
         for news in self._starter.news():
             self._take(news)
         if self._answered is None and self._starter.answered:
@@ -185,7 +204,9 @@ class Workers:
 
     def _sent(self, seat: Seat, number: int) -> bool:
         try:
-            told = framed((number, self._method, bytes(framed(self._jobs[number]))))
+            job = self._jobs[number]
+            job = job if isinstance(job, bytes) else bytes(framed(job))
+            told = framed((number, self._method, job))
         except Exception as error:  # it cannot be sent to another process
             self._settle(number, Outcome("error", f"{type(error).__name__}: {error}"))
             return False
@@ -241,7 +262,7 @@ class Workers:
             if self._starter.handle is not None:
                 self._selector.register(self._starter.handle, selectors.EVENT_READ)
             inherits = self._starter.inherits
-            preparation = None if inherits else _preparation()
+            preparation = None if inherits else _preparation(self._main)
             told = preparation, None if inherits else dict(os.environ) | ONE_THREAD
             self._first = framed(told) + framed((self._setup, self._memory))
         while len(self._seats) < self._count:
@@ -433,9 +454,12 @@ class Workers:
         self._watched[descriptor] = events
 
 
-def _preparation() -> dict:
-    """What makes another process like this one: its path, its arguments, its main module."""
+def _preparation(main: bool) -> dict:
+    """What makes another process like this one: its path, its arguments, and its ``main`` module
+    if wanted."""
     found = spawn.get_preparation_data("worker")
+    if not main:
+        found = {key: value for key, value in found.items() if not key.startswith("init_main")}
     return found | {"authkey": bytes(found["authkey"])}  # the connection is this process's own
 
 

@@ -13,7 +13,7 @@ from evocity.coding.fit import fit_attractor
 from evocity.coding.optimising import WITHOUT_GRADIENTS
 from evocity.errors import EvocityError, RunError, keyword, shown
 from evocity.genome import VOID, Genome
-from evocity.search.beginning import pool_of, sides_of
+from evocity.search.beginning import Crew, pool_of, sides_of
 from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Here
 from evocity.search.evaluator import Outcome
@@ -134,7 +134,7 @@ def refine(
     (birth,) = alive(run, [id])
     prepared = _with_void(read_again(run, None, accept_changes, trust)[0])
     compile_once(sides_of(prepared.recipe, prepared), needed(prepared.recipe), say)
-    pool = pool_of(prepared, 0, (), say, say)
+    pool = pool_of(prepared, Crew(0), (), say, say)
     score = score_of(run, prepared)
     if way == "fit":
         return _fitted(birth, towards, budget, score, pool, progress)

@@ -1,0 +1,564 @@
+"""A Dask cluster breeds the same births, whatever ends in the middle of it."""
+
+import contextlib
+import importlib.metadata
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from codes import uniformly
+from toy_runs import write_toy
+
+from evocity import fitness
+from evocity.errors import RecipeError, RunError
+from evocity.kinds import KINDS as CHROMOSOMES
+from evocity.search import Search, read_recipe
+from evocity.search.evaluation import Workers, hosting, processes
+from evocity.search.evaluation.parcels import opened, parcel_of
+from evocity.search.evaluator import Setup
+from evocity.store import open_run
+
+pytest.importorskip("distributed")
+
+from evocity.search.evaluation import cluster as clusters
+from evocity.search.evaluation import link
+from evocity.search.evaluation.cluster import Cluster
+
+pytestmark = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+
+MEASURE = """
+import ctypes, os, signal, sys, time
+import numpy as np
+import evocity
+{imports}
+
+@evocity.fitness(goal="max")
+def bad(city, genome):
+    told = genome.cities[0]
+    {body}
+    return float(city.heights.mean()) + len(told)
+"""
+
+
+def free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def alive(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            return file.read().rpartition(b")")[2].split()[0] != b"Z"
+    except OSError:
+        return False
+
+
+def within(seconds: float, condition) -> bool:
+    """Whether a ``condition`` comes true in so many seconds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+class Machines:
+    """A scheduler and workers on this machine, as docs/cluster.md starts them."""
+
+    def __init__(self, folder, workers: int, *, nthreads: int = 1):
+        self.port, self._log = free_port(), open(folder / "dask.log", "ab")  # noqa: SIM115
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self._nthreads = nthreads
+        self.scheduler = self._scheduler()
+        self.workers = [self.worker() for _ in range(workers)]
+        assert within(60, self._answers)
+
+    def _start(self, *words: str, shell: bool = False) -> subprocess.Popen:
+        words = [sys.executable, "-m", *words] if not shell else ["sh", "-c", *words]
+        return subprocess.Popen(words, stdout=self._log, stderr=self._log, start_new_session=True)
+
+    def _answers(self) -> bool:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port)):
+            return True
+        return False
+
+    def _scheduler(self) -> subprocess.Popen:
+        return self._start(
+            "distributed.cli.dask_scheduler",
+            *("--host", "127.0.0.1", "--port", str(self.port)),
+            *("--no-dashboard", "--dashboard-address", "127.0.0.1:0"),
+        )
+
+    def worker(self) -> subprocess.Popen:
+        """One in a loop, which starts it again when it ends."""
+        command = (
+            f"while sleep 0.1; do {sys.executable} -m distributed.cli.dask_worker {self.address} "
+            f"--nthreads {self._nthreads} --memory-limit 0 --no-nanny --no-dashboard; done"
+        )
+        return self._start(command, shell=True)
+
+    def worker_pid(self, number: int) -> int:
+        """Of the Dask worker that the loop runs."""
+        for pid in processes.children(self.workers[number].pid):
+            with contextlib.suppress(OSError), open(f"/proc/{pid}/cmdline", "rb") as file:
+                if b"dask_worker" in file.read():
+                    return pid
+        raise AssertionError("there is no worker")
+
+    def kill_scheduler(self) -> None:
+        os.killpg(self.scheduler.pid, signal.SIGKILL)
+        self.scheduler.wait()
+
+    def start_scheduler(self) -> None:
+        self.scheduler = self._scheduler()
+
+    def hosted(self) -> list[int]:
+        """Ids of evocity's own processes below the Dask workers, the nurseries left out."""
+        below = [
+            one
+            for number in range(len(self.workers))
+            for nursery in processes.children(self.worker_pid(number))
+            for one in processes.descendants(nursery)
+        ]
+        return [pid for pid in below if alive(pid)]
+
+    def close(self) -> None:
+        families = [processes.descendants(one.pid) for one in [*self.workers, self.scheduler]]
+        for one in [*self.workers, self.scheduler]:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(one.pid, signal.SIGKILL)
+            one.wait()
+        self._log.close()
+        left = [pid for family in families for pid in family]
+        assert within(10, lambda: not any(map(alive, left)))
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory):
+    found = Machines(tmp_path_factory.mktemp("machines"), 2)
+    yield found
+    found.close()
+
+
+@pytest.fixture(scope="session")
+def genome(town):
+    return uniformly(town).genome
+
+
+@pytest.fixture
+def told():
+    """What a cluster told of jobs that it did again."""
+    return []
+
+
+@pytest.fixture
+def setup_of(tmp_path):
+    """Function that makes the setup, and the measures, of the measure ``bad``."""
+
+    def make(body: str = "pass", imports: str = ""):
+        path = tmp_path / "own" / "bad.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(MEASURE.format(body=body, imports=imports))
+        measures = fitness.load_file(path)
+        header = SimpleNamespace(chromosome=CHROMOSOMES["fabric"], measures=("bad",), recorded=())
+        return Setup(header, (("bad", str(path)),), sides=4), measures
+
+    return make
+
+
+@pytest.fixture
+def cluster(setup_of, told):
+    """Function that makes an engine on a cluster for the measure ``bad``."""
+    made = []
+
+    def make(address, body="pass", imports="", seats=None, timeout=30.0, memory=None):
+        parcel = parcel_of(*setup_of(body, imports))
+        made.append(Cluster(parcel, address, seats, timeout, memory, told.append, told.append))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def named(genome, *names):
+    """Jobs: to measure the genome under these names, which the measure reads."""
+    return [(genome.replace(cities=(name,)),) for name in names]
+
+
+def calm(count: int) -> list[str]:
+    return [f"calm-{number}" for number in range(count)]
+
+
+def births_of(folder) -> list:
+    """All births but for how long they took."""
+    run = open_run(folder)
+    rows = [row for number in run.generations for row in run.births(number).to_pylist()]
+    return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
+
+
+# -- the same births ---------------------------------------------------------------------
+
+
+def test_the_births_are_those_of_one_machine(tmp_path, machines):
+    helper = "import evocity\ndef twice(x):\n    return 2 * x\n"
+    more = "from helper import twice\n\n@evocity.fitness(goal='min')\ndef double(city):\n"
+    more += "    if number(city) % 5 == 0:\n        raise ValueError('a bad mood')\n"
+    more += "    return twice(float(city.heights.mean()))\n"
+    more = "\n" + more
+    (tmp_path / "helper.py").write_text(helper)
+    recipe = write_toy(tmp_path, more, generations=2, max_failures=0.9)
+
+    def bred(name, **how):
+        with Search(read_recipe(recipe), out=tmp_path / name, **how) as search:
+            for _ in search:
+                pass
+        return births_of(tmp_path / name)
+
+    expected = bred("here", workers=0)
+    assert any("a bad mood" in (row["error"] or "") for row in expected)
+    for workers in (1, 2, 4):
+        assert bred(f"of-{workers}", workers=workers) == expected
+    assert bred("dask", cluster=machines.address, workers=1) == expected
+    assert bred("dask-4", cluster=machines.address, workers=2) == expected
+    run = open_run(tmp_path / "dask-4")
+    engine = run.events()[0]
+    assert (engine["engine"], engine["cluster"]) == ("dask", machines.address)
+    assert (engine["dask_workers"], engine["workers"]) == (2, 4)
+    assert run.provenance["evaluation"]["engine"] == "dask"
+    assert open_run(tmp_path / "of-2").provenance["evaluation"] == {
+        "engine": "workers",
+        "workers": 2,
+    }
+
+
+def test_an_embedded_cluster_breeds_them_too_and_leaves_nothing(tmp_path):
+    recipe = write_toy(tmp_path, generations=1)
+    before = set(processes.descendants(os.getpid()))
+    for name, how in (("one", {"workers": 1}), ("two", {"cluster": "local:2", "workers": None})):
+        with Search(read_recipe(recipe, **how), out=tmp_path / name) as search:
+            search.prepare()
+            if name == "two":
+                served = [one for one in _listening() if one not in ("127.0.0.1", "::1")]
+                assert served == []
+            for _ in search:
+                pass
+    assert births_of(tmp_path / "one") == births_of(tmp_path / "two")
+    nursery = {one for one in processes.descendants(os.getpid()) if one not in before}
+    with contextlib.suppress(AssertionError):  # our own pool's may have begun here
+        assert not nursery
+    names = [_command(pid) for pid in nursery]
+    assert not [name for name in names if "spawn_main" in name]
+
+
+def _listening() -> list[str]:
+    """Addresses that this process and those below listen at."""
+    import psutil
+
+    me = psutil.Process()
+    found = []
+    for one in [me, *me.children(recursive=True)]:
+        with contextlib.suppress(psutil.Error):
+            made = one.net_connections(kind="inet")
+            found += [c.laddr.ip for c in made if c.status == psutil.CONN_LISTEN]
+    return found
+
+
+def _command(pid: int) -> str:
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/cmdline", "rb") as file:
+        return file.read().replace(b"\0", b" ").decode()
+    return ""
+
+
+def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, genome):
+    engine = cluster(machines.address, "time.sleep(0.5 if told == 'slow' else 0.01)")
+    engine.run("evaluate", named(genome, *calm(4)))  # workers are there
+    jobs, taken = named(genome, "slow", *calm(20)), []
+
+    def feed():
+        for number, job in enumerate(jobs):
+            while number > len(taken) + 8:
+                yield None
+            yield job
+
+    for number, outcome in engine.stream("evaluate", feed()):
+        assert outcome.status == "ok"
+        taken.append(number)
+    assert sorted(taken) == list(range(21))
+    assert taken[0] != 0
+
+
+def test_what_cannot_be_sent_is_an_error_as_with_workers(cluster, machines, genome, setup_of):
+    job = (genome, [], threading.Lock())
+    here = Workers(setup_of()[0], 1, 30.0)
+    (expected,) = here.run("evaluate", [job])
+    here.close()
+    (found,) = cluster(machines.address).run("evaluate", [job])
+    assert (found.status, found.error) == (expected.status, expected.error)
+    assert "TypeError" in found.error
+
+
+# -- measures ----------------------------------------------------------------------------
+
+BAD = """{
+        'hangs': lambda: time.sleep(1e6),
+        'exits': lambda: os._exit(3),
+        'kills': lambda: os.kill(os.getpid(), 9),
+        'raises': lambda: [][0],
+        'allocates': lambda: np.ones(10**8).sum(),
+        'starts': lambda: os.spawnlp(os.P_NOWAIT, 'sleep', 'sleep', '1000'),
+    }.get(told, float)()"""
+
+
+def test_bad_measures_cost_their_own_births(cluster, machines, genome, setup_of):
+    names = ["hangs", "calm", "exits", "raises", "calm-2", "allocates", "starts", "kills", "calm-3"]
+    limits = {"timeout": 2.0, "memory": 300 * 10**6}
+    here = Workers(setup_of(BAD)[0], 2, **limits)
+    expected = here.run("evaluate", named(genome, *names))
+    here.close()
+    engine = cluster(machines.address, BAD, seats=2, **limits)
+    found = engine.run("evaluate", named(genome, *names))
+
+    def compared(outcomes):  # one of memory tells how much there was just then
+        return [(o.status, o.status == "memory" or o.error, o.values) for o in outcomes]
+
+    assert compared(found) == compared(expected)
+    ends = ["timeout", "ok", "died", "error", "ok", "memory", "ok", "died", "ok"]
+    assert [one.status for one in found] == ends
+    assert engine.size == 4
+    engine.close()
+    assert within(10, lambda: not machines.hosted())
+
+
+def test_files_of_measures_travel_with_what_they_import(cluster, machines, genome, tmp_path):
+    own = tmp_path / "own"
+    (own / "deeper").mkdir(parents=True)
+    (own / "helper.py").write_text("from deeper.more import more\ndef of(x):\n    return more(x)\n")
+    (own / "deeper" / "more.py").write_text("def more(x):\n    return x + 1000\n")
+    body = "if told == 'raises': raise ValueError(__file__)\n    return of(len(told))"
+    engine = cluster(machines.address, body, "from helper import of")
+    shutil.rmtree(own)  # another machine has no such folder
+    found = engine.run("evaluate", named(genome, *calm(4), "raises"))
+    assert [one.values for one in found[:4]] == [{"bad": 1006.0}] * 4
+    assert f"({own / 'bad.py'}, line 11)" in found[4].error
+    assert "measures-" not in found[4].error
+
+
+def test_a_parcel_is_opened_where_its_files_are(setup_of, tmp_path):
+    setup, measures = setup_of()
+    parcel = parcel_of(setup, measures)
+    assert opened(parcel.told, parcel.files).measures == setup.measures
+    assert opened(parcel.told, parcel.files).moved == {}
+    (tmp_path / "own" / "bad.py").write_text("raise SystemExit")
+    again = opened(parcel.told, parcel.files)
+    assert again.measures != setup.measures
+    assert list(again.moved.values()) == [str(tmp_path / "own")]
+    with pytest.raises(RunError, match="has changed since it was executed"):
+        parcel_of(setup, measures)
+
+
+def test_a_measure_of_the_session_travels_as_source(tmp_path, machines):
+    @fitness.fitness(goal="max")
+    def of_this_session(city):
+        return float(np.median(city.heights))
+
+    recipe = write_toy(tmp_path, generations=1)
+    text = recipe.read_text() + '[[fitness]]\nname = "of_this_session"\n'
+    recipe.write_text(text)
+    for name, how in (("one", {"workers": 1}), ("dask", {"cluster": machines.address})):
+        with Search(read_recipe(recipe), out=tmp_path / name, **how) as search:
+            for _ in search:
+                pass
+    assert births_of(tmp_path / "one") == births_of(tmp_path / "dask")
+
+
+# -- what ends ---------------------------------------------------------------------------
+
+
+def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, told):
+    engine = cluster(machines.address, "time.sleep(0.05)")
+    jobs = named(genome, *calm(60))
+    expected = [one.values for one in engine.run("evaluate", jobs)]
+    victim = machines.worker_pid(0)
+    family = processes.descendants(victim)
+    killer = threading.Timer(0.5, os.kill, (victim, signal.SIGKILL))
+    killer.start()
+    found = engine.run("evaluate", jobs)
+    killer.join()
+    assert [one.values for one in found] == expected
+    assert any("is gone: its births again" in text for text in told)
+    assert within(10, lambda: not any(map(alive, family)))
+    # the loop starts another, which takes part
+    assert within(30, lambda: engine._link.sites().__len__() == 2)
+    engine.run("evaluate", jobs)
+    assert engine.size == 2
+
+
+def test_a_scheduler_that_is_gone_is_waited_for(cluster, tmp_path, genome, told):
+    own = Machines(tmp_path, 2)
+    try:
+        engine = cluster(own.address, "time.sleep(0.05)")
+        jobs = named(genome, *calm(60))
+        expected = [one.values for one in engine.run("evaluate", jobs)]
+        deed = threading.Timer(0.5, lambda: (own.kill_scheduler(), own.start_scheduler()))
+        deed.start()
+        found = engine.run("evaluate", jobs)
+        deed.join()
+        assert [one.values for one in found] == expected
+        assert any("is gone" in text and "waiting for it" in text for text in told)
+        assert "is back" in told[-1]
+    finally:
+        own.close()
+
+
+def test_a_scheduler_that_does_not_come_back_ends_the_run(
+    cluster, tmp_path, genome, told, monkeypatch
+):
+    own = Machines(tmp_path, 1)
+    try:
+        engine = cluster(own.address)
+        monkeypatch.setattr(clusters, "PATIENCE", 2.0)
+        monkeypatch.setattr(link, "CONNECT", 1.0)
+        own.kill_scheduler()
+        began = time.monotonic()
+        with pytest.raises(RunError, match=r"did not come back in 2 s.*[\s\S]*evocity resume"):
+            engine.run("evaluate", named(genome, *calm(4)))
+        assert time.monotonic() - began < 20
+    finally:
+        own.close()
+
+
+def test_an_address_where_nobody_answers_is_told_in_time(cluster, monkeypatch):
+    monkeypatch.setattr(link, "CONNECT", 1.0)
+    began = time.monotonic()
+    with pytest.raises(RunError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9 "):
+        cluster("tcp://127.0.0.1:9")
+    assert time.monotonic() - began < 10
+
+
+def test_a_cluster_without_workers_is_told_in_time(cluster, tmp_path, monkeypatch, told):
+    monkeypatch.setattr(clusters, "PATIENCE", 1.0)
+    own = Machines(tmp_path, 0)
+    try:
+        with pytest.raises(RunError, match="no worker came to the Dask scheduler"):
+            cluster(own.address)
+        assert "waiting for workers" in told[0]
+    finally:
+        own.close()
+
+
+def test_other_versions_are_refused(cluster, machines, monkeypatch):
+    real = importlib.metadata.version
+
+    def version(name):
+        return "0.1" if name == "numpy" else real(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    with pytest.raises(RunError, match=rf"numpy {np.__version__} there, 0\.1 here"):
+        cluster(machines.address)
+
+
+def test_without_the_extra_it_is_named(cluster, monkeypatch):
+    monkeypatch.setattr(link, "MISSING", "No module named 'distributed'")
+    with pytest.raises(RunError, match=r"extra `cluster`[\s\S]*pip install 'evocity\[cluster\]'"):
+        cluster("local:2")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
+    recipe = write_toy(tmp_path, generations=400)
+    script = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from evocity.cli import main; main(prog_name='evocity')"
+    )
+    words = ["run", str(recipe), "--out", str(tmp_path / "run"), "--cluster", "local:2"]
+    run = subprocess.Popen(
+        [sys.executable, "-c", script, *words, "--workers", "1"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    first = tmp_path / "run" / "membership" / "generation-00000001.parquet"
+    assert within(120, lambda: first.exists() or run.poll() is not None)
+    family = processes.descendants(run.pid)
+    assert len(family) > 4
+    if number == signal.SIGINT:  # a terminal's goes to all of the group
+        os.killpg(run.pid, number)
+    else:
+        run.send_signal(number)
+    shown, _ = run.communicate(timeout=60)
+    assert run.returncode == 128 + number, shown
+    assert "Traceback" not in shown, shown
+    assert "distributed" not in shown, shown
+    assert "Go on with: evocity resume" in shown
+    assert within(10, lambda: not any(map(alive, family)))
+
+
+# -- recipes -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "tls://host:1", "local:1", "none"])
+def test_addresses_of_clusters(tmp_path, address):
+    recipe = read_recipe(write_toy(tmp_path), cluster=address)
+    assert recipe.evaluation.cluster == address
+
+
+@pytest.mark.parametrize(
+    "address", ["", "local:0", "local:257", "local", "http://host:1", "tcp://host", "tcp://a b:1"]
+)
+def test_addresses_that_are_none(tmp_path, address):
+    with pytest.raises(RecipeError, match=r"evaluation\.cluster"):
+        read_recipe(write_toy(tmp_path), cluster=address)
+    with pytest.raises(RecipeError, match=r"cluster = "):
+        Search(read_recipe(write_toy(tmp_path)), cluster=address or "local:")
+
+
+def test_a_cluster_has_worker_processes(tmp_path):
+    path = write_toy(tmp_path)
+    with pytest.raises(RecipeError, match="workers = 0"):
+        read_recipe(path, cluster="local:2", workers=0)
+    with pytest.raises(RecipeError, match="workers = 0"):
+        Search(read_recipe(path), cluster="local:2", workers=0)
+    assert read_recipe(path, cluster="local:3", workers=2).worker_count == 6
+
+
+def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):
+    monkeypatch.setattr(hosting, "IDLE", 0.2)
+    from evocity.search.evaluation.frames import framed
+
+    host = hosting.Host(parcel_of(*setup_of()), 2, 30.0, None)
+    jobs = [bytes(framed(job)) for job in named(genome, *calm(6))]
+    first = host.run("evaluate", jobs)
+    assert [one.status for one in first.outcomes] == ["ok"] * 6
+    assert within(10, lambda: not host._pools)
+    assert [one.values for one in host.run("evaluate", jobs).outcomes] == [
+        one.values for one in first.outcomes
+    ]
+    host.close()
+    with pytest.raises(hosting.Closed):
+        host.run("evaluate", jobs)
+
+
+def test_a_host_that_is_closed_ends_what_hangs(setup_of, genome):
+    from evocity.search.evaluation.frames import framed
+
+    host = hosting.Host(parcel_of(*setup_of("time.sleep(1e6)")), 1, 600.0, None)
+    jobs = [bytes(framed(job)) for job in named(genome, *calm(2))]
+    closer = threading.Timer(3.0, host.close)
+    closer.start()
+    began = time.monotonic()
+    with pytest.raises(hosting.Closed):
+        host.run("evaluate", jobs)
+    assert time.monotonic() - began < 30
