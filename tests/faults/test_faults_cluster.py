@@ -104,7 +104,8 @@ class Machines:
         """One in a loop, which starts it again when it ends."""
         command = (
             f"while sleep 0.1; do {sys.executable} -m distributed.cli.dask_worker {self.address} "
-            f"--nthreads {self._nthreads} --memory-limit 0 --no-nanny --no-dashboard; done"
+            f"--nthreads {self._nthreads} --memory-limit 0 --no-nanny --no-dashboard "
+            "--dashboard-address 127.0.0.1:0; done"
         )
         return self._start(command, shell=True)
 
@@ -250,25 +251,27 @@ def test_an_embedded_cluster_breeds_them_too_and_leaves_nothing(tmp_path):
         with Search(read_recipe(recipe, **how), out=tmp_path / name) as search:
             search.prepare()
             if name == "two":
-                served = [one for one in _listening() if one not in ("127.0.0.1", "::1")]
-                assert served == []
+                served = _listening(before)
+                assert served
+                assert set(served) <= {"127.0.0.1", "::1"}
             for _ in search:
                 pass
     assert births_of(tmp_path / "one") == births_of(tmp_path / "two")
-    nursery = {one for one in processes.descendants(os.getpid()) if one not in before}
-    with contextlib.suppress(AssertionError):  # our own pool's may have begun here
-        assert not nursery
-    names = [_command(pid) for pid in nursery]
-    assert not [name for name in names if "spawn_main" in name]
+
+    def left() -> list[str]:
+        new = [one for one in processes.descendants(os.getpid()) if one not in before]
+        return [name for name in map(_command, new) if "spawn_main" in name]
+
+    assert within(10, lambda: not left())
 
 
-def _listening() -> list[str]:
-    """Addresses that this process and those below listen at."""
+def _listening(before: set[int]) -> list[str]:
+    """Addresses that this process listens at, and those below that were not there before."""
     import psutil
 
     me = psutil.Process()
     found = []
-    for one in [me, *me.children(recursive=True)]:
+    for one in [me, *(one for one in me.children(recursive=True) if one.pid not in before)]:
         with contextlib.suppress(psutil.Error):
             made = one.net_connections(kind="inet")
             found += [c.laddr.ip for c in made if c.status == psutil.CONN_LISTEN]
@@ -351,7 +354,7 @@ def test_files_of_measures_travel_with_what_they_import(cluster, machines, genom
     shutil.rmtree(own)  # another machine has no such folder
     found = engine.run("evaluate", named(genome, *calm(4), "raises"))
     assert [one.values for one in found[:4]] == [{"bad": 1006.0}] * 4
-    assert f"({own / 'bad.py'}, line 11)" in found[4].error
+    assert f"({own / 'bad.py'}, line 10)" in found[4].error
     assert "measures-" not in found[4].error
 
 
@@ -491,7 +494,7 @@ def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
         start_new_session=True,
     )
     first = tmp_path / "run" / "membership" / "generation-00000001.parquet"
-    assert within(120, lambda: first.exists() or run.poll() is not None)
+    assert within(250, lambda: first.exists() or run.poll() is not None)
     family = processes.descendants(run.pid)
     assert len(family) > 4
     if number == signal.SIGINT:  # a terminal's goes to all of the group

@@ -7,6 +7,7 @@ networks that are trusted. Addresses of ``tls://`` take certificates from Dask's
 import asyncio
 import contextlib
 import logging
+import os
 import re
 import warnings
 from collections.abc import Callable, Sequence
@@ -100,7 +101,7 @@ class Link:
                 security=Security.temporary(),
                 silence_logs=_SILENT,
             )
-        self._undone.callback(cluster.close, timeout=_LEAVE)
+        self._undone.callback(_end, cluster)
         return cluster
 
     def sites(self) -> dict[str, int]:
@@ -155,6 +156,15 @@ class Link:
                 self._undone.close()
 
 
+def _end(cluster: "LocalCluster") -> None:
+    """Close an embedded cluster; its workers are gone afterwards, whatever Dask does."""
+    pids = [nanny.pid for nanny in cluster.workers.values()]
+    with contextlib.suppress(Exception):
+        cluster.close(timeout=_LEAVE)
+    for pid in set(pids).intersection(processes.children(os.getpid())):
+        processes.kill(pid)
+
+
 async def _bring(number: int, future, heard: SimpleQueue) -> None:
     try:
         heard.put((number, "done", await future))
@@ -173,22 +183,25 @@ async def _bring(number: int, future, heard: SimpleQueue) -> None:
 
 
 def _task() -> Callable:
-    def evocity(*work):
-        from evocity.search.evaluation import link
+    home = __name__
 
-        return link.hosted(*work)
+    def evocity(*work):
+        from importlib import import_module
+
+        return import_module(home).hosted(*work)
 
     return evocity
 
 
 def installing() -> Callable:
     """Function that calls `install` in a worker."""
+    home = __name__
 
     async def install(*given, dask_worker=None):
         import asyncio
         from importlib import import_module
 
-        link = await asyncio.to_thread(import_module, "evocity.search.evaluation.link")
+        link = await asyncio.to_thread(import_module, home)
         return link.install(*given, dask_worker=dask_worker)
 
     return install
@@ -196,11 +209,12 @@ def installing() -> Callable:
 
 def leaving() -> Callable:
     """Function that calls `leave` in a worker, if it ever called another."""
+    home = __name__
 
     def leave(name, dask_worker=None):
         import sys
 
-        if link := sys.modules.get("evocity.search.evaluation.link"):
+        if link := sys.modules.get(home):
             link.leave(name, dask_worker=dask_worker)
 
     return leave
@@ -273,9 +287,7 @@ def versions_of() -> Callable[[], dict[str, str | None]]:
         spec = importlib.util.find_spec("evocity")
         found["evocity"] = found["evocity's source"] = None
         if spec is not None and spec.origin:
-            import evocity
-
-            found["evocity"] = evocity.__version__
+            found["evocity"] = importlib.import_module("evocity").__version__
             state, folder = hashlib.blake2b(digest_size=8), pathlib.Path(spec.origin).parent
             for path in sorted(folder.rglob("*.py")):
                 name = path.relative_to(folder).as_posix()

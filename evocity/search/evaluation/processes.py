@@ -138,8 +138,26 @@ def proportional(pid: int) -> int:
     return 0
 
 
+def taken(pid: int, before: int, allowed: int) -> int:
+    """Bytes of memory that a process and its descendants have, less those it had ``before``; looked
+    at more closely where they seem more than ``allowed``."""
+    family = [pid, *descendants(pid)]
+    found = sum(map(resident, family)) - before
+    if found > allowed and len(family) > 1:  # what they share counts once
+        found = sum(map(proportional, family)) - before
+    return found
+
+
 def own_data() -> int:
     """Bytes that this process may write, much as RLIMIT_DATA counts; 0 where not told."""
     with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/statm") as file:
         return int(file.read().split()[5]) * os.sysconf("SC_PAGE_SIZE")
     return 0
+
+
+def code_told(code: int | None) -> str:
+    """An exit code in words: -9 (SIGKILL)."""
+    if code is not None and code < 0 and sys.platform != "win32":
+        with contextlib.suppress(ValueError):
+            return f"{code} ({signal.Signals(-code).name})"
+    return str(code)

@@ -22,6 +22,7 @@ from multiprocessing import resource_tracker, spawn, util
 from typing import Any
 
 from evocity.search.evaluation import processes
+from evocity.search.evaluation.frames import framed
 from evocity.search.evaluation.nursery import LONGEST
 from evocity.search.evaluator import Setup
 from evocity.search.warm import VARIABLE, sides_told
@@ -268,6 +269,22 @@ class Spawned:
         if os.name == "posix":
             processes.kill_group(process.pid)
         process.kill()
+
+
+def first_words(inherits: bool, setup: Any, memory: int | None, main: bool) -> bytes:
+    """What a worker is told first: what makes it like this process, unless it ``inherits`` that,
+    then its ``setup`` and its ``memory``."""
+    told = (None, None) if inherits else (_preparation(main), dict(os.environ) | ONE_THREAD)
+    return framed(told) + framed((setup, memory))
+
+
+def _preparation(main: bool) -> dict:
+    """What makes another process like this one: its path, its arguments, and its ``main`` module
+    if wanted."""
+    found = spawn.get_preparation_data("worker")
+    if not main:
+        found = {key: value for key, value in found.items() if not key.startswith("init_main")}
+    return found | {"authkey": bytes(found["authkey"])}  # the connection is this process's own
 
 
 @contextlib.contextmanager

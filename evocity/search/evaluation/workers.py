@@ -2,22 +2,19 @@
 
 import contextlib
 import math
-import os
 import selectors
 import signal
 import socket
-import sys
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from multiprocessing import spawn
 
 from evocity.errors import RunError
 from evocity.search.evaluation import processes
 from evocity.search.evaluation.frames import framed
 from evocity.search.evaluation.output import show
 from evocity.search.evaluation.seats import Seat
-from evocity.search.evaluation.starting import ONE_THREAD, Broken, News, Nursed, Spawned
+from evocity.search.evaluation.starting import Broken, News, Nursed, Spawned, first_words
 from evocity.search.evaluator import Outcome, Setup
 from evocity.search.worker import told_bytes
 
@@ -262,9 +259,7 @@ class Workers:
             if self._starter.handle is not None:
                 self._selector.register(self._starter.handle, selectors.EVENT_READ)
             inherits = self._starter.inherits
-            preparation = None if inherits else _preparation(self._main)
-            told = preparation, None if inherits else dict(os.environ) | ONE_THREAD
-            self._first = framed(told) + framed((self._setup, self._memory))
+            self._first = first_words(inherits, self._setup, self._memory, self._main)
         while len(self._seats) < self._count:
             self._tokens += 1
             seat = Seat(self._tokens, self._clock(), prints=not self._starter.inherits)
@@ -289,9 +284,11 @@ class Workers:
             self._strikes[number] += 1
             if news.code in _FROM_OUTSIDE and self._strikes[number] < 2:
                 self._waiting.appendleft(number)
-                self._retried(f"a worker was killed ({_told_code(news.code)}): its birth again")
+                self._retried(
+                    f"a worker was killed ({processes.code_told(news.code)}): its birth again"
+                )
             else:
-                text = f"the worker ended with exit code {_told_code(news.code)}"
+                text = f"the worker ended with exit code {processes.code_told(news.code)}"
                 self._settle(number, Outcome("died", text, seconds))
         elif seat.state == "starting":
             self._failed_starts += 1
@@ -360,10 +357,7 @@ class Workers:
     def _weigh(self) -> None:
         for seat in self._seats.values():
             if seat.state == "busy" and seat.pid:
-                family = [seat.pid, *processes.descendants(seat.pid)]
-                found = sum(map(processes.resident, family)) - seat.resident
-                if found > self._memory and len(family) > 1:  # what they share counts once
-                    found = sum(map(processes.proportional, family)) - seat.resident
+                found = processes.taken(seat.pid, seat.resident, self._memory)
                 if found > self._memory:
                     text = f"it takes {told_bytes(found)}; allowed: {told_bytes(self._memory)}"
                     self._lose(seat, Outcome("memory", text, self._clock() - seat.since))
@@ -452,20 +446,3 @@ class Workers:
         else:
             self._selector.unregister(descriptor)
         self._watched[descriptor] = events
-
-
-def _preparation(main: bool) -> dict:
-    """What makes another process like this one: its path, its arguments, and its ``main`` module
-    if wanted."""
-    found = spawn.get_preparation_data("worker")
-    if not main:
-        found = {key: value for key, value in found.items() if not key.startswith("init_main")}
-    return found | {"authkey": bytes(found["authkey"])}  # the connection is this process's own
-
-
-def _told_code(code: int | None) -> str:
-    """An exit code in words: -9 (SIGKILL)."""
-    if code is not None and code < 0 and sys.platform != "win32":
-        with contextlib.suppress(ValueError):
-            return f"{code} ({signal.Signals(-code).name})"
-    return str(code)
