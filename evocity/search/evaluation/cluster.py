@@ -29,8 +29,8 @@ from evocity.search.evaluation.link import (
 from evocity.search.evaluation.parcels import Parcel
 from evocity.search.evaluator import Outcome
 
-#: Seconds of work in a chunk; bytes in one at most.
-_CHUNK, _HEAVY = 0.1, 1 << 23
+#: Seconds of work in a chunk, in the last ones at least; bytes in one at most.
+_CHUNK, _LEAST, _HEAVY = 0.1, 0.03, 1 << 23
 #: Chunks that a seat has, one at work.
 _DEPTH = 2
 #: Seconds for a scheduler that was lost, or for workers, to come (back).
@@ -196,7 +196,9 @@ class Cluster:
             if self._alone:
                 jobs = [self._alone.popleft()]
             else:
-                fair = -(-len(self._waiting) // (_DEPTH * self.size))
+                fair = max(
+                    -(-len(self._waiting) // (_DEPTH * self.size)), int(_LEAST / self._seconds)
+                )
                 jobs, weight = [self._waiting.popleft()], 0
                 while self._waiting and len(jobs) < min(fair, self._most) and weight < _HEAVY:
                     jobs.append(self._waiting.popleft())
