@@ -43,9 +43,8 @@ class Search:
     out : run folder to be created; None records nothing.
     workers : worker processes, in place of the recipe's; 0 works in this process, without
         deadlines. Births do not depend on it.
-    cluster : address of a Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N" for
-        N workers here, "none" for no cluster. ``workers`` are then the processes that each of its
-        workers hosts, one a thread unless told.
+    cluster : a Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N", "none"; each
+        of its workers hosts so many ``workers``, one a thread unless told.
     progress : told in a few words what is prepared before the first generation.
     observers : see `evocity.search.observers`; they see every generation and event.
     clock : tells the time by which ``[stop] until`` of the recipe goes.
@@ -349,13 +348,10 @@ class Search:
             self._progress(text)
 
     def _start_pool(self) -> None:
-        self._pool = pool_of(
-            self._prepared,
-            self._crew,
-            self._shipped,
-            self._tell,
-            lambda text: self._observers.event("retry", reason=text),
-        )
+        def retried(text: str) -> None:
+            self._observers.event("retry", reason=text)
+
+        self._pool = pool_of(self._prepared, self._crew, self._shipped, self._tell, retried)
         self._pace = Pace(self._pool.size)
 
     def _stopped(self, error: BaseException | None) -> None:
