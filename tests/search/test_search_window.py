@@ -361,3 +361,16 @@ def test_what_does_not_go_with_a_window_is_refused(toy, tmp_path):
     (out / "recipe.toml").write_text(text.replace("window = 4", "window = 5"))
     with pytest.raises(RunError, match=r"search\.window was 4 and is now 5"):
         Search.resume(out, generations=5, workers=0, accept_changes=True)
+
+
+# -- how busy workers are -------------------------------------------------------------------------
+
+
+def test_sixteen_workers_are_busy_in_a_window_and_wait_between_generations():
+    """On a virtual clock: evaluations are uneven, and one in a hundred hangs to its deadline."""
+    from steady import searched
+
+    generational, _ = searched(16, None, 12)
+    windowed_, _ = searched(16, 128, 12)
+    assert generational.busy_share < 0.6
+    assert windowed_.busy_share >= 0.85
