@@ -184,7 +184,12 @@ def make(name: str, **parameters) -> Operator:
 
 def parameters_of(kind: type[Operator]) -> list[str]:
     """Names of the parameters of a class of operators, in its order."""
-    return list(inspect.signature(kind).parameters)
+    return list(_parameters_of(kind))
+
+
+@cache  # asked for at every birth
+def _parameters_of(kind: type[Operator]) -> tuple[str, ...]:
+    return tuple(inspect.signature(kind).parameters)
 
 
 __all__ = [

@@ -1,5 +1,6 @@
 """`Search`: from a recipe to generations, one after the other."""
 
+import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -25,7 +26,7 @@ from evocity.search.recipe import Recipe
 from evocity.search.steady import Steady
 from evocity.search.steering import Steering, genomes_of
 from evocity.search.stopping import Clock, Reason, Stopping, end_of, now, refuse_passed
-from evocity.store import Birth, RunWriter, open_run, refuse_existing
+from evocity.store import Behind, Birth, open_run, refuse_existing
 
 
 class Search:
@@ -57,8 +58,7 @@ class Search:
     from `prepare` on, what of the maps' files was taken, and which constraints no parent keeps.
     Raises `RunError` if ``out`` exists or the cluster cannot be had, `FitnessError` if a measure
     declared in this session, in a notebook's cell for one, cannot be sent to the worker processes.
-    A script that uses workers must start the search under ``if __name__ == "__main__":``, as with
-    every use of processes in Python.
+    A script that uses workers must start the search under ``if __name__ == "__main__":``.
     """
 
     def __init__(
@@ -84,9 +84,9 @@ class Search:
         self._crew = Crew.asked(recipe, workers, cluster)
         measured = [*recipe.measures, *recipe.recorded]
         self._shipped = () if self._crew.here else shipped(measured)
-        self._progress = progress
+        self._tell = progress or (lambda text: None)
         self._prepared: Prepared | None = None
-        self._writer: RunWriter | None = None
+        self._writer: Behind | None = None
         self._pool: Engine | None = None
         self._population: Archipelago | None = None
         self._breeding: Generational | Steady | None = None
@@ -136,11 +136,11 @@ class Search:
         except BaseException:
             taken.writer.close()
             raise
-        search.out, search._writer, search._prepared = path, taken.writer, taken.prepared
+        search.out, search._prepared, search._writer = path, taken.prepared, Behind(taken.writer)
         search._next, search._births, search._failures = taken.next, taken.births, taken.failures
         search.notes = [taken.edited] if taken.edited else []
         try:
-            search._observers.log(taken.writer)
+            search._observers.log(search._writer)
             old = taken.writer.commands(0)
             search._steering = Steering(
                 search.recipe, search._found, taken.standing, old[-1][0] + 1 if old else 0
@@ -188,8 +188,7 @@ class Search:
 
     def pick(self, ids: Sequence[int], share: float | None = None) -> None:
         """Breed from the individuals ``ids`` too, from the next generation on, see
-        `evocity.search.commands.Pick`. One that was never born, or failed, is refused then, by an
-        event."""
+        `evocity.search.commands.Pick`. One that was never born, or failed, is refused then."""
         self._steering.ask(Pick(ids=tuple(ids), share=share))
 
     def reweight(self, **weights: float) -> None:
@@ -278,11 +277,16 @@ class Search:
         return self
 
     def __exit__(self, kind, error, trace) -> None:
-        self._stopped(error)
-        self.close()
+        with contextlib.closing(self):
+            self._stopped(error)
+
+    def flush(self) -> None:
+        """Return once all that was bred is written down. Raises `RunError` if it cannot be."""
+        if self._writer is not None and not self._closed:
+            self._writer.flush()
 
     def close(self) -> None:
-        """Stop the workers and release the run folder. Safe to call twice."""
+        """Stop the workers, write down what waits, release the run folder. Safe to call twice."""
         self._closed = True
         if self._breeding is not None:
             self._breeding.close()
@@ -297,7 +301,7 @@ class Search:
         refuse_passed(self.recipe.stop, self._clock)
         self.notes += told_to(self.recipe, self.out, self._observers)
         self._compile()
-        self._prepared = prepare(self.recipe, self._progress)
+        self._prepared = prepare(self.recipe, self._tell)
         try:
             self._start_pool()
             unkept = told_of_parents(self._prepared, self._pool) if guarded else []
@@ -331,33 +335,29 @@ class Search:
         return found
 
     def _new_stopping(self) -> Stopping:
-        return Stopping(self.recipe.stop, self._prepared.aims, self.out, self._clock)
+        limits, aims, written = self.recipe.stop, self._prepared.aims, self._observers.wait
+        return Stopping(limits, aims, self.out, self._clock, written)
 
     def _create(self) -> None:
         """Make the run folder, if the run is kept."""
         if self.out is not None:
-            self._writer = writer_of(self._prepared, self.out, self._pool.described)
+            self._writer = Behind(writer_of(self._prepared, self.out, self._pool.described))
             self._observers.log(self._writer)
 
     def _compile(self) -> None:
-        sides = sides_of(self.recipe, self._prepared)
-        compile_once(sides, needed(self.recipe), self._tell)
-
-    def _tell(self, text: str) -> None:
-        if self._progress is not None:
-            self._progress(text)
+        compile_once(sides_of(self.recipe, self._prepared), needed(self.recipe), self._tell)
 
     def _start_pool(self) -> None:
-        def retried(text: str) -> None:
-            self._observers.event("retry", reason=text)
-
-        self._pool = pool_of(self._prepared, self._crew, self._shipped, self._tell, retried)
+        told = self._prepared, self._crew, self._shipped, self._tell
+        self._pool = pool_of(*told, lambda text: self._observers.event("retry", reason=text))
         self._pace = Pace(self._pool.size)
 
     def _stopped(self, error: BaseException | None) -> None:
         """Note why the run stops, once; what is not whole is dropped at the next resume."""
         if self._ended or self._closed:
             return
+        if error is None:  # what cannot be written is why it stops
+            self.flush()
         self._ended = True
         event, details = end_of(error, self.finished, self.asked_to_stop, self.stopped_by)
         self._observers.end(event, generation=self._next - 1, **details)
@@ -367,8 +367,7 @@ class Search:
             raise RunError(
                 f"{what} after the search was closed",
                 "a search that still holds its run",
-                "ask() and tell() before close(), or within `with`; go on with: "
-                "Search.resume(path)",
+                "ask() and tell() before close(), or within `with`; else: Search.resume(path)",
             )
 
     # -- commands ------------------------------------------------------------------------
@@ -387,6 +386,7 @@ class Search:
 
     def _found(self, ids: Sequence[int]) -> dict[int, Genome]:
         """The genomes of births by id, for picks."""
+        self._observers.wait()
         living = [] if self._population is None else self._population.living
         return genomes_of(ids, None if self._writer is None else self.out, living)
 

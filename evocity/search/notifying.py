@@ -195,7 +195,8 @@ class Notifier(Observer):
     """Tells of a search by the commands of a ``section``, whose paths are relative to ``folder``.
 
     ``run``: where the run is kept, None if it is not; ``log`` is told how each command ended, as
-    an event; ``best``: what a run that is taken up has reached, see `progress_of`.
+    an event; ``best``: what a run that is taken up has reached, see `progress_of`; ``written``
+    returns once the folder holds what is told of.
     """
 
     def __init__(
@@ -205,9 +206,11 @@ class Notifier(Observer):
         run: str | os.PathLike | None,
         log: Callable[..., None],
         best: float | None = None,
+        written: Callable[[], None] = lambda: None,
     ):
         self._commands, self._timeout = section.commands, section.timeout
         self._folder, self._log, self._best = folder, log, best
+        self._written = written
         self._runner = Runner(section.timeout)
         self._told = {
             "run": "" if run is None else os.path.abspath(run),
@@ -250,6 +253,7 @@ class Notifier(Observer):
     def _ask(self, key: str, **told: str) -> None:
         if key in self._commands:
             words = words_of(self._commands[key], self._told | told)
+            self._written()
             self._runner.ask(Errand(key, self._number, words, self._folder))
 
     def _note(self, runner: Runner) -> None:
@@ -264,7 +268,7 @@ def told_to(
     ``observers``. Returns what is `missing` for that."""
     section, folder = recipe.notify, recipe.folder
     if section.commands:
-        observers.add(Notifier(section, folder, run, observers.event, best))
+        observers.add(Notifier(section, folder, run, observers.event, best, observers.wait))
     return missing(section, folder)
 
 

@@ -1,5 +1,6 @@
 """Who watches a search: its log, and whoever else wants to know how it goes on."""
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
@@ -7,7 +8,7 @@ from collections.abc import Callable, Sequence
 from evocity.errors import RunError
 from evocity.search.evaluator import told
 from evocity.search.generation import Generation
-from evocity.store import Birth, Member, RunWriter
+from evocity.store import Behind, Birth, Member
 
 
 class Observer:
@@ -27,12 +28,13 @@ class Observer:
 
 
 class Log(Observer):
-    """Writes all down, by the ``writer`` of the run's folder. What it raises ends the search."""
+    """Writes all down, by the ``writer`` of the run's folder, at most one generation
+    behind. What it raises ends the search."""
 
     #: What the births tell, or is of the moment.
     _UNSAID = ("number", "population", "seconds_left", "feasible")
 
-    def __init__(self, writer: RunWriter):
+    def __init__(self, writer: Behind):
         self._writer = writer
 
     def generation(
@@ -47,9 +49,20 @@ class Log(Observer):
         if not math.isfinite(generation.hypervolume):  # JSON has no infinity
             summary["hypervolume"] = None
         self._writer.write_generation(generation.number, births, members, summary)
+        if generation.number == 0:  # from the first on, who is told of it may look at the folder
+            self._writer.flush()
 
     def event(self, event: str, details: dict) -> None:
         self._writer.event(event, **details)
+
+    def wait(self) -> None:
+        """Return once nothing is being written."""
+        self._writer.wait()
+
+    def end(self) -> None:
+        """Return once all is written that can be."""
+        with contextlib.suppress(RunError):  # the folder itself may be what failed
+            self._writer.flush()
 
 
 class Observers:
@@ -61,7 +74,7 @@ class Observers:
     def add(self, observer: Observer) -> None:
         self._all.append(observer)
 
-    def log(self, writer: RunWriter) -> None:
+    def log(self, writer: Behind) -> None:
         """Everything is written down from now on, before others see it."""
         self._all.insert(0, Log(writer))
 
@@ -76,6 +89,17 @@ class Observers:
     def end(self, event: str, **details) -> None:
         """As `event`, of the last one: all are told, though nothing can be written any more."""
         self._tell(lambda one: one.event(event, details), last=True)
+        for log in self._logs:
+            log.end()
+
+    def wait(self) -> None:
+        """Return once the log holds all that was told."""
+        for log in self._logs:
+            log.wait()
+
+    @property
+    def _logs(self) -> list[Log]:
+        return [one for one in self._all if isinstance(one, Log)]
 
     def _tell(self, tell: Callable[[Observer], None], last: bool = False) -> None:
         """Tell all; one that fails is told no more."""

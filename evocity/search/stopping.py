@@ -101,6 +101,7 @@ class Stopping:
     aims : what is wanted of the measures in its ``target``.
     folder : where the run is kept, None if it is not.
     clock : tells the time.
+    written : returns once the folder holds what was bred.
 
     ``held`` are the keys that no longer count, as more generations were asked for in spite of them.
     """
@@ -111,8 +112,10 @@ class Stopping:
         aims: Aims,
         folder: str | os.PathLike | None = None,
         clock: Clock = now,
+        written: Callable[[], None] = lambda: None,
     ):
         self.section, self.folder, self.clock = section, folder, clock
+        self._written = written
         self.reason: Reason | None = None
         self.held: tuple[str, ...] = ()
         self._wanted = {one.measure.name: one.objective for one in aims.wanted}
@@ -211,7 +214,10 @@ class Stopping:
 
     def _measured(self) -> int:
         limited = self.folder is not None and self.section.disk_bytes is not None
-        return size_of(self.folder) if limited else 0
+        if not limited:
+            return 0
+        self._written()
+        return size_of(self.folder)
 
 
 def end_of(

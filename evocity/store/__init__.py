@@ -2,6 +2,7 @@
 
 - `open_run`: a run folder, read only, safe on a stranger's folder and while the run goes on
 - `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
+- `Behind`: has a writer write while the next generation is bred
 - `set_aside`: moves damaged files at the end of a run away, so that it can go on
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Source`: a source city and its genome, as the run started from them
@@ -9,6 +10,7 @@
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
 """
 
+from evocity.store.behind import Behind
 from evocity.store.commands import append_command, read_commands
 from evocity.store.provenance import (
     environment,
@@ -25,6 +27,7 @@ from evocity.store.writer import RunWriter, refuse_existing, set_aside
 __all__ = [
     "SCHEMA_VERSIONS",
     "STATUSES",
+    "Behind",
     "Birth",
     "Header",
     "Member",

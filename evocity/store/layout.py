@@ -10,6 +10,8 @@ from evocity.store.parts import plain_file, plain_folder
 
 #: Generations of single files that are merged into one segment.
 SEGMENT = 64
+#: Generations of segments, each as many of those before: of 10 000 there are 89 files at most.
+SPANS = (SEGMENT, 8 * SEGMENT)
 
 BIRTHS, MEMBERSHIP = "births", "membership"
 
@@ -74,9 +76,8 @@ class Folder:
                     continue
                 single, first, last = match.groups()
                 piece = Piece(int(single or first), int(single or last), Path(entry.path))
-                if single or (
-                    piece.first % SEGMENT == 0 and piece.last - piece.first + 1 == SEGMENT
-                ):
+                span = piece.last - piece.first + 1
+                if single or (span in SPANS and piece.first % span == 0):
                     found.append(piece)
         return sorted(found)
 
@@ -93,7 +94,7 @@ class Folder:
     def pieces(self, kind: str) -> list[Piece]:
         """Files that together hold each generation once, in order.
 
-        A segment goes before the single files it was merged from, which a crash may have left.
+        A segment goes before the files it was merged from, which a crash may have left.
         """
         chosen: list[Piece] = []
         for piece in sorted(self.files(kind), key=lambda p: (p.first, -p.last)):

@@ -1,17 +1,21 @@
-"""Merging the files of single generations into segments, and clearing what a crash left."""
+"""Merging files into segments, segments into longer ones, and clearing what a crash left."""
 
 import contextlib
 import json
+from collections.abc import Iterator
+from itertools import pairwise
 
 import pyarrow as pa
 
 from evocity.errors import RunError
 from evocity.files import whole_file
-from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, Piece
+from evocity.store.layout import BIRTHS, MEMBERSHIP, SPANS, Folder, Piece
 from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN
 from evocity.store.seals import opened, sealed
 
 KINDS = (BIRTHS, MEMBERSHIP)
+#: Segments of more bytes together are not merged once more: to copy them would hold the run up.
+MOST_BYTES = 1 << 28
 
 
 def write_single(table, path) -> None:
@@ -21,21 +25,33 @@ def write_single(table, path) -> None:
 
 
 def merge(folder: Folder) -> None:
-    """Merge every full block of `SEGMENT` generations, then delete the merged files.
+    """Merge every full block of single files, then of segments, into a segment of the next of
+    `SPANS` generations, and delete what was merged. A block of more than `MOST_BYTES` of segments
+    stays as it is.
 
     Streams one generation at a time, so that memory does not grow with the segment. A crash
-    at any point is harmless: readers prefer segments, and the next call deletes the leftovers.
+    at any point is harmless: readers prefer the longest, and the next call deletes the leftovers.
     """
     for kind in KINDS:
-        singles = {p.first: p for p in folder.files(kind) if p.path.name.startswith("generation-")}
-        for first in sorted({g - g % SEGMENT for g in singles}):
-            block = [singles.get(g) for g in range(first, first + SEGMENT)]
-            target = folder.segment(kind, first, first + SEGMENT - 1)
-            if all(block) and not target.exists():
-                _write_segment(block, target)
-            if target.exists():
-                for piece in filter(None, block):
-                    _remove(piece.path)
+        for below, span in pairwise((1, *SPANS)):
+            found = folder.files(kind)
+            parts = {p.first: p for p in found if p.last - p.first + 1 == below}
+            for first in sorted({part - part % span for part in parts}):
+                block = [parts.get(g) for g in range(first, first + span, below)]
+                target = folder.segment(kind, first, first + span - 1)
+                if all(block) and not target.exists() and _fit(block):
+                    _write_segment(block, target)
+        whole = folder.pieces(kind)
+        for piece in folder.files(kind):
+            if piece not in whole:
+                _remove(piece.path)
+
+
+def _fit(block: list[Piece]) -> bool:
+    """Whether files are few bytes enough to be copied once more."""
+    if block[0].first == block[0].last:
+        return True
+    return sum(piece.path.stat().st_size for piece in block) <= MOST_BYTES
 
 
 def drop_leftovers(folder: Folder, last: int) -> None:
@@ -70,22 +86,36 @@ def drop_leftovers(folder: Folder, last: int) -> None:
 
 def _write_segment(block: list[Piece], target) -> None:
     summaries: dict = {}
-    schema = _read(block[0]).schema
+    with _damage_told(block[0]), opened(block[0].path) as file:
+        schema = file.schema_arrow
     shared = schema.with_metadata({ABOUT_RUN: schema.metadata[ABOUT_RUN]})
     with whole_file(target) as temporary, sealed(temporary, shared) as writer:
         for piece in block:
-            table = _read(piece)
-            summaries |= json.loads(table.schema.metadata.get(ABOUT_GENERATIONS, "{}"))
-            writer.write_table(table, row_group_size=max(len(table), 1))
+            for table, told in _generations(piece):
+                summaries |= told
+                writer.write_table(table, row_group_size=max(len(table), 1))
         if summaries:
             writer.add_key_value_metadata({ABOUT_GENERATIONS: json.dumps(summaries)})
 
 
-def _read(piece: Piece) -> pa.Table:
-    """A file that is to be merged. Raises `RunError` if it is damaged: nothing is merged then."""
+def _generations(piece: Piece) -> Iterator[tuple[pa.Table, dict]]:
+    """The row groups of a file that is to be merged, with its summaries. Raises `RunError` if it is
+    damaged: nothing is merged then."""
+    with _damage_told(piece), opened(piece.path) as file:
+        told = json.loads(file.metadata.metadata.get(ABOUT_GENERATIONS, b"{}"))
+        if piece.first == piece.last:  # without rows it has no row group
+            yield file.read(), told
+            return
+        if file.num_row_groups != piece.last - piece.first + 1:
+            raise ValueError(f"{file.num_row_groups} generations")
+        for group in range(file.num_row_groups):
+            yield file.read_row_group(group), told
+
+
+@contextlib.contextmanager
+def _damage_told(piece: Piece) -> Iterator[None]:
     try:
-        with opened(piece.path) as file:
-            return file.read()
+        yield
     except (ValueError, pa.ArrowException) as error:
         raise damaged(piece.path, error) from error
 

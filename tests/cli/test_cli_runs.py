@@ -21,6 +21,7 @@ def going_on(tmp_path, recipe):
     with evocity.Search(chosen, out=tmp_path / "run") as search:
         for generation in search:
             if generation.number == 2:
+                search.flush()
                 yield tmp_path / "run"
                 break
 

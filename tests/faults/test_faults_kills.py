@@ -289,6 +289,7 @@ def disturbed(search, number: int, deed) -> None:
     with search:
         for generation in search:
             if generation.number == number:
+                search.flush()
                 deed()
 
 

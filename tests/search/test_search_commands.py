@@ -44,6 +44,7 @@ def steered(recipe, out, asked, workers=0, stop_after=None, **overrides):
     """A run that gets the commands ``asked``, generation -> commands, once that is written."""
     with Search(read_recipe(recipe, **overrides), out=out, workers=workers) as search:
         for generation in search:
+            search.flush()
             for command in asked.get(generation.number, ()):
                 commands.send(out, command)
             if generation.number == stop_after:
@@ -71,6 +72,7 @@ def test_picks_and_weights_are_replayed_by_any_number_of_workers(toy, tmp_path):
         steered(recipe, out, ASKED, stop_after=last)
         with Search.resume(out, workers=0) as search:
             for generation in search:
+                search.flush()
                 for command in ASKED.get(generation.number, ()):
                     commands.send(out, command)
         assert rows(out) == expected

@@ -56,6 +56,7 @@ def test_what_was_earned_is_taken_up_again(toy, tmp_path):
         steered(recipe, out, asked, stop_after=last)
         with Search.resume(out, workers=0) as search:
             for generation in search:
+                search.flush()
                 for command in asked.get(generation.number, ()):
                     commands.send(out, command)
         assert rows(out) == expected

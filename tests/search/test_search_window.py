@@ -230,6 +230,7 @@ def asking(recipe, out, ask, at=1):
     with Search(recipe, out, workers=0) as search:
         for generation in search:
             if generation.number == at:
+                search.flush()
                 ask(search)
     return rows(out)
 

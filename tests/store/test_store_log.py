@@ -21,7 +21,6 @@ from evocity.errors import RunError
 from evocity.genome import FIELDS, NEWER, NUCLEOTIDES, Genome, packed
 from evocity.pavement import Pavement
 from evocity.store import Birth, Header, Member, RunWriter, Source, merge, open_run
-from evocity.store import layout as layout_module
 from evocity.store.schema import STATUSES, births_of, births_table
 
 CITIES = ("left", "right")
@@ -433,11 +432,6 @@ def test_an_adopted_genome_speaks_of_the_runs_cities():
     assert adopted == other
     names = [np.array(g.cities)[g.parent] for g in (other, adopted)]
     assert (names[0] == names[1]).all()
-
-
-def test_ten_thousand_generations_stay_a_few_hundred_files():
-    whole, rest = divmod(10_000, layout_module.SEGMENT)
-    assert 2 * (whole + layout_module.SEGMENT - 1 + (rest > 0)) < 500
 
 
 @pytest.mark.parametrize("identifier", [1.0, True, "1", None])
