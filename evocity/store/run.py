@@ -36,13 +36,7 @@ from evocity.store.schema import (
     summaries_of,
 )
 from evocity.store.seals import check_digests, check_seal, opened
-from evocity.store.sources import (
-    Source,
-    read_condensation,
-    read_maps,
-    read_masks,
-    read_sources,
-)
+from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
 
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
