@@ -95,6 +95,13 @@ def without(*names: str) -> Method:
     return by_recipe(operators={key: one for key, one in MIXTURE.items() if key not in names})
 
 
+def founders_alone(*names: str) -> Method:
+    """evocity's own search, some of whose operators breed its first generation alone: their weight
+    is next to nothing, so that no later birth draws them."""
+    seldom = {name: {**one, "weight": 1e-9} for name, one in MIXTURE.items() if name in names}
+    return by_recipe(operators=MIXTURE | seldom)
+
+
 def halfway(value):
     """The middle of a range, whole where its ends are; anything else as it is."""
     if not isinstance(value, dict):
@@ -332,6 +339,7 @@ ABLATIONS: dict[str, Method] = {
     "without repair": unrepaired(),
     **{f"without {name}": without(name) for name in MIXTURE},
     "without both of quarters": without("quarter_fusion", "quarter_refill"),
+    "quarters for founders alone": founders_alone("quarter_fusion", "quarter_refill"),
     "without the guard": by_recipe(guarded=False),
     "NSGA-II's survival": by_recipe(search={"algorithm": "nsga2"}),
     "distinct = 0": by_recipe(search={"distinct": 0}),

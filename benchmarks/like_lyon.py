@@ -4,7 +4,8 @@
 runs/like-lyon.toml: gsi, fsi, mean_height, alignment and autosimilarity of Lyon, from the stone of
 Montpellier and New York, as one sum. Printed: the largest of the five relative misses of the best
 individual, after each 1200 births and at the end. Runs are kept in runs/like-lyon-N and taken up
-where they stopped. --without tells the same once more, with each of these operators taken away.
+where they stopped. --without tells the same once more, with each of these operators taken away, or
+several at once, joined by +: quarter_fusion+quarter_refill.
 """
 
 import argparse
@@ -50,12 +51,13 @@ def bred(seed: int, left: str | None, births: int) -> float:
 
 
 def recipe_without(left: str | None) -> Path:
-    """The recipe, or a copy whose operator ``left`` has the weight 0."""
+    """The recipe, or a copy whose operator ``left``, or each of several, has the weight 0."""
     if left is None:
         return RECIPE
     recipe = tomllib.loads(RECIPE.read_text())
-    entry = recipe["operators"][left]
-    recipe["operators"][left] = (entry if isinstance(entry, dict) else {}) | {"weight": 0}
+    for name in left.split("+"):
+        entry = recipe["operators"][name]
+        recipe["operators"][name] = (entry if isinstance(entry, dict) else {}) | {"weight": 0}
     path = Path("runs") / f"like-lyon-without-{left}.toml"
     path.write_text(tomli_w.dumps(recipe))
     return path
