@@ -19,7 +19,7 @@ _ROOMS = {
     "genome": ["Genome", "merged", "read_genome", "split"],
     "io": ["cities", "read_map", "write_map"],
     "pavement": ["Pavement"],
-    "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
+    "search": "Recipe Search archive deap_toolbox pick read_recipe refine replay".split(),
     "store": ["open_run"],
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}

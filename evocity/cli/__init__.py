@@ -4,6 +4,7 @@
 - `run`, `resume`: a search, shown while it goes on by `searching`
 - `asking`: `pick`, `reweight`, `stop`, what is asked of a run that goes on
 - `refine`: one individual of a run made better by an optimiser
+- `replay`: births of a run recomputed
 - `status`, `report`: a run, finished or not
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
@@ -38,6 +39,7 @@ from evocity.cli.pattern import pattern
 from evocity.cli.readers import readers
 from evocity.cli.recipe import recipe
 from evocity.cli.refine import refine
+from evocity.cli.replay import replay
 from evocity.cli.report import report
 from evocity.cli.resume import resume
 from evocity.cli.run import run
@@ -71,6 +73,7 @@ for _command in (
     reweight,
     stop,
     refine,
+    replay,
     status,
     report,
     encode,

@@ -24,7 +24,7 @@
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out
 - `rereading`, `resuming`, `keeping`: what a run was prepared with; taking it up again, with the
   files of the user's own that it kept
-- `replaying`: how one birth of a run came about
+- `replaying`, `repeating`: how births of a run came about; whether they are the same once more
 - `refinement`: one individual made better by an optimiser, by itself or as a step of a search
 - `toolbox`: DEAP's own algorithms on city genomes
 - `judging`: what a log tells of births: values, losses, constraints
@@ -40,6 +40,7 @@ from evocity.search.observers import Observer
 from evocity.search.reading import read_recipe, recipes
 from evocity.search.recipe import Recipe
 from evocity.search.refinement.refine import refine
+from evocity.search.repeating import replay
 from evocity.search.toolbox import deap_toolbox
 
 __all__ = [
@@ -55,4 +56,5 @@ __all__ = [
     "read_recipe",
     "recipes",
     "refine",
+    "replay",
 ]

@@ -18,7 +18,7 @@ from evocity.search.evaluator import Outcome, unrecorded
 from evocity.store import Birth, Header
 
 #: How a birth ends whose worker may have taken the child with it.
-_LOST = ("timeout", "died", "memory")
+LOST = ("timeout", "died", "memory")
 _END = object()
 
 
@@ -120,7 +120,7 @@ def _lost(plan: Plan, outcome: Outcome) -> bool:
     take as long once more."""
     measures = hasattr(plan.operator, "bred_within")
     return (
-        bool(plan.operator) and outcome.genome is None and outcome.status in _LOST and not measures
+        bool(plan.operator) and outcome.genome is None and outcome.status in LOST and not measures
     )
 
 

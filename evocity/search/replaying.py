@@ -1,12 +1,13 @@
-"""How one birth of a run came about: its plan, drawn again from what the log tells."""
+"""How births of a run came about: their plans, drawn again from what the log tells."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from evocity.errors import RunError
 from evocity.genome import Genome
 from evocity.search.archipelago import Archipelago, Tell
-from evocity.search.breeding import NO_PICKS, Picks, Plan
+from evocity.search.breeding import NO_PICKS, Picks, Plan, selecting
 from evocity.search.commands import Standing
 from evocity.search.judging import births_without_genomes
 from evocity.search.preparation import Prepared
@@ -22,7 +23,15 @@ def plan_of(run: Run, prepared: Prepared, identifier: int) -> Plan:
     breeds by itself, from what it has learnt: what the operator was told stands in ``made``; and
     where the log tells of another operator or other parents, as of a run of another release.
     """
-    plan = _drawn(run, prepared, identifier)
+    recipe = prepared.recipe
+    if recipe.search.breeds_by is not None and identifier >= recipe.run.population:
+        raise RunError(
+            f"individual {identifier} of {run.path}, whose algorithm "
+            f"({recipe.search.algorithm}) breeds by itself",
+            "a run whose births are bred by the recipe's operators",
+            "the parameters of its operator stand in `made` of its genome",
+        )
+    (plan,) = plans_of(run, prepared, [identifier])
     (birth,) = run.individuals([identifier])
     if (plan.name, tuple(plan.parents)) != (birth.operator, tuple(birth.parents)):
         raise RunError(
@@ -34,33 +43,70 @@ def plan_of(run: Run, prepared: Prepared, identifier: int) -> Plan:
     return plan
 
 
-def _drawn(run: Run, prepared: Prepared, identifier: int) -> Plan:
-    recipe = prepared.recipe
-    generation, slot = divmod(identifier, recipe.run.population)
-    if generation == 0:
-        island = Archipelago(prepared).island_of(slot)
-        return island.plans(0, NO_PICKS, {})[slot - island.slots.start]
+def plans_of(run: Run, prepared: Prepared, ids: Iterable[int]) -> Iterator[Plan]:
+    """The plans of the births ``ids`` of a ``run``, each once and by id, whatever the log tells of
+    their operators and parents. ``prepared``: as of `plan_of`."""
+    recipe, ids = prepared.recipe, sorted(set(ids))
+    size = recipe.run.population
+    generations = groupby(ids, lambda one: one // size)
     if recipe.search.breeds_by is not None:
-        raise RunError(
-            f"individual {identifier} of {run.path}, whose algorithm "
-            f"({recipe.search.algorithm}) breeds by itself",
-            "a run whose births are bred by the recipe's operators",
-            "the parameters of its operator stand in `made` of its genome",
-        )
-    if recipe.search.window is not None:
-        last = identifier - recipe.search.window
-        if last < 0:
-            return Archipelago(prepared).founder(identifier)
-        then = Then.of(run, prepared, last // recipe.run.population)
+        yield from _learnt(run, prepared, {g: list(group) for g, group in generations})
+        return
+    for generation, group in generations:
+        if generation and recipe.search.window is not None:
+            yield from _windowed(run, prepared, list(group))
+        else:
+            yield from _of_generation(run, prepared, generation, group)
+
+
+def _of_generation(
+    run: Run, prepared: Prepared, generation: int, ids: Iterable[int]
+) -> Iterator[Plan]:
+    """Plans of one generation, of those who lived when it began."""
+    size = prepared.recipe.run.population
+    then = Then.of(run, prepared, generation) if generation else None
+    population = Archipelago(prepared) if then is None else then.population(prepared)
+    for island, own in groupby(ids, lambda one: population.island_of(one % size)):
+        if then is None:
+            plans = island.plans(0, NO_PICKS, {})
+        else:
+            weights = _weights(run, island.name, island.mixture, then.standing, generation)
+            plans = island.plans(generation, then.picks, weights)
+        yield from (plans[one % size - island.slots.start] for one in own)
+
+
+def _windowed(run: Run, prepared: Prepared, ids: Sequence[int]) -> Iterator[Plan]:
+    """Plans of births after generation 0 in a window: each of those who lived once the one that it
+    waits for was in."""
+    size, window = prepared.recipe.run.population, prepared.recipe.search.window
+    for generation, own in groupby(ids, lambda one: max(-1, (one - window) // size)):
+        if generation < 0:
+            yield from map(Archipelago(prepared).founder, own)
+            continue
+        wanted, then = set(own), Then.of(run, prepared, generation)
         population = then.population(prepared)
-        for birth in then.births(last):
+        for birth in then.births(max(wanted) - window):
             population.let_in(birth)
-        return population.plan(identifier, then.picks, [then.weights])
-    then = Then.of(run, prepared, generation)
-    island = then.population(prepared).island_of(slot)
-    weights = _weights(run, island.name, island.mixture, then.standing, generation)
-    plans = island.plans(generation, then.picks, weights)
-    return plans[slot - island.slots.start]
+            if birth.id + window in wanted:
+                yield population.plan(birth.id + window, then.picks, [then.weights])
+
+
+def _learnt(run: Run, prepared: Prepared, wanted: Mapping[int, Sequence[int]]) -> Iterator[Plan]:
+    """Plans of an algorithm that breeds by itself, ``wanted`` by the generation: it learns from all
+    births before once more."""
+    recipe, weights = prepared.recipe, {}
+    population, first = Archipelago(prepared), births_without_genomes(run, 0)
+    population.begin_with(first)
+    (island,) = population.islands
+    for generation in range(max(wanted, default=-1) + 1):
+        standing = standing_of(run, generation)
+        if standing.weights != weights:
+            weights = standing.weights
+            population.reweigh(weights)
+        plans = island.plans(generation, NO_PICKS, {})
+        yield from (plans[one % recipe.run.population] for one in wanted.get(generation, ()))
+        births = births_without_genomes(run, generation)
+        island.population.select(births, selecting(recipe, generation))
 
 
 @dataclass(frozen=True)
@@ -117,4 +163,4 @@ def _weights(
     return {name: weight for name, weight in standing.weights.items() if name in names}
 
 
-__all__ = ["Then", "plan_of"]
+__all__ = ["Then", "plan_of", "plans_of"]

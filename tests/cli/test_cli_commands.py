@@ -44,6 +44,7 @@ def test_the_commands_are_these():
         "reweight",
         "stop",
         "refine",
+        "replay",
         "status",
         "report",
         "encode",
