@@ -1,10 +1,9 @@
 """Breed city fabrics: real districts coded as fractal genomes, crossed, decoded and measured.
 
-A `CityMap` is a district as a raster of building heights. Coded, it is a `Genome`: one gene, a
-lifs, for each range block of its `Pavement`. Operators breed genomes; decoding finds the
-attractor, the map a genome stands for; a measure gives a map one number. A `Recipe` says what
-to breed and what to reward; a `Search` carries it out, generation by generation, and writes
-every birth into a run folder, which `open_run` reads; `archive` finds its best births of all.
+A `CityMap` is a raster of building heights. Coded, it is a `Genome`: one gene for each range block
+of its `Pavement`. Operators breed genomes; decoding finds the map one stands for; a measure gives a
+map one number. A `Recipe` says what to breed and reward; a `Search` does it, generation by
+generation; `open_run` reads what it wrote, `archive` finds the best births, `replay` repeats any.
 """
 
 from importlib import import_module
@@ -19,7 +18,8 @@ _ROOMS = {
     "genome": ["Genome", "merged", "read_genome", "split"],
     "io": ["cities", "read_map", "write_map"],
     "pavement": ["Pavement"],
-    "search": "Recipe Search archive deap_toolbox pick read_recipe refine replay".split(),
+    "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
+    "search.repeating": ["replay"],
     "store": ["open_run"],
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}

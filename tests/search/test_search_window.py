@@ -14,7 +14,7 @@ import evocity
 from evocity.errors import RecipeError, RunError
 from evocity.search import Search, read_recipe
 from evocity.search.archipelago import Archipelago
-from evocity.search.beginning import pool_of
+from evocity.search.beginning import Crew, pool_of
 from evocity.search.births import born
 from evocity.search.breeding import NO_PICKS
 from evocity.search.evaluation import Here
@@ -47,7 +47,7 @@ def simulated(workers, seconds=None):
     """In place of the search's engine: so many simulated workers."""
 
     def make(prepared, count, *others, **more):
-        inner = pool_of(prepared, 0, *others, **more)
+        inner = pool_of(prepared, Crew(0), *others, **more)
         return Virtual(inner, workers, seconds or uneven())
 
     return patch("evocity.search.engine.pool_of", make)
