@@ -408,6 +408,7 @@ def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, t
     assert engine.size == 2
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_gone_is_waited_for(cluster, tmp_path, genome, told):
     own = Machines(tmp_path, 2)
     try:
@@ -478,6 +479,7 @@ def test_without_the_extra_it_is_named(cluster, monkeypatch):
         cluster("local:2")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
     recipe = write_toy(tmp_path, generations=400)

@@ -147,7 +147,7 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
     ("kills", "workers", "generations"),
     [
         (6, 0, 12),
-        pytest.param(2, 2, 20, marks=linux),
+        pytest.param(2, 2, 20, marks=[*LONG, linux]),
         pytest.param(30, 0, 60, marks=LONG),
         pytest.param(30, 2, 150, marks=[*LONG, linux]),
     ],
@@ -387,9 +387,11 @@ def test_a_limit_of_file_size_is_told_and_gone_on_from(tmp_path, uninterrupted):
 
 
 @pytest.fixture
-def own_folder():
+def own_folder(monkeypatch, uninterrupted):
     """A folder of a user who may not write everywhere, as whom the test goes on."""
+    uninterrupted(4)  # bred in a folder that this user has no way to
     folder = Path(tempfile.mkdtemp())
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
     privileged = os.geteuid() == 0
     if privileged:
         os.chown(folder, NOBODY, NOBODY)

@@ -9,6 +9,7 @@ from test_search_run import FAILING, rows, run
 
 from evocity import operators
 from evocity.search import Search, read_recipe
+from evocity.search.births import to_evaluate
 from evocity.search.evaluator import Evaluator
 from evocity.search.preparation import prepare
 from evocity.store import open_run
@@ -25,7 +26,7 @@ def in_two_steps(recipe, out, workers, **overrides):
     with Search(read_recipe(recipe, **overrides), out=out, workers=workers) as search:
         while not search.finished:
             search.ask()
-            asked = search._to_evaluate()
+            asked = to_evaluate(search._asked)
             jobs = [(o.bred.genome, o.plan.genomes if o.plan.operator else ()) for o in asked]
             search.tell(search._pool.run("evaluate", jobs))
 

@@ -187,7 +187,7 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
 
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
-    common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False}
+    common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False, "window": None}
     assert search.asked == common | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search

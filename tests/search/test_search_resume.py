@@ -165,7 +165,7 @@ def test_a_recipe_edited_since_is_told_and_not_followed(toy, tmp_path):
         with Search.resume(out, workers=0) as search:
             (told,) = search.notes
             assert f"{recipe} differs from the run's own copy" in told
-            assert "(operators.mutation); for it start a new run" in told
+            assert f"(operators.mutation); to go on by it: --recipe {recipe}" in told
             assert search.recipe.operators["mutation"].weight == 2
     from click.testing import CliRunner
 
