@@ -106,25 +106,19 @@ def _drawn(run, sample: int | None, seed: int) -> list[int]:
 
 
 def _noted(one) -> dict:
-    differs = {
-        column: {when: _finite(value) for when, value in pair.items()}
-        for column, pair in one.differs.items()
-    }
-    return {"id": one.id, "same": one.same, "differs": differs, "reason": one.reason}
+    from evocity.search.repeating import told
 
-
-def _finite(value):
-    """JSON has no infinity."""
-    return str(value) if isinstance(value, float) and not np.isfinite(value) else value
+    return {"id": one.id, "same": one.same, "differs": told(one.differs), "reason": one.reason}
 
 
 def _words(one) -> str:
+    from evocity.search.repeating import in_words
+
     if one.same is None:
         return f"cannot be told: {one.reason}"
     if one.same:
         return "the same"
-    pairs = (f"{key} was {pair['then']}, is {pair['now']}" for key, pair in one.differs.items())
-    return "differs: " + "; ".join(pairs)
+    return f"differs: {in_words(one.differs)}"
 
 
 def _together(found) -> str:

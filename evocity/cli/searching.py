@@ -108,8 +108,12 @@ def _commands_told():
     from evocity.search import Observer
     from evocity.search.commands import DONE, REFUSED, command_of
     from evocity.search.notifying import NOTIFIED
+    from evocity.search.rechecking import DIFFERS
+    from evocity.search.repeating import in_words
 
     class Told(Observer):
+        differed = False
+
         def event(self, event: str, details: dict) -> None:
             if event == DONE:
                 _say(f"as asked, from generation {details['generation']} on: {_words(details)}")
@@ -118,6 +122,9 @@ def _commands_told():
             if event == NOTIFIED and details["code"] != 0:
                 how = details.get("reason") or f"exit code {details['code']}"
                 note(f"notify.{details['on']} failed: {how}; {details['output']}".strip("; "))
+            if event == DIFFERS and not self.differed:
+                self.differed = True
+                note(f"birth {details['id']} differs when replayed: {in_words(details['differs'])}")
             if event == "retry":
                 note(details["reason"])
 

@@ -48,14 +48,16 @@ def status(run: str, as_json: bool) -> None:
     (the share of births that have one of them for their first parent), weights (those that `evocity
     reweight` has set, by name), waiting (commands that are not yet carried out, in words), refused
     (those that were refused: generation and reason), evaluation (what births were evaluated by
-    last: engine, workers and the cluster; null in runs of older releases).
+    last: engine, workers and the cluster; null in runs of older releases), differs
+    (births that were not the same when the run replayed them by itself: generation, id, differs as
+    `evocity replay` tells it).
     """
     opened = evocity.open_run(run)
     held = _is_held(opened)  # before the state: a run that ends between is not told to go on
     state = opened.status()
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
-    from evocity.report import Facts, failures
+    from evocity.report import Facts, differing, differing_told, failures
     from evocity.report.facts import figures_told
 
     facts = Facts(opened)
@@ -68,7 +70,8 @@ def status(run: str, as_json: bool) -> None:
     steered = _steered(opened, state["generation"])
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
-        print_json(state | {"best": best} | more | steered | {"evaluation": _engine(opened)})
+        more |= steered | {"evaluation": _engine(opened), "differs": differing(opened)}
+        print_json(state | {"best": best} | more)
         return
     planned = "" if facts.planned is None else f"/{facts.planned}"
     failed = failures(opened) if whole else []
@@ -78,6 +81,7 @@ def status(run: str, as_json: bool) -> None:
         ("births", _shown(state["births"])),
         ("failures", _shown(state["failures"])),
         *(("", str(kind)) for kind in failed),
+        *([("replayed", unsteady)] if (unsteady := differing_told(opened)) else []),
         ("hypervolume", _shown(state["hypervolume"])),
         *figures_told(state["algorithm"]),
         *((f"on {name}", _island(told)) for name, told in state["islands"].items()),

@@ -1,9 +1,12 @@
-"""What came of a run's births that a user should know: failures and repetitions, in few words."""
+"""What came of a run's births that a user should know, in few words: failures, repetitions, and
+what was not the same once more."""
 
 from collections import Counter
 from dataclasses import dataclass
 
 from evocity.search.evaluator import UNRECORDED
+from evocity.search.rechecking import DIFFERS
+from evocity.search.repeating import in_words
 from evocity.store import STATUSES, Run
 
 #: Fewer different genomes than this share of the births are worth a word.
@@ -57,10 +60,48 @@ def repeated(run: Run) -> str:
     return f"{len(genomes)} births, {different} different genomes"
 
 
+def differing(run: Run) -> list[dict]:
+    """Births that were another when the ``run`` replayed them by itself, oldest first: generation,
+    id, and what ``differs``, as `evocity.search.repeating.Replayed` has it. Events that tell of
+    none are left out."""
+    keys = ("generation", "id", "differs")
+    told = [{key: one.get(key) for key in keys} for one in run.events() if _is_told(one)]
+    return list({one["id"]: one for one in reversed(told)}.values())[::-1]
+
+
+def differing_told(run: Run) -> str:
+    """The same in words; "" if all were the same."""
+    found = differing(run)
+    if not found:
+        return ""
+    many = "1 birth differs" if len(found) == 1 else f"{len(found)} births differ"
+    first = shortened(in_words(found[0]["differs"]))
+    return f"{many} when replayed, such as {found[0]['id']}: {first}"
+
+
+def _is_told(event: dict) -> bool:
+    differs = event.get("differs")
+    whole = all(isinstance(event.get(key), int) for key in ("generation", "id"))
+    return (
+        event.get("event") == DIFFERS
+        and whole
+        and isinstance(differs, dict)
+        and all(isinstance(one, dict) and {"then", "now"} <= set(one) for one in differs.values())
+    )
+
+
 def shortened(text: str, most: int = 160) -> str:
     """``text`` on one line of at most ``most`` letters."""
     line = " ".join(text.split())
     return line if len(line) <= most else line[: most - 1] + "…"
 
 
-__all__ = ["Failure", "failures", "repeated", "shortened", "unrecorded"]
+__all__ = [
+    "Failure",
+    "differing",
+    "differing_told",
+    "failures",
+    "repeated",
+    "shortened",
+    "unrecorded",
+]

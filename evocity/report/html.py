@@ -17,7 +17,7 @@ from evocity.files import whole_file
 from evocity.genome import VOID
 from evocity.report.aim import Aim
 from evocity.report.facts import Facts, Shown, figures_told
-from evocity.report.failures import failures, shortened
+from evocity.report.failures import differing_told, failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands
@@ -134,11 +134,12 @@ def _summary(facts: Facts) -> str:
     why = f" (stopped: {_text(status['stopped'])})" if status["stopped"] else ""
     state = f"<p>The run is not finished{why}: what is here is whole.</p>"
     state = "" if status["finished"] else state
+    unsteady = f"<p>{_text(told)}.</p>" if (told := differing_told(facts.run)) else ""
     cities = [name for name in header.cities if name != VOID]
     return (
         f"<p>{_text(' × '.join(cities))}, {_text(header.width)} × {_text(header.height)} px "
         f"of {header.metres_per_pixel:g} m, range blocks of {_sides(facts)} px</p>"
-        f'<dl class="figures">{items}</dl>{state}'
+        f'<dl class="figures">{items}</dl>{state}{unsteady}'
     )
 
 

@@ -32,7 +32,7 @@ class Archipelago:
         weights: Mapping[str, float] | None = None,
         event: Tell = lambda name, **details: None,
     ):
-        self._prepared, self._event = prepared, event
+        self._prepared, self.event = prepared, event
         recipe = prepared.recipe
         self._aims = prepared.aims.reweighted(weights or {})
         names = [one.name for one in recipe.islands] or [None]
@@ -65,7 +65,7 @@ class Archipelago:
         found = [island.weights(asked) for island in self.islands]
         if first.credit is not None:
             named = dict(zip((island.name for island in self.islands), found, strict=True))
-            self._event(
+            self.event(
                 "weights", generation=generation, weights=named if self.several else found[0]
             )
         return found
@@ -171,7 +171,7 @@ class Archipelago:
             ids = [one.id for one in sent]
             stayed = [one for one in ids if one in lives]
             told.append({"from": giver.name, "to": taker.name, "ids": ids, "stayed": stayed})
-        self._event("migration", generation=generation, moves=told)
+        self.event("migration", generation=generation, moves=told)
 
     # -- what is told of them ------------------------------------------------------------------
 

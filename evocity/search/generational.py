@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from evocity.search.archipelago import Archipelago
-from evocity.search.births import Born, born
+from evocity.search.births import Born
 from evocity.search.breeding import Picks, Plan
 from evocity.search.evaluation import Engine
 from evocity.search.preparation import Prepared
+from evocity.search.rechecking import Rechecking
 from evocity.store import Birth
 
 #: Of each island the weights of operators that are not the recipe's, by name.
@@ -19,11 +20,12 @@ class Generational:
 
     def __init__(self, prepared: Prepared, population: Archipelago, engine: Engine):
         self._aims, self._population, self._engine = prepared.aims, population, engine
+        self._rechecking = Rechecking(prepared, population.event)
 
     def births(self, generation: int, picks: Picks, weights: Weights) -> list[Birth]:
         """The births of a ``generation``, by id; those live on that are selected."""
         plans = self._population.plans(generation, picks, weights)
-        return self.selected(born(self._engine, plans), generation)
+        return self.selected(self._rechecking.born(self._engine, plans), generation)
 
     def plans(self, generation: int, picks: Picks, weights: Weights) -> list[Plan]:
         """Those of a ``generation`` whose births are measured elsewhere: none is refined."""

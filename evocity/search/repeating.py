@@ -1,5 +1,6 @@
 """Births of a run bred and measured once more: whether they are the same, bit for bit."""
 
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -96,6 +97,23 @@ def differences(then: Birth, now: Birth) -> dict[str, dict]:
     }
 
 
+def told(differs: Mapping[str, Mapping]) -> dict[str, dict]:
+    """What `differences` found, for JSON, which has no infinity and no NaN."""
+    return {
+        column: {when: _finite(value) for when, value in pair.items()}
+        for column, pair in differs.items()
+    }
+
+
+def in_words(differs: Mapping[str, Mapping]) -> str:
+    """The same for people."""
+    return "; ".join(f"{key} was {one['then']}, is {one['now']}" for key, one in differs.items())
+
+
+def _finite(value):
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _digest(birth: Birth) -> str | None:
     return None if birth.genome is None else birth.genome.digest
 
@@ -172,4 +190,4 @@ def _prepared_then(run: Run, number: int, accept_changes: bool, trust: bool) -> 
     return read_again(then, asked, accept_changes, trust)[0]
 
 
-__all__ = ["Replayed", "differences", "replay"]
+__all__ = ["Replayed", "differences", "in_words", "replay", "told"]

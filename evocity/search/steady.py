@@ -10,11 +10,12 @@ from collections import deque
 from collections.abc import Iterator
 
 from evocity.search.archipelago import Archipelago, Tell
-from evocity.search.births import Born, coming
+from evocity.search.births import Born
 from evocity.search.breeding import Picks, Plan
 from evocity.search.evaluation import Engine
 from evocity.search.generational import Weights
 from evocity.search.preparation import Prepared
+from evocity.search.rechecking import Rechecking
 from evocity.search.replaying import Then
 from evocity.store import Birth, Run
 
@@ -33,7 +34,7 @@ class Steady:
         self._plans: deque[Plan] = deque()  # nobody is at work on them yet
         self._planned = 0  # the id after the last one planned
         self._early: dict[int, Born] = {}  # done before one of lower id is
-        self._coming = coming(engine, self._given())
+        self._coming = Rechecking(prepared, population.event).coming(engine, self._given())
 
     def births(self, generation: int, picks: Picks, weights: Weights) -> list[Birth]:
         """The births of a ``generation``, by id, each let in after the one before it. ``picks`` and
@@ -54,6 +55,9 @@ class Steady:
             self._plan_after(birth.id, picks, weights)
             births.append(birth)
         self.population.learn(births)
+        if first + self._size == self._end:  # a birth's twin may still be at work
+            for _ in self._coming:
+                pass
         return births
 
     @classmethod

@@ -5,6 +5,10 @@ import json
 import pytest
 from cli_tools import call, contents, refused, write_recipe
 
+from evocity.report import write_report
+from evocity.search import rechecking
+from evocity.store import open_run
+
 OWN = """
 import random
 import evocity
@@ -109,3 +113,47 @@ def test_strange_words_are_refused(ended, words):
 
 def test_no_run_is_told(tmp_path):
     refused(tmp_path, "replay", tmp_path / "none", 1, says="no run at")
+
+
+# -- what a run replays by itself -----------------------------------------------------------------
+
+
+def test_what_a_run_finds_to_differ_is_told_everywhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(rechecking, "RATE", 0.5)
+    recipe = write_recipe(tmp_path, fitness='file = "own.py"')
+    (tmp_path / "own.py").write_text(OWN.format(more="random.random()"))
+    out = tmp_path / "run"
+    result = call("run", recipe, "--generations", 2, "--workers", 0, "--out", out)
+    assert result.stderr.count("differs when replayed: fitness.own was") == 1
+    found = [one for one in open_run(out).events() if one["event"] == "differs"]
+    told = json.loads(call("status", out, "--json").stdout)["differs"]
+    keys = ("generation", "id", "differs")
+    assert told == [{key: one[key] for key in keys} for one in found] != []
+    says = f"{len(found)} births differ when replayed, such as {found[0]['id']}: fitness.own was"
+    assert says in call("status", out).stdout
+    assert says in write_report(out).read_text()
+
+
+def test_a_run_of_sound_measures_tells_of_nothing(ended):
+    assert json.loads(call("status", ended, "--json").stdout)["differs"] == []
+    assert "when replayed" not in call("status", ended).stdout
+    assert "when replayed" not in write_report(ended).read_text()
+
+
+def test_strange_events_are_no_harm(tmp_path):
+    out = with_measure(tmp_path, "0")
+    pair = {"then": "\x1b[31m", "now": "<script>alert(1)</script>"}
+    with (out / "events.jsonl").open("a") as file:
+        for number, differs in enumerate((3, None, {"a": 1}, {"<b>": pair}, {"c": {"then": 1}})):
+            event = {"event": "differs", "id": number, "generation": [], "differs": differs}
+            file.write(json.dumps(event) + "\n")
+        file.write(json.dumps({"event": "differs", "id": "<b>", "differs": {}}) + "\n")
+        file.write(
+            json.dumps({"event": "differs", "id": 3, "generation": 0, "differs": {"<b>": pair}})
+        )
+        file.write("\n")
+    text = call("status", out).stdout
+    assert "1 births differ" not in text
+    assert "1 birth differs when replayed, such as 3: <b> was" in text
+    assert "\x1b" not in text
+    assert "<script>alert" not in write_report(out).read_text()

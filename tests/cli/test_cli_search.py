@@ -180,6 +180,7 @@ def test_status_tells_where_a_run_is(finished):
     told = json.loads(call("status", finished, "--json").stdout)
     assert set(told) == {
         "generation",
+        "differs",
         "births",
         "failures",
         "hypervolume",
