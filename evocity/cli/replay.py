@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 import evocity
 from evocity.cli.common import (
@@ -99,6 +98,8 @@ def replay(run: Path, ids, every, sample, seed, workers, accept_changes, trust, 
 
 def _drawn(run, sample: int | None, seed: int) -> list[int]:
     """Births of a ``run``: all, or a ``sample`` of them."""
+    import numpy as np
+
     ids = run.births(columns=["id"])["id"].to_pylist()
     if sample is None or sample >= len(ids):
         return ids

@@ -121,7 +121,7 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
 ):
     notes = tmp_path / "notes"
     notes.mkdir()
-    bad = pool(SOURCE.replace("NOTES_FOLDER", repr(str(notes))), timeout=3.0, memory=400 * 10**6)
+    bad = pool(SOURCE.replace("NOTES_FOLDER", repr(str(notes))), timeout=6.0, memory=400 * 10**6)
     # many calm births, so that each worker has some after each bad one
     names = [one for i, kind in enumerate(KINDS) for one in (kind, *[f"calm-{i}"] * 3)]
     outcomes = bad.run("evaluate", named(genome, *names))

@@ -204,6 +204,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_births(toy, tmp_path, rest):
     assert json.loads(weighed) == (["island-1", "island-2"] if rest is SUMS else [])
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_to_the_same_births(toy, tmp_path):
     recipe = toy(recipe=THREE, population=15, generations=6)
     run(recipe, tmp_path / "whole", workers=0)
