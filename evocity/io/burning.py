@@ -32,7 +32,8 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
     """The square window of ``request`` as a map of heights.
 
     A pixel has the height of the footprint its centre lies in, the highest if there are
-    several, 0 if there is none. ``height_rules`` counts the buildings that meet the window.
+    several, 0 if there is none. ``height_rules`` counts the buildings that meet the window. A
+    file that names its own window and has no building is a map on which nothing stands.
     """
     pixels = request.pixels or PIXELS
     side = request.metres_per_pixel or METRES_PER_PIXEL
@@ -44,11 +45,12 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
 def _burnt(
     footprints: Footprints, request: Request, name: str, pixels: int, side: float
 ) -> CityMap:
-    polygons, tags = _buildings(footprints, name)
+    own_window = request.center is None and footprints.center is not None
+    polygons, tags = _buildings(footprints, name, or_none=own_window)
     if footprints.crs.is_engineering:
         crs, (x, y) = None, _local_center(polygons, footprints, request, name)
     else:
-        places = _places(polygons, footprints, name)
+        places = _places(polygons, footprints, name) if tags else None
         center = request.center or footprints.center or places.middle
         crs = footprints.projection
         if crs is None or not is_true_to_scale(crs, *center):
@@ -57,15 +59,19 @@ def _burnt(
         polygons = moved_polygons(polygons, footprints.crs, crs)
     half = pixels * side / 2
     window = shapely.box(x - half, y - half, x + half, y + half)
-    whole, count = shapely.total_bounds(polygons), len(polygons)
+    whole, count = shapely.total_bounds(polygons) if tags else np.zeros(4), len(tags)
     polygons, tags = _inside(polygons, tags, window)
-    if not tags:
+    if count and not tags:
         if crs is None:
             raise _nothing_about(name, (x, y), 2 * half)
         raise _nothing_there(name, center, 2 * half, places)
-    heights, rules = zip(*(height_of(t, request.default_height) for t in tags), strict=True)
+    found = [height_of(each, request.default_height) for each in tags]
+    heights, rules = np.array([height for height, _ in found]), [rule for _, rule in found]
+    painted = np.zeros((pixels, pixels), np.float32)
+    if count:
+        painted = _painted(polygons, heights, painted.shape, side, (x - half, y + half))
     return CityMap(
-        _painted(polygons, np.array(heights), (pixels, pixels), side, (x - half, y + half)),
+        painted,
         side,
         name=name,
         attribution=footprints.attribution,
@@ -82,10 +88,9 @@ def _taken(
     """In words: a window of ``pixels`` of ``side`` metres, which meets ``inside`` of ``count``
     buildings with the bounds ``whole``; the file names a window of ``named`` metres."""
     metres, wide, tall = pixels * side, whole[2] - whole[0], whole[3] - whole[1]
-    text = (
-        f"a window of {metres:g} × {metres:g} m, with {inside} of the file's {count} buildings, "
-        f"which take up {wide:.0f} × {tall:.0f} m"
-    )
+    text = f"a window of {metres:g} × {metres:g} m, with {inside} of the file's {count} buildings"
+    if count:
+        text += f", which take up {wide:.0f} × {tall:.0f} m"
     if named is not None and not math.isclose(named, metres, rel_tol=1e-6):
         text += f"; the file itself names a window of {named:g} × {named:g} m"
     return text
@@ -161,13 +166,18 @@ def crs_of(city: CityMap, name: str) -> CRS:
         ) from error
 
 
-def _buildings(footprints: Footprints, name: str) -> tuple[np.ndarray, Sequence[Mapping]]:
-    """Of a source that says which polygons are buildings, those; else all."""
+def _buildings(
+    footprints: Footprints, name: str, or_none: bool
+) -> tuple[np.ndarray, Sequence[Mapping]]:
+    """Of a source that says which polygons are buildings, those; else all. `MapError` if there
+    are none, ``or_none`` at all."""
     polygons, tags = footprints.polygons, footprints.tags
     said = np.array([is_building(found) for found in tags], dtype=bool)
     if said.any():
         polygons = polygons[said]
         tags = [found for found, keep in zip(tags, said, strict=True) if keep]
+    if or_none and not len(polygons):
+        return polygons, tags
     if not len(polygons) or shapely.is_empty(polygons).all():
         raise MapError(
             f"{name}: no building among its features",
