@@ -165,4 +165,6 @@ def _quoted(text: str) -> str:
 
 
 def _word(text: str) -> str:
-    return "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
+    """A name of nodes, which begins with no digit."""
+    word = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
+    return f"_{word}" if word[:1].isdigit() else word
