@@ -1,6 +1,7 @@
 """What the house promises of its rooms, held against the syntax tree of every file."""
 
 import ast
+import functools
 import re
 import sys
 import tomllib
@@ -67,6 +68,7 @@ BLAS = {"dot", "matmul", "inner", "vdot", "tensordot", "linalg", "cov", "corrcoe
 EXECUTING = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 
 
+@functools.cache
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
@@ -76,18 +78,26 @@ def room_of(path: Path) -> str:
     return first.removesuffix(".py")
 
 
-def imported(tree: ast.Module) -> Iterator[str]:
+@functools.cache
+def nodes_of(tree: ast.Module) -> list[ast.AST]:
+    return list(ast.walk(tree))
+
+
+@functools.cache
+def imported(tree: ast.Module) -> list[str]:
     """Dotted names of all imports, lazy ones too; ``from a import b`` gives ``a.b``."""
-    for node in ast.walk(tree):
+    found: list[str] = []
+    for node in nodes_of(tree):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            yield from (f"{'.' * node.level}{node.module or ''}.{a.name}" for a in node.names)
+            found += [f"{'.' * node.level}{node.module or ''}.{a.name}" for a in node.names]
+    return found
 
 
 def dynamic(tree: ast.Module) -> Iterator[str]:
     """Names of modules that ``import_module("…")`` loads."""
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         called = dotted(node.func) if isinstance(node, ast.Call) else ""
         if called.split(".")[-1] in ("import_module", "__import__"):
             yield from (one.value for one in node.args[:1] if isinstance(one, ast.Constant))
@@ -162,7 +172,7 @@ def global_randomness(tree: ast.Module) -> list[str]:
         for name in imported(tree)
         if name.startswith("numpy.random.") and name.split(".")[2] not in STATELESS
     ]
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         name = dotted(node)
         if name.startswith(("np.random.", "numpy.random.")) and name.split(".")[2] not in STATELESS:
             faults.append(name)
@@ -175,7 +185,7 @@ def global_randomness(tree: ast.Module) -> list[str]:
 def executing(tree: ast.Module) -> list[str]:
     """What runs data as code: eval and exec, and whatever unpickles."""
     faults = sorted(libraries(tree) & EXECUTING)
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.Call):
             if isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec", "compile"):
                 faults.append(node.func.id)
@@ -189,7 +199,7 @@ def executing(tree: ast.Module) -> list[str]:
 def blas(tree: ast.Module) -> list[str]:
     """Calls of BLAS: products of matrices, and what of numpy makes some."""
     faults = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult):
             faults.append("@")
         elif isinstance(node, ast.Attribute) and set(dotted(node).split(".")[1:]) & BLAS:
@@ -203,7 +213,9 @@ def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-every_module = pytest.mark.parametrize("path", MODULES, ids=named)
+def at_fault(paths, faults_of) -> dict[str, object]:
+    """Name of each file that has faults, with what ``faults_of`` says of it."""
+    return {named(path): found for path in paths if (found := faults_of(path))}
 
 
 def test_every_room_has_its_place():
@@ -219,9 +231,8 @@ def test_no_two_rooms_import_each_other():
             del above[room]
 
 
-@every_module
-def test_imports_point_one_way(path):
-    assert upward(tree_of(path), room_of(path)) == []
+def test_imports_point_one_way():
+    assert at_fault(MODULES, lambda path: upward(tree_of(path), room_of(path))) == {}
 
 
 def test_no_modules_import_each_other():
@@ -243,23 +254,24 @@ def test_circles_are_found(texts, found):
     assert met == found or len(met) == found
 
 
-@every_module
-def test_modules_are_of_one_size(path):
+def test_modules_are_of_one_size():
     """Kernels that must share a file apart."""
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= 450 or path.name == "_kernels.py"
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    assert at_fault(MODULES, lambda p: lengths[p] > 450 and p.name != "_kernels.py") == {}
 
 
-@every_module
-def test_numba_stays_in_the_kernels(path):
-    tree = tree_of(path)
-    if room_of(path) == "accelerate":
-        return
-    assert not libraries(tree) & {"numba", "llvmlite"}
+def test_numba_stays_in_the_kernels():
     # which kernels are compiled already, and whether one is being compiled
     asking = PACKAGE / "search" / "compiling.py", PACKAGE / "cli" / "common.py"
-    if path.name != "_kernels.py" and path not in asking:
-        assert not [name for name in imported(tree) if name.startswith("evocity.accelerate")]
+
+    def faults(path):
+        tree = tree_of(path)
+        found = sorted(libraries(tree) & {"numba", "llvmlite"})
+        if path.name != "_kernels.py" and path not in asking:
+            found += [name for name in imported(tree) if name.startswith("evocity.accelerate")]
+        return found
+
+    assert at_fault([one for one in MODULES if room_of(one) != "accelerate"], faults) == {}
 
 
 @pytest.mark.parametrize(
@@ -271,43 +283,37 @@ def test_one_file_knows_the_library(kept, room):
     assert all(path.relative_to(PACKAGE).as_posix().startswith(room) for path in users)
 
 
-@pytest.mark.parametrize("path", MODULES + OTHERS, ids=named)
-def test_nothing_draws_from_a_global_state(path):
-    found = global_randomness(tree_of(path))
-    # seeded, and given back
-    if path in (
+def test_nothing_draws_from_a_global_state():
+    seeded = (  # and given back
         PACKAGE / "search" / "borrowed" / "deap.py",
         ROOT / "tests" / "search" / "test_search_algorithms.py",
         ROOT / "tests" / "search" / "test_search_cma.py",
         ROOT / "tests" / "search" / "test_search_toolbox.py",
         ROOT / "benchmarks" / "_power_methods.py",
-    ):
-        found = [name for name in found if name.split(".")[-1] not in SEEDED]
-    assert found == []
+    )
+
+    def faults(path):
+        found = global_randomness(tree_of(path))
+        return [name for name in found if path not in seeded or name.split(".")[-1] not in SEEDED]
+
+    assert at_fault(MODULES + OTHERS, faults) == {}
 
 
-@every_module
-def test_data_is_never_executed(path):
-    found = executing(tree_of(path))
-    if path == PACKAGE / "fitness" / "registry.py":  # a user's own measures are code
-        assert found == ["compile", "exec"]
-    else:
-        assert found == []
+def test_data_is_never_executed():
+    own = {"evocity/fitness/registry.py": ["compile", "exec"]}  # a user's own measures are code
+    assert at_fault(MODULES, lambda path: executing(tree_of(path))) == own
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
+def test_a_birth_calls_no_blas():
+    # with workers=0 it would take threads, and its last bits depend on how many
+    paths = [
         path
         for place in ("fitness", "views", "operators", "coding/matching")
-        for path in sorted((PACKAGE / place).rglob("*.py"))
+        for path in (PACKAGE / place).rglob("*.py")
         if path.name != "everywhere.py"  # maps of autosimilarity, which no birth asks for
-    ],
-    ids=named,
-)
-def test_a_birth_calls_no_blas(path):
-    # with workers=0 it would take threads, and its last bits depend on how many
-    assert blas(tree_of(path)) == []
+    ]
+    assert len(paths) > 100
+    assert at_fault(paths, lambda path: blas(tree_of(path))) == {}
 
 
 def test_the_package_names_its_nouns_in_few_lines():

@@ -12,7 +12,7 @@ from evocity import operators
 from evocity.errors import OperatorError
 from evocity.operators import OPERATORS, Mutation, PavementFusion, make
 
-EVERY = [(name, field.name) for name, kind in OPERATORS.items() for field in fields(kind)]
+EVERY = {name: [field.name for field in fields(kind)] for name, kind in OPERATORS.items()}
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
 FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso", "rate", "change", "cut", "alike"}
 FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max", "area_min"}
@@ -28,20 +28,22 @@ def faults(name, **parameters):
     return caught.value.faults
 
 
-@pytest.mark.parametrize(("name", "key"), EVERY)
-@pytest.mark.parametrize("wrong", ["x", math.nan, math.inf, {}, b"x", [[[1]]], 1j, -1], ids=str)
-def test_no_parameter_takes_what_it_cannot_be(name, key, wrong):
-    found, allowed = faults(name, **{key: wrong})[key]
-    assert found
-    assert allowed
+@pytest.mark.parametrize("name", OPERATORS)
+def test_no_parameter_takes_what_it_cannot_be(name):
+    for key in EVERY[name]:
+        for wrong in ("x", math.nan, math.inf, {}, b"x", [[[1]]], 1j, -1):
+            found, allowed = faults(name, **{key: wrong})[key]
+            assert found
+            assert allowed
 
 
-@pytest.mark.parametrize(("name", "key"), EVERY)
-def test_truth_is_no_number_and_a_number_no_truth(name, key):
-    wrong = 1 if key in TRUTHS else True
-    assert faults(name, **{key: wrong})[key][0] == str(wrong)
-    if key not in FLOATS | TRUTHS:
-        assert key in faults(name, **{key: 2.5})
+@pytest.mark.parametrize("name", OPERATORS)
+def test_truth_is_no_number_and_a_number_no_truth(name):
+    for key in EVERY[name]:
+        wrong = 1 if key in TRUTHS else True
+        assert faults(name, **{key: wrong})[key][0] == str(wrong)
+        if key not in FLOATS | TRUTHS:
+            assert key in faults(name, **{key: 2.5})
 
 
 @pytest.mark.parametrize(
