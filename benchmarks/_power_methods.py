@@ -110,11 +110,13 @@ def halfway(value):
     return round(middle) if isinstance(value["from"], int) else middle
 
 
-def fixed() -> Method:
-    """evocity's own search with the middles of the ranges that births draw from."""
+def fixed(*names: str) -> Method:
+    """evocity's own search with the middles of the ranges that births draw from, and without the
+    operators of these ``names``."""
     middle = {
         name: {key: one if key == "weight" else halfway(one) for key, one in entry.items()}
         for name, entry in MIXTURE.items()
+        if name not in names
     }
     return by_recipe(operators=middle)
 
@@ -345,6 +347,7 @@ ABLATIONS: dict[str, Method] = {
     "distinct = 0": by_recipe(search={"distinct": 0}),
     "adaptation": by_recipe(search={"adapt": True}),
     "fixed parameters": fixed(),
+    "without quarter_fusion, fixed parameters": fixed("quarter_fusion"),
 }
 #: Those that do not look at goals: bred once for all.
 BLIND = ("random pavement fusion", "random quarter fusion")
