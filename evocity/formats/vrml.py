@@ -165,6 +165,4 @@ def _quoted(text: str) -> str:
 
 
 def _word(text: str) -> str:
-    """A name of nodes, which begins with no digit."""
-    word = "".join(c if c.isascii() and c.isalnum() else "_" for c in text)
-    return f"_{word}" if word[:1].isdigit() else word
+    return "".join(c if c.isascii() and c.isalnum() else "_" for c in text)

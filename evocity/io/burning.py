@@ -33,7 +33,7 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
 
     A pixel has the height of the footprint its centre lies in, the highest if there are
     several, 0 if there is none. ``height_rules`` counts the buildings that meet the window. A
-    file that names its own window and has no building is a map on which nothing stands.
+    file that names its own window and has nothing in it is a map on which nothing stands.
     """
     pixels = request.pixels or PIXELS
     side = request.metres_per_pixel or METRES_PER_PIXEL
@@ -45,8 +45,7 @@ def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
 def _burnt(
     footprints: Footprints, request: Request, name: str, pixels: int, side: float
 ) -> CityMap:
-    own_window = request.center is None and footprints.center is not None
-    polygons, tags = _buildings(footprints, name, or_none=own_window)
+    polygons, tags = _buildings(footprints, name, footprints.bare and request.center is None)
     if footprints.crs.is_engineering:
         crs, (x, y) = None, _local_center(polygons, footprints, request, name)
     else:

@@ -62,7 +62,8 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
             "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
             "check it with a CityJSON validator, or export it again",
         ) from error
-    return Footprints(np.array(polygons, dtype=object), tags, crs, **window)
+    bare = bool(told) and not polygons
+    return Footprints(np.array(polygons, dtype=object), tags, crs, **window, bare=bare)
 
 
 def _own(objects: dict) -> dict:

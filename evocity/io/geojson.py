@@ -92,6 +92,7 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
         center=center,
         projection=projection,
         side=_side(document.get("window")),
+        bare=center is not None and not features,
     )
 
 

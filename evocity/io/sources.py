@@ -44,6 +44,7 @@ class Footprints:
     projection : reference system in metres the file itself asks for, or None.
     side : metres a side of the window the file names, or None. It is told beside what was taken:
         how large the window is, the request says.
+    bare : whether the file names a window and has nothing in it, so that no building stands there.
     """
 
     polygons: np.ndarray
@@ -53,6 +54,7 @@ class Footprints:
     center: tuple[float, float] | None = None
     projection: CRS | None = None
     side: float | None = None
+    bare: bool = False
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def read_layers(path: Path, request: Request) -> Footprints:
     _check_whole(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)
-    polygons, tags, crs, metadata = _read(path, _chosen_layer(path, request.layer))
+    polygons, tags, crs, metadata, count = _read(path, _chosen_layer(path, request.layer))
     if crs is None:
         raise MapError(
             f"{path.name} names no reference system",
@@ -57,7 +57,8 @@ def read_layers(path: Path, request: Request) -> Footprints:
     crs = _crs(path, crs)
     center = _center(path, metadata)
     own = crs if center is not None and is_metric(crs) else None
-    return Footprints(polygons, tags, crs, _attribution(metadata), center, own)
+    bare = center is not None and not count
+    return Footprints(polygons, tags, crs, _attribution(metadata), center, own, bare=bare)
 
 
 def _check_whole(path: Path) -> None:
@@ -76,7 +77,8 @@ def _check_whole(path: Path) -> None:
 
 
 def _read(path: Path, layer: str):
-    """Polygons, their tags, the reference system and the metadata of one layer."""
+    """Polygons, their tags, the reference system and the metadata of one layer, and how many
+    features it has of any kind."""
     with _gdal_trouble(path):
         info = pyogrio.read_info(path, layer=layer)
         meta, _, shapes, columns = pyogrio.raw.read(path, layer=layer, force_2d=True)
@@ -89,7 +91,7 @@ def _read(path: Path, layer: str):
         for i in kept.tolist()
     ]
     metadata = (info.get("dataset_metadata") or {}) | (info.get("layer_metadata") or {})
-    return polygons[kept], tags, meta["crs"], metadata
+    return polygons[kept], tags, meta["crs"], metadata, len(shapes)
 
 
 def _chosen_layer(path: Path, wanted: str | None) -> str:

@@ -169,6 +169,17 @@ def test_an_empty_window_says_where_the_buildings_are(refused):
     assert "center=(0.0005, 0.0005)" in message
 
 
+def test_a_window_in_which_nothing_is_is_open_ground(refused, tmp_path):
+    window = {"center": [4.83, 45.76]}
+    (tmp_path / "bare.geojson").write_text(json.dumps(collection(window=window)))
+    city = read_map(tmp_path / "bare.geojson", pixels=32)
+    assert city.shape == (32, 32)
+    assert not city.heights.any()
+    point = {"type": "Point", "coordinates": [4.83, 45.76]}
+    refused("a.geojson", collection(point, window=window), "no building among")
+    refused("a.geojson", collection(window=window), "no building among", center=(5, 45))
+
+
 @pytest.mark.parametrize("share", [0.05, 0.4, 0.95])
 @pytest.mark.parametrize("suffix", [*BREAKABLE, ".shp"])
 def test_truncated_files(refused, whole_files, suffix, share, tmp_path):

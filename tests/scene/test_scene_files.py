@@ -219,6 +219,7 @@ def vertical(ring: np.ndarray) -> int:
 def test_cityjson_is_read_back(scene, tmp_path):
     path, city = written(scene, tmp_path, ".city.json"), scene.city
     if not len(scene.walls):
+        assert not evocity.read_map(path).heights.any()
         return
     found, _ = data_of(path, Request())
     solids = [group for group in scene.groups if (group.heights > 0).any()]
@@ -255,6 +256,13 @@ def test_a_map_on_which_nothing_stands_is_read_back(tmp_path, suffix, placed):
         assert again.origin == pytest.approx(town.origin, abs=1e-3)
         with pytest.raises(MapError, match="no building"):
             evocity.read_map(path, center=(5, 45))
+
+
+def test_a_layer_without_areas_is_no_open_ground(tmp_path):
+    path = tmp_path / "streets.gpkg"
+    evocity.scene(evocity.read_map("lyon-1er", pixels=64), streets=True).write(path)
+    with pytest.raises(MapError, match="no building"):
+        evocity.read_map(path, layer="street_edges")
 
 
 @pytest.mark.parametrize("suffix", MESHES)
