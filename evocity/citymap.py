@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
+from evocity.displayed import Displayed
 from evocity.errors import MapError, keyword, plain_text, setting
 from evocity.views import ground
 from evocity.views.buildings import STEP, Buildings, measured, outlines, told_apart, zones_of
@@ -34,7 +35,7 @@ PIXEL_SIDES = (1e-6, 1e6)
 MAX_PIXELS = 1 << 27
 
 
-class CityMap:
+class CityMap(Displayed):
     """A 2D½ city: heights in metres on a square grid, row 0 in the north.
 
     Parameters

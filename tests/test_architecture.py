@@ -16,7 +16,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / room).rglob("*.py"))
 
 # Which room may import which; CONTRIBUTING.md draws it.
-BELOW_ALL = {"errors", "plugins", "files", "accelerate"}
+BELOW_ALL = {"errors", "plugins", "files", "accelerate", "displayed"}
 CORE = {"views", "citymap", "condensation", "genome", "isometries", "pavement"}
 BREEDING = CORE | {"coding", "kinds", "operators", "fitness", "store", "io", "pictures"}
 MAY_IMPORT = {
@@ -24,7 +24,9 @@ MAY_IMPORT = {
     "plugins": set(),
     "files": set(),
     "accelerate": set(),
+    "displayed": set(),
     "data": set(),
+    "pages": set(),
     "views": set(),
     "citymap": {"views"},
     "isometries": set(),
@@ -44,7 +46,8 @@ MAY_IMPORT = {
     "kinds": CORE | {"coding"},
     "store": CORE | {"coding", "kinds"},
     "search": BREEDING,
-    "report": BREEDING | {"search", "scene"},
+    "displays": BREEDING | {"search", "pages"},
+    "report": BREEDING | {"search", "scene", "pages"},
     "cli": BREEDING | {"authoring", "growth", "towns", "scene", "search", "report"},
     "__init__": set(),
     "__main__": {"cli"},

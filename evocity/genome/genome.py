@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from evocity.condensation import Condensation
+from evocity.displayed import Displayed
 from evocity.genome.checks import check_bounds, check_description, typed
 from evocity.genome.files import write_genome
 from evocity.genome.nucleotides import FIELDS, NEWER, NUCLEOTIDES
@@ -17,7 +18,7 @@ from evocity.pavement import Pavement
 
 
 @dataclass(frozen=True, eq=False)
-class Genome:
+class Genome(Displayed):
     """A chromosome: one lifs (σ, β, x, y, Dx, Dy, iso) a range block of its pavement.
 
     ω_i shrinks its domain block to the size of range block i by averaging, multiplies by σ, adds

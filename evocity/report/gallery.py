@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from evocity.genome import VOID
+from evocity.pages import number
 from evocity.report.facts import Facts, Shown
 from evocity.report.pictures import map_uri
 
@@ -14,13 +15,6 @@ _CITY_COLOURS = ("#4f7ea8", "#c98a2b", "#5d8a5f", "#96588f", "#7a746d", "#b5534b
 
 #: What the void among the cities is.
 _VOID = "bare ground, laid where buildings were left out"
-
-
-def number(value: float | None, unit: str = "") -> str:
-    """A measure's value for people; a dash where it is undefined."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{value:.4g} {unit}".rstrip()
 
 
 def city_colour(index: int) -> str:

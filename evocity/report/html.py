@@ -15,13 +15,14 @@ import numpy as np
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import VOID
+from evocity.pages import data_uri, number
 from evocity.report.aim import Aim
 from evocity.report.facts import Facts, Shown, figures_told
 from evocity.report.failures import differing_told, failures, shortened
-from evocity.report.gallery import archive_gallery, city_key, gallery, number, parents
+from evocity.report.gallery import archive_gallery, city_key, gallery, parents
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands
-from evocity.report.pictures import common_scale, data_uri, scale_colours, scene_uri
+from evocity.report.pictures import common_scale, scale_colours, scene_uri
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
 from evocity.store import STATUSES, open_run
 
@@ -132,8 +133,7 @@ def _summary(facts: Facts) -> str:
         figures.insert(4, ("break a constraint", f"{len(facts.broken)} of {len(facts.members)}"))
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     why = f" (stopped: {_text(status['stopped'])})" if status["stopped"] else ""
-    state = f"<p>The run is not finished{why}: what is here is whole.</p>"
-    state = "" if status["finished"] else state
+    state = "" if status["finished"] else f"<p>The run is not finished{why}: all here is whole.</p>"
     unsteady = f"<p>{_text(told)}.</p>" if (told := differing_told(facts.run)) else ""
     cities = [name for name in header.cities if name != VOID]
     return (

@@ -1,7 +1,5 @@
 """Maps as pictures on one scale of heights, and the contact sheet of a run."""
 
-import base64
-import io
 import math
 import textwrap
 from pathlib import Path
@@ -10,6 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from evocity.citymap import CityMap
+from evocity.pages import data_uri
 from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render, scale_end
 from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
@@ -19,8 +18,6 @@ from evocity.store import Run
 #: Names and attributions have letters that Pillow's own font lacks.
 FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
-_COLOURS = 128  # of a picture's palette: no colour is off by more than the eye can tell
-
 _WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
 
@@ -28,15 +25,6 @@ _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stay
 def common_scale(facts: Facts) -> float:
     """Metres at which the colours of all pictures of a run end: above its parents' roofs."""
     return max(scale_end(source.city) for source in facts.sources)
-
-
-def data_uri(picture: Image.Image) -> str:
-    """A picture as PNG inside a ``data:`` address."""
-    kept = io.BytesIO()
-    # rare colours have a place of their own, and common ones, by two rounds of k-means, their own
-    small = picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
-    small.save(kept, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(kept.getvalue()).decode()
 
 
 def map_uri(city: CityMap, highest: float) -> str:

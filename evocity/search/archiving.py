@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from evocity.displayed import Displayed
 from evocity.search.binning import binned, grid_of_run
 from evocity.search.cells import Grid
 from evocity.search.fronts import Hypervolume, crowding_of, not_dominated, ranks_of
@@ -24,7 +25,7 @@ _MOST_POINTS_OF_MORE = 40
 
 
 @dataclass(frozen=True)
-class Archive:
+class Archive(Displayed):
     """The births of a run that no other ever dominated, or of a run with a grid the best of each
     cell; made by `archive`.
 

@@ -22,6 +22,7 @@ from pydantic import (
 
 from evocity import operators
 from evocity.coding.matching import available_cores
+from evocity.displayed import Displayed
 from evocity.fitness import Measure
 from evocity.search.checking import fill
 from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
@@ -53,7 +54,7 @@ from evocity.search.values import (
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
 
-class Recipe(Section):
+class Recipe(Section, Displayed):
     """A whole recipe, without faults. Read from a file by `evocity.read_recipe`, or made here.
 
     >>> import evocity

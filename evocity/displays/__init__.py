@@ -1,0 +1,46 @@
+"""How things look in a notebook: static HTML, escaped, without script, at most 150 kB each.
+
+`html_of` finds what shows a thing; `maps`, `genomes`, `recipes`, `archives` show theirs by the
+templates beside them.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from html import escape
+
+from evocity.citymap import CityMap
+from evocity.displays.archives import archive_html
+from evocity.displays.genomes import genome_html
+from evocity.displays.maps import map_html
+from evocity.displays.recipes import recipe_html
+from evocity.errors import EvocityError
+from evocity.genome import Genome
+from evocity.search import Archive, Recipe
+
+
+@cache
+def _ways() -> dict[type, Callable[[object], str]]:
+    return {
+        CityMap: map_html,
+        Genome: genome_html,
+        Recipe: recipe_html,
+        Archive: archive_html,
+    }
+
+
+def html_of(thing: object) -> str:
+    """What a notebook shows of a map, a genome, a recipe or an archive: HTML that fetches nothing
+    and runs nothing.
+
+    What cannot be shown is told by the message of its fault. Raises TypeError for anything else.
+    """
+    for kind in type(thing).__mro__:
+        if kind in _ways():
+            try:
+                return _ways()[kind](thing)
+            except EvocityError as error:
+                return f"<pre>{escape(repr(thing))}\n{escape(str(error))}</pre>"
+    raise TypeError(f"no display of a {type(thing).__name__}")
+
+
+__all__ = ["html_of"]
