@@ -3,7 +3,7 @@
 A `CityMap` is a raster of building heights. Coded, it is a `Genome`: one gene for each range block
 of its `Pavement`. Operators breed genomes; decoding finds the map one stands for; a measure gives a
 map one number. A `Recipe` says what to breed and reward; a `Search` does it, generation by
-generation; `open_run` reads what it wrote, `archive` finds the best births, `replay` repeats any.
+generation; `open_run` tells what it wrote, `archive` finds the best births, `replay` repeats any.
 """
 
 from importlib import import_module
@@ -11,6 +11,7 @@ from importlib import import_module
 __version__ = "0.1.0"
 
 _ROOMS = {
+    "analysis": ["open_run"],
     "citymap": ["CityMap"],
     "coding": ["decode", "encode"],
     "condensation": ["Condensation"],
@@ -20,7 +21,6 @@ _ROOMS = {
     "pavement": ["Pavement"],
     "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
     "search.repeating": ["replay"],
-    "store": ["open_run"],
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 _CALLED = ("fitness", "scene")  # modules, and, called, the decorator and the function

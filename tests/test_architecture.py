@@ -46,9 +46,11 @@ MAY_IMPORT = {
     "kinds": CORE | {"coding"},
     "store": CORE | {"coding", "kinds"},
     "search": BREEDING,
-    "displays": BREEDING | {"search", "pages"},
-    "report": BREEDING | {"search", "scene", "pages"},
-    "cli": BREEDING | {"authoring", "growth", "towns", "scene", "search", "report"},
+    "analysis": BREEDING | {"search", "scene"},
+    "displays": BREEDING | {"search", "scene", "analysis", "pages"},
+    "plot": BREEDING | {"search", "scene", "analysis"},
+    "report": BREEDING | {"search", "scene", "analysis", "pages"},
+    "cli": BREEDING | {"authoring", "growth", "towns", "scene", "search", "analysis", "report"},
     "__init__": set(),
     "__main__": {"cli"},
 }
@@ -377,4 +379,6 @@ def test_what_is_imported_is_declared():
     used -= {name.lower() for name in sys.stdlib_module_names} | {"evocity", ""}
     names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["cluster"]}
     names -= {"cryptography"}  # Dask makes certificates by it
+    extra = {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["notebook"]}
+    names |= used & extra  # what types are told by; loaded by analysis/extras.py alone
     assert {modules.get(name, name) for name in used} == names  # and nothing for nothing

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
@@ -133,7 +133,7 @@ class Aims:
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """One loss an objective, lower is better and always finite, of raw ``values``."""
         return tuple(
-            _finite(sum(_finite(w.weight * w.loss(values[w.measure.name])) for w in terms))
+            _finite(_sum(_finite(w.weight * w.loss(values[w.measure.name])) for w in terms))
             for terms in self._terms.values()
         )
 
@@ -143,7 +143,15 @@ class Aims:
         kept = [one for one in self.wanted if one.constraint is not None]
         told = (values.get(one.measure.name, math.nan) for one in kept)
         violations = [k.constraint.violation(value) for k, value in zip(kept, told, strict=True)]
-        return _finite(sum(violations))
+        return _finite(_sum(violations))
+
+
+def _sum(numbers: Iterable[float]) -> float:
+    """Added one after the other: what Python calls sum has other last bits from 3.12 on."""
+    total = 0.0
+    for one in numbers:
+        total += one
+    return total
 
 
 def _finite(value: float) -> float:

@@ -1,7 +1,6 @@
 """What a run shows: a self-contained HTML report, and a sheet of pictures.
 
 facts      what a report tells, gathered from a run folder
-aim        what was wanted of a measure, in words and signs
 failures   why births failed, and how many repeat each other, which differ when replayed
 pictures   genomes as pictures on one scale of heights; the contact sheet
 grid       the grid of a run of MAP-Elites, a map in each filled cell

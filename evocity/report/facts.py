@@ -1,24 +1,21 @@
 """What a report tells, gathered from a run folder. Nothing in the folder is executed."""
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pyarrow.compute as pc
 
 from evocity import fitness
+from evocity.analysis.births import Told
+from evocity.analysis.wanted import Aim, aims_of, number_of, recipe_of, recorded_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
-from evocity.fitness.part import own_name
 from evocity.genome import VOID
-from evocity.report.aim import Aim
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
 from evocity.search.binning import Binned, binned, grid_of_run
-from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.sections import RunSection
@@ -69,51 +66,29 @@ class Facts:
         return self.run.generations[-1]
 
     @cached_property
+    def told(self) -> Told:
+        """All births up to the last generation, as columns. Raises `RunError` as `last` does."""
+        return Told(self.run, self.last)
+
+    @cached_property
     def aims(self) -> list[Aim]:
         """One a measure, in the recipe's order."""
-        stated: dict = {}
-        for told in (self.recipe.get("fitness"), self.run.provenance.get("fitness")):
-            entries = told if isinstance(told, list) else []
-            dicts = [one for one in entries if isinstance(one, dict)]
-            stated |= {str(one.get("name")): one for one in dicts}
-        return [self._aim(name, stated.get(name, {})) for name in self.run.header.measures]
+        return aims_of(self.run)
 
     @property
     def recorded(self) -> list[Aim]:
         """One a measure that is recorded besides; nothing is wanted of it."""
-        return [replace(self._aim(name, {}), goal="none") for name in self.run.header.recorded]
+        return recorded_of(self.run)
 
     @property
     def sought(self) -> list[Aim]:
         """Those of the aims that are more than a constraint."""
-        return [aim for aim in self.aims if aim.goal != "bounds"]
-
-    def _aim(self, name: str, stated: dict) -> Aim:
-        known = {measure.name: measure for measure in fitness.measures()}.get(own_name(name))
-        target, low, high = (_number(stated.get(key)) for key in ("target", "min", "max"))
-        own = known.goal if known else None
-        if (low, high) != (None, None) and stated.get("goal") is None and target is None:
-            own = "bounds"
-        goal = str(stated.get("goal") or ("like" if stated.get("like") else own) or "unknown")
-        total = stated.get("objective")
-        return Aim(
-            name,
-            known.unit if known else "",
-            goal,
-            target,
-            low,
-            high,
-            "".join(filter(str.isprintable, total)) if isinstance(total, str) else None,
-            known.summary if known else "",
-        )
+        return [aim for aim in self.aims if aim.sought]
 
     @cached_property
     def recipe(self) -> dict:
         """The recipe as plain values; empty if its text cannot be read."""
-        try:
-            return tomllib.loads(self.run.recipe_text)
-        except (ValueError, RecursionError):
-            return {}
+        return recipe_of(self.run)
 
     @property
     def title(self) -> str:
@@ -161,38 +136,31 @@ class Facts:
 
     @cached_property
     def births(self):
-        """All births, without genomes: Arrow table."""
+        """All births by id, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
         columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
-        columns += ["island"] if self.run.header.islands else []
-        births = self.run.births(columns=columns)
-        return births.filter(pc.less_equal(births["generation"], self.last))  # it may go on
+        return self.told.read([*columns, *(["island"] if self.run.header.islands else [])])
 
-    @cached_property
+    @property
     def values(self) -> np.ndarray:
         """Float ``(births, measures)``; NaN where a birth was not measured."""
-        names = [f"fitness.{name}" for name in self.run.header.measures]
-        columns = [self.births[name].to_numpy().astype(np.float64) for name in names]
-        return np.column_stack(columns) if columns else np.empty((len(self.births), 0))
+        return self.told.values[:, : len(self.run.header.measures)]
 
-    @cached_property
+    @property
     def ok(self) -> np.ndarray:
         """Bool, one a birth: it was bred and measured."""
-        return np.array([status == "ok" for status in self.births["status"].to_pylist()], bool)
+        return self.told.ok
 
-    @cached_property
+    @property
     def kept(self) -> np.ndarray:
         """Bool, one a birth: it was measured and lies within all bounds that now hold."""
-        within = self.ok.copy()
-        for aim, values in zip(self.aims, self.values.T, strict=True):
-            within &= aim.within(values)
-        return within
+        return self.told.feasible
 
     @cached_property
     def broken(self) -> set[int]:
         """Ids of those of the last generation that break a constraint."""
-        within = dict(zip(self.births["id"].to_pylist(), self.kept.tolist(), strict=True))
-        return {row["id"] for row in self.members if not within.get(row["id"], True)}
+        ids = np.array([row["id"] for row in self.members], np.int64)
+        return set(ids[~self.kept[self.told.rows(ids)]].tolist())
 
     @cached_property
     def lived(self) -> list[dict]:
@@ -205,30 +173,8 @@ class Facts:
     def members(self) -> list[dict]:
         """The last generation: slot, id, rank; best first, as its algorithm has them. Of a run with
         islands each individual once, ranked by all goals together."""
-        if not self.run.header.islands:
-            return sorted(self.lived, key=lambda row: row["slot"])
-        ids = sorted({row["id"] for row in self.lived})
-        ranks = self._ranks(ids)
-        told = sorted(zip(ranks, ids, strict=True))
-        return [{"slot": slot, "id": one, "rank": rank} for slot, (rank, one) in enumerate(told)]
-
-    def _ranks(self, ids: Sequence[int]) -> list[int]:
-        """The fronts of individuals by all goals; the best that an island tells, where the run does
-        not tell what it wanted."""
-        where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
-        self.run.individuals([one for one in ids if one not in where])  # says who is missing
-        try:
-            aims = aims_of_run(self.run)
-        except RunError:
-            ranks: dict[int, int] = {}
-            for row in self.lived:
-                ranks[row["id"]] = min(row["rank"], ranks.get(row["id"], row["rank"]))
-            return [ranks[one] for one in ids]
-        names = self.run.header.measures
-        values = [dict(zip(names, self.values[where[one]].tolist(), strict=True)) for one in ids]
-        losses = np.array([aims.losses(one) for one in values]).reshape(len(ids), -1)
-        violations = np.array([aims.violation(one) for one in values])
-        return ranks_of(losses, violations).tolist()
+        pairs = zip(*(one.tolist() for one in self.told.ranked()), strict=True)
+        return [{"slot": n, "id": one, "rank": rank} for n, (one, rank) in enumerate(pairs)]
 
     @property
     def front(self) -> list[int]:
@@ -247,7 +193,7 @@ class Facts:
         """In how large a share of the map two individuals differ at least that do not look alike:
         what the recipe's search asks for."""
         section = self.recipe.get("search")
-        stated = _number(section.get("apart")) if isinstance(section, dict) else None
+        stated = number_of(section.get("apart")) if isinstance(section, dict) else None
         return _APART if stated is None or not 0 <= stated <= 1 else stated
 
     @cached_property
@@ -390,16 +336,6 @@ def figures_told(figures: Mapping[str, float]) -> list[tuple[str, str]]:
         ("".join(filter(str.isprintable, name)).replace("_", " "), f"{value:.4g}")
         for name, value in figures.items()
     ]
-
-
-def _number(value) -> float | None:
-    """A finite number of a stranger's file, else None."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        return float(value) if math.isfinite(value) else None
-    except OverflowError:
-        return None
 
 
 def _measured(measure, city: CityMap, extras: Mapping) -> float:

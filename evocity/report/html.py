@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from evocity.analysis.wanted import Aim
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import VOID
 from evocity.pages import data_uri, number
-from evocity.report.aim import Aim
 from evocity.report.facts import Facts, Shown, figures_told
 from evocity.report.failures import differing_told, failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, parents

@@ -49,6 +49,11 @@ class Archive(Displayed):
     def __len__(self) -> int:
         return len(self.births)
 
+    @property
+    def ids(self) -> np.ndarray:
+        """Int64: those of its births, in their order."""
+        return self.births["id"].to_numpy()
+
 
 def archive(run: Run, last: int | None = None) -> Archive:
     """Of all births of ``run`` those that no other dominates, by the run's goals, or, if it selects

@@ -4,7 +4,8 @@ Nothing of the run is executed, no measure is loaded.
 """
 
 import math
-from collections.abc import Collection, Sequence
+import sys
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from evocity.search.commands import Standing
 from evocity.store import Birth, Run
 
 _HEAVIEST = 1e9  # weight that a recipe may give
+_MOST = sys.float_info.max
 
 
 def aims_of_run(run: Run) -> Aims:
@@ -97,11 +99,55 @@ def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) ->
 def judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:
     """Losses ``(n, goals)`` of ``births``, and bool ``(n,)``: which keep all constraints."""
     names = [wanted.measure.name for wanted in aims.wanted]
-    columns = [births[f"fitness.{name}"].to_numpy().astype(np.float64).tolist() for name in names]
-    every = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-    losses = np.array([aims.losses(values) for values in every]).reshape(-1, len(aims.names))
-    kept = np.array([aims.violation(values) == 0 for values in every], bool)
-    return losses, kept
+    values = {name: births[f"fitness.{name}"].to_numpy().astype(np.float64) for name in names}
+    return losses_of(aims, values), broken_by(aims, values) == 0
+
+
+def losses_of(aims: Aims, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`Aims.losses` of many births, the same to the bit: measure -> ``(n,)`` values, NaN for none,
+    become losses ``(n, goals)``."""
+    goals: dict[str, np.ndarray] = {}
+    with np.errstate(all="ignore"):
+        for one in aims.wanted:
+            if one.objective is None:
+                continue
+            value, name = values[one.measure.name], one.total or one.measure.name
+            loss = _finite(one.weight * _finite(_loss(one.objective, value)))
+            goals[name] = goals.get(name, 0.0) + loss  # in the order of their sum
+        columns = [_finite(goals[name]) for name in aims.names]
+    return np.column_stack(columns) if columns else np.empty((0, 0))
+
+
+def _loss(objective: Objective, values: np.ndarray) -> np.ndarray:
+    if objective.goal in ("max", "min"):
+        return -values if objective.goal == "max" else values
+    return np.abs(values - objective.target)
+
+
+def broken_by(aims: Aims, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`Aims.violation` of many births, the same to the bit: ``(n,)``, 0 where all constraints are
+    kept."""
+    found = np.zeros(len(next(iter(values.values()), ())))
+    with np.errstate(all="ignore"):
+        for one in aims.wanted:
+            if one.constraint is not None:
+                found = found + _violation(one.constraint, values[one.measure.name])
+        return _finite(found)
+
+
+def _violation(bounds: Constraint, values: np.ndarray) -> np.ndarray:
+    low, high = bounds.low, bounds.high
+    beyond = np.zeros(len(values))
+    if low is not None:
+        beyond = np.maximum(beyond, low - values)
+    if high is not None:
+        beyond = np.maximum(beyond, values - high)
+    size = abs(high if low is None else low) if None in (low, high) else high - low
+    return np.where(np.isnan(values), _MOST, _finite(beyond / (size or 1.0)))
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return np.where(np.isnan(values), _MOST, np.clip(values, -_MOST, _MOST))
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     facts = Facts(open_run(folder))
     assert facts.members  # read while the header is the files' own
     assert facts.history
+    assert facts.births
     assert not facts.broken
     facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
     page = Page(html._summary(facts))

@@ -1,10 +1,19 @@
-"""What a run wanted of a measure, in words and signs."""
+"""What a run wanted of each measure, in words and signs; by its recipe and what it noted.
+
+Nothing of the run is executed. `evocity.search.judging` has the same as losses of all goals
+together, and refuses a run that does not tell them; here a stranger's run says what it can.
+"""
 
 import math
 import sys
-from dataclasses import dataclass
+import tomllib
+from dataclasses import dataclass, replace
 
 import numpy as np
+
+from evocity import fitness
+from evocity.fitness.part import own_name
+from evocity.store import Run
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,11 @@ class Aim:
         return {"max": "↑", "min": "↓"}.get(self.goal, "")
 
     @property
+    def sought(self) -> bool:
+        """Whether it is more than a constraint."""
+        return self.goal != "bounds"
+
+    @property
     def _bounds(self) -> tuple[float, float]:
         low = -math.inf if self.low is None else self.low
         return low, math.inf if self.high is None else self.high
@@ -80,4 +94,57 @@ class Aim:
         return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
 
 
-__all__ = ["Aim"]
+def recipe_of(run: Run) -> dict:
+    """The run's recipe as plain values; empty if its text cannot be read."""
+    try:
+        return tomllib.loads(run.recipe_text)
+    except (ValueError, RecursionError):
+        return {}
+
+
+def aims_of(run: Run) -> list[Aim]:
+    """What was wanted of each measure, one a measure in the recipe's order; what the run noted
+    goes before what its recipe says."""
+    stated: dict = {}
+    for told in (recipe_of(run).get("fitness"), run.provenance.get("fitness")):
+        entries = told if isinstance(told, list) else []
+        stated |= {str(one.get("name")): one for one in entries if isinstance(one, dict)}
+    return [_aim(name, stated.get(name, {})) for name in run.header.measures]
+
+
+def recorded_of(run: Run) -> list[Aim]:
+    """One a measure that is recorded besides; nothing is wanted of it."""
+    return [replace(_aim(name, {}), goal="none") for name in run.header.recorded]
+
+
+def _aim(name: str, stated: dict) -> Aim:
+    known = {measure.name: measure for measure in fitness.measures()}.get(own_name(name))
+    target, low, high = (number_of(stated.get(key)) for key in ("target", "min", "max"))
+    own = known.goal if known else None
+    if (low, high) != (None, None) and stated.get("goal") is None and target is None:
+        own = "bounds"
+    goal = str(stated.get("goal") or ("like" if stated.get("like") else own) or "unknown")
+    total = stated.get("objective")
+    return Aim(
+        name,
+        known.unit if known else "",
+        goal,
+        target,
+        low,
+        high,
+        "".join(filter(str.isprintable, total)) if isinstance(total, str) else None,
+        known.summary if known else "",
+    )
+
+
+def number_of(value: object) -> float | None:
+    """A finite number of a stranger's file, else None."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
+__all__ = ["Aim", "aims_of", "number_of", "recipe_of", "recorded_of"]

@@ -1,0 +1,287 @@
+"""All births of a run as columns: read once, settled at one generation. numpy alone."""
+
+from collections.abc import Collection, Iterable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evocity.analysis.wanted import Aim, aims_of, recorded_of
+from evocity.errors import RunError, near_miss
+from evocity.fitness import Aims
+from evocity.search.fronts import ranks_of
+from evocity.search.judging import aims_of_run, broken_by, losses_of
+from evocity.store import Run
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: What a birth has besides its measures, in the order of tables; islands where there are some.
+OWN = ("generation", "id", "island", "operator", "status", "feasible", "seconds", "alive", "lived")
+
+
+class Told:
+    """The births of a ``run`` in its generations 0…``last``, a row each, by id; what is asked for
+    is read once and kept.
+
+    Raises `RunError` where the run is damaged, or has no whole generation yet.
+    """
+
+    def __init__(self, run: Run, last: int | None = None):
+        self.run = run
+        if not run.generations:
+            raise RunError(
+                f"{run.path} has no whole generation yet",
+                "at least one",
+                "wait for the first generation to end, or go on: evocity resume RUN",
+            )
+        #: The last generation that counts.
+        self.last = run.generations[-1] if last is None else last
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    # -- columns -----------------------------------------------------------------------------
+
+    @cached_property
+    def _table(self) -> "pa.Table":
+        header = self.run.header
+        columns = ["generation", "id", "operator", "status", "seconds"]
+        columns += ["island"] if header.islands else []
+        columns += [f"fitness.{name}" for name in header.columns]
+        table = self.read(columns)
+        ids = table["id"].to_numpy()
+        if (np.diff(ids) <= 0).any():
+            raise RunError(
+                f"{self.run.path}: the births are damaged: one stands there twice",
+                "births as `evocity run` writes them",
+                "bring the file back from a copy",
+            )
+        return table
+
+    def read(self, columns: Sequence[str]) -> "pa.Table":
+        """``columns`` of the log, of all births by id, and their generation and id."""
+        table = Run.births(self.run, columns=list(dict.fromkeys(["generation", "id", *columns])))
+        table = table.replace_schema_metadata(None)
+        born = table["generation"].to_numpy()
+        if (born > self.last).any():  # it may go on
+            table = table.filter(born <= self.last)
+        if (np.diff(table["id"].to_numpy()) < 0).any():
+            table = table.sort_by("id")
+        return table
+
+    @cached_property
+    def ids(self) -> np.ndarray:
+        """Int64 ``(n,)``, rising."""
+        return self._table["id"].to_numpy()
+
+    @cached_property
+    def generation(self) -> np.ndarray:
+        """Int32 ``(n,)``: when each was born."""
+        return self._table["generation"].to_numpy()
+
+    @cached_property
+    def operator(self) -> np.ndarray:
+        """Text ``(n,)``: by what each was bred."""
+        return self._words("operator")
+
+    @cached_property
+    def status(self) -> np.ndarray:
+        """Text ``(n,)``: how each birth ended."""
+        return self._words("status")
+
+    @cached_property
+    def island(self) -> np.ndarray:
+        """Text ``(n,)``: where each was born; of a run with islands alone."""
+        return self._words("island")
+
+    @cached_property
+    def seconds(self) -> np.ndarray:
+        """Float64 ``(n,)``: what each took one worker."""
+        return self._table["seconds"].to_numpy()
+
+    def _words(self, name: str) -> np.ndarray:
+        return self._table[name].cast("string").to_numpy(zero_copy_only=False)
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """Float64 ``(n, measures)`` in the order of ``header.columns``; NaN where there is none."""
+        names = [f"fitness.{name}" for name in self.run.header.columns]
+        found = np.empty((len(self), len(names)))
+        for column, name in zip(found.T, names, strict=True):
+            column[:] = self._table[name].to_numpy(zero_copy_only=False)
+        return found
+
+    def value(self, name: str) -> np.ndarray:
+        """Float64 ``(n,)``: what each birth has of the measure ``name``."""
+        return self.values[:, self.run.header.columns.index(name)]
+
+    @cached_property
+    def aims(self) -> list[Aim]:
+        """What was wanted of each measure, in words."""
+        return aims_of(self.run)
+
+    @cached_property
+    def recorded(self) -> list[Aim]:
+        """One a measure that is recorded besides."""
+        return recorded_of(self.run)
+
+    @cached_property
+    def ok(self) -> np.ndarray:
+        """Bool ``(n,)``: it was bred and measured."""
+        return self.status == "ok"
+
+    @cached_property
+    def feasible(self) -> np.ndarray:
+        """Bool ``(n,)``: it was measured, and lies within all bounds that now hold."""
+        within = self.ok.copy()
+        for aim in self.aims:
+            within &= aim.within(self.value(aim.name))
+        return within
+
+    # -- goals -------------------------------------------------------------------------------
+
+    @cached_property
+    def wanted(self) -> Aims:
+        """What the run wants, by the weights it has now. Raises `RunError` where it does not
+        tell."""
+        return aims_of_run(self.run)
+
+    @property
+    def goals(self) -> tuple[str, ...]:
+        """Names of the goals: a measure's, or a sum's."""
+        return self.wanted.names
+
+    @cached_property
+    def losses(self) -> np.ndarray:
+        """Float64 ``(n, goals)``, lower is better; the worst of all where a birth was not
+        measured."""
+        return losses_of(self.wanted, self._wanted_values)
+
+    @cached_property
+    def violation(self) -> np.ndarray:
+        """Float64 ``(n,)``: how far each breaks the constraints, 0 where it keeps them."""
+        return broken_by(self.wanted, self._wanted_values)
+
+    @property
+    def _wanted_values(self) -> dict[str, np.ndarray]:
+        return {name: self.value(name) for name in self.run.header.measures}
+
+    # -- who lived ---------------------------------------------------------------------------
+
+    @cached_property
+    def members(self) -> "pa.Table":
+        """Who lived in each generation, Arrow, see `evocity.store.Run.members`."""
+        table = self.run.members()
+        born = table["generation"].to_numpy()
+        return table.filter(born <= self.last) if (born > self.last).any() else table
+
+    @cached_property
+    def lives(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of each that lived in each generation its number, and the row of the birth; once where
+        it lived on several islands."""
+        names = ("generation", "id")
+        born, ids = (self.members[name].to_numpy() for name in names)
+        if self.run.header.islands:
+            born, ids = np.unique(np.column_stack([born, ids]), axis=0).T
+        return born, self.rows(ids)
+
+    @cached_property
+    def lived(self) -> np.ndarray:
+        """Int64 ``(n,)``: in how many generations each lived."""
+        return np.bincount(self.lives[1], minlength=len(self))
+
+    @cached_property
+    def alive(self) -> np.ndarray:
+        """Bool ``(n,)``: it lives in the last generation."""
+        found = np.zeros(len(self), bool)
+        found[self.rows(self.run.members(self.last)["id"].to_numpy())] = True
+        return found
+
+    def check_generation(self, generation: int) -> None:
+        """Raise `RunError` unless a ``generation`` counts."""
+        if isinstance(generation, bool) or generation not in range(self.last + 1):
+            raise RunError(
+                f"{self.run.path}: no generation {generation!r}",
+                f"one of 0…{self.last}",
+                "see `evocity status`",
+            )
+
+    def ranked(self, generation: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Ids and ranks of those who lived in a ``generation``, the last unless it is given, best
+        first, as its algorithm has them. Of a run with islands each individual once, ranked by all
+        goals together."""
+        generation = self.last if generation is None else generation
+        self.check_generation(generation)
+        table = self.run.members(generation)
+        ids, ranks = table["id"].to_numpy(), table["rank"].to_numpy()
+        if not self.run.header.islands:
+            order = np.argsort(table["slot"].to_numpy(), kind="stable")
+            return ids[order], ranks[order]
+        once = np.unique(ids)
+        ranks = self._ranks(once, ids, ranks)
+        order = np.lexsort((once, ranks))
+        return once[order], ranks[order]
+
+    def _ranks(self, once: np.ndarray, ids: np.ndarray, ranks: np.ndarray) -> np.ndarray:
+        """The fronts of individuals by all goals; the best that an island tells, where the run does
+        not tell what it wanted."""
+        rows = self.rows(once)
+        try:
+            return ranks_of(self.losses[rows], self.violation[rows])
+        except RunError:
+            best = np.full(len(once), np.iinfo(np.int64).max)
+            np.minimum.at(best, np.searchsorted(once, ids), ranks)
+            return best
+
+    # -- rows --------------------------------------------------------------------------------
+
+    def rows(self, ids: Iterable[int]) -> np.ndarray:
+        """The row of each of these ``ids``. Raises `RunError` for one that is none."""
+        sought = np.asarray(ids if isinstance(ids, np.ndarray) else list(ids))
+        if not sought.size:
+            return np.zeros(0, np.intp)
+        if sought.ndim != 1 or sought.dtype.kind not in "iu":
+            self.run.individuals(list(sought.ravel().tolist()))  # says what is wrong with it
+        found = np.searchsorted(self.ids, sought)
+        known = np.append(self.ids, -1)  # beyond the last there is none
+        missing = sought[known[found] != sought]
+        if missing.size:
+            raise RunError(
+                f"{self.run.path}: no individual {missing[0]}",
+                f"an id of a birth in generations 0…{self.last}",
+                f"take one from `evocity status {self.run.path}`, the report, or run.scores",
+            )
+        return found
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of what each birth has, as tables call it: a measure by its own name, unless that
+        is one of `OWN`."""
+        own = [name for name in OWN if name != "island" or self.run.header.islands]
+        return own + [label(name) for name in self.run.header.columns]
+
+    def column(self, name: str) -> np.ndarray:
+        """What each birth has under a ``name`` of `columns`. Raises `RunError` for another."""
+        if name not in self.columns:
+            raise unknown(name, self.columns, str(self.run.path))
+        if name in OWN:
+            return self.ids if name == "id" else getattr(self, name)
+        return self.value(name.removeprefix("fitness."))
+
+
+def label(measure: str) -> str:
+    """What a table calls a ``measure``."""
+    return f"fitness.{measure}" if measure in OWN else measure
+
+
+def unknown(name: object, known: Collection[str], where: str) -> RunError:
+    """What is told of a ``name`` that is none of those ``known``."""
+    return RunError(
+        f"{where}: there is no {name!r}",
+        f"one of {', '.join(known)}",
+        near_miss(str(name), known) or "name one that there is",
+    )
+
+
+__all__ = ["OWN", "Told", "label", "unknown"]

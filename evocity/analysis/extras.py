@@ -1,0 +1,22 @@
+"""Libraries that tables and graphs need, and evocity does not: loaded when they are asked for."""
+
+from importlib import import_module
+from types import ModuleType
+
+from evocity.errors import EvocityError
+
+
+def library(name: str, what: str) -> ModuleType:
+    """The library ``name``, which ``what`` is made with. Raises `EvocityError` where it is not
+    installed, and names the extra."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise EvocityError(
+            f"{what} needs {name}, which is not installed",
+            "evocity with its extra notebook",
+            "pip install 'evocity[notebook]'",
+        ) from None
+
+
+__all__ = ["library"]

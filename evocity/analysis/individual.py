@@ -1,0 +1,226 @@
+"""`Individual`: one birth of a run, with all that can be asked of it."""
+
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evocity.analysis.births import Told
+from evocity.citymap import CityMap
+from evocity.errors import MapError, RunError
+from evocity.genome import Genome
+from evocity.store import Birth
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from PIL import Image
+
+    from evocity.scene import Scene
+
+# Rooms that draw and write are loaded by the methods that do: who reads numbers waits for none.
+
+
+class Individual:
+    """A birth of a run; ``run[97]`` makes it.
+
+    What the births' columns tell costs nothing; ``genome``, ``made`` and ``parents`` read the log,
+    ``city`` decodes. Whatever is asked for is kept.
+    """
+
+    def __init__(self, told: Told, identifier: int):
+        """One of those that are ``told``. Raises `RunError` if there is no such birth."""
+        (self._row,) = told.rows([identifier])
+        self.told, self.run, self.id = told, told.run, int(identifier)
+
+    def __repr__(self) -> str:
+        told = f"{self.operator}, generation {self.generation}, {self.status}"
+        return f"Individual({self.id} of {str(self.run.path)!r}: {told})"
+
+    def __eq__(self, other: object) -> bool:
+        """The same birth of the same run folder."""
+        return isinstance(other, Individual) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[Path, int]:
+        return self.run.path.resolve(), self.id
+
+    # -- what the columns tell ---------------------------------------------------------------
+
+    @property
+    def generation(self) -> int:
+        """When it was born; 0 is the first population."""
+        return int(self.told.generation[self._row])
+
+    @property
+    def operator(self) -> str:
+        """By what it was bred; ``source`` if it is a source city."""
+        return str(self.told.operator[self._row])
+
+    @property
+    def island(self) -> str | None:
+        """Where it was born; None in a run without islands."""
+        return str(self.told.island[self._row]) if self.run.header.islands else None
+
+    @property
+    def status(self) -> str:
+        """How its birth ended, see `evocity.store.STATUSES`."""
+        return str(self.told.status[self._row])
+
+    @property
+    def seconds(self) -> float:
+        """What it took one worker."""
+        return float(self.told.seconds[self._row])
+
+    @property
+    def feasible(self) -> bool:
+        """Whether it was measured and keeps all constraints."""
+        return bool(self.told.feasible[self._row])
+
+    @property
+    def alive(self) -> bool:
+        """Whether it lives in the last generation."""
+        return bool(self.told.alive[self._row])
+
+    @property
+    def lived(self) -> int:
+        """In how many generations it lived."""
+        return int(self.told.lived[self._row])
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Measure -> value, as far as it has one; the wanted ones first, then the recorded."""
+        names, values = self.run.header.columns, self.told.values[self._row]
+        return {n: float(v) for n, v in zip(names, values, strict=True) if not np.isnan(v)}
+
+    @property
+    def losses(self) -> dict[str, float]:
+        """Goal -> loss, lower is better. Raises `RunError` where the run does not tell what it
+        wanted, or the birth was not measured."""
+        told = self.told
+        if not told.ok[self._row]:
+            raise RunError(
+                f"{self} was not measured",
+                "a birth with status ok",
+                "choose another: run.where(\"status == 'ok'\")",
+            )
+        pairs = zip(told.goals, told.losses[self._row], strict=True)
+        return {goal: float(loss) for goal, loss in pairs}
+
+    # -- what the log tells ------------------------------------------------------------------
+
+    @cached_property
+    def birth(self) -> Birth:
+        """Its row of the log."""
+        return self.run.individuals([self.id])[0]
+
+    @property
+    def error(self) -> str | None:
+        """Why it failed; of one that did not, why a recorded measure has no value."""
+        return self.birth.error
+
+    @property
+    def made(self) -> Mapping:
+        """What its operator recorded: parameters, what it reached."""
+        return self.birth.made
+
+    @property
+    def parents(self) -> list["Individual"]:
+        """Those it was bred from; none of a source city."""
+        return [Individual(self.told, one) for one in self.birth.parents]
+
+    @property
+    def genome(self) -> Genome:
+        """Raises `RunError` if it was never bred."""
+        if self.birth.genome is None:
+            return self.run.genome(self.id)  # says so
+        return self.birth.genome
+
+    @cached_property
+    def city(self) -> CityMap:
+        """Its decoded map, called after it. Raises `RunError` if its genome stands for none."""
+        expressed = self.run.header.chromosome.express(self.genome)
+        if expressed.city is None:
+            raise RunError(
+                f"{self}: {expressed.problem}",
+                "a genome that stands for a map",
+                "choose another: run.where(\"status == 'ok'\")",
+            )
+        return expressed.city.replace(expressed.city.heights, name=self._title)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.run.path.resolve().name}, individual {self.id}"
+
+    def ancestry(self) -> dict[str, float]:
+        """Source city -> share of the map that is its stone; together 1."""
+        shares = zip(self.genome.cities, self.genome.shares, strict=True)
+        return {city: float(share) for city, share in shares if share > 0}
+
+    def ancestors(self) -> "pa.Table":
+        """All births it descends from, the oldest first and its own last, see `Run.ancestors`."""
+        return self.run.ancestors(self.id)
+
+    # -- pictures and files ------------------------------------------------------------------
+
+    def picture(self, zoom: float | None = None, highest: float | None = None) -> "Image.Image":
+        """Its map as a picture with legend and attribution; decoded at a ``zoom`` if one is given,
+        with that many times as many pixels. ``highest``: metres at which the colours end."""
+        from evocity.coding import decode
+        from evocity.pictures import render
+
+        city = self.city
+        if zoom is not None:
+            city = decode(self.genome, zoom=zoom).city
+            city = city.replace(city.heights, name=f"{self._title}, zoom {zoom:g}")
+        return render(city, highest=highest)
+
+    def ancestry_picture(self) -> "Image.Image":
+        """Which city each stone of its map comes from, and what that was made of came from, as a
+        picture."""
+        from evocity.coding.ancestry import ancestry
+        from evocity.pictures import Shares, render_shares
+
+        genome, title = self.genome, "whose stones these are"
+        return render_shares(Shares(self.city, ancestry(genome), genome.cities, title))
+
+    def scene(self, **how) -> "Scene":
+        """It in three dimensions, with its scores; ``how`` as `evocity.scene` has it."""
+        from evocity.scene import scene
+
+        return scene(self.city, **({"measures": self.scores} | how))
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write it; the suffix of ``path`` chooses what: ``.parquet`` its genome; ``.tif`` and
+        ``.npy`` heights; ``.gpkg`` and ``.geojson`` footprints; ``.png`` a picture; ``.city.json``,
+        ``.glb``, ``.obj``, ``.wrl`` and ``.x3d`` a scene.
+
+        Raises `EvocityError` for another suffix, and what writing raises; nothing is left
+        half-written.
+        """
+        from evocity import io
+        from evocity.scene import SUFFIXES, suffix_of
+
+        path = Path(path)
+        suffix = path.suffix.lower()
+        if suffix == ".parquet":
+            self.genome.write(path)
+        elif suffix in io.WRITERS:
+            io.write_map(self.city, path)
+        elif suffix_of(path) is not None:
+            self.scene().write(path)
+        else:
+            known = dict.fromkeys([".parquet", *io.WRITERS, *SUFFIXES])
+            raise MapError(
+                f"{path.name}: nothing is written as {suffix or 'a file without a suffix'}",
+                f"a name that ends in {', '.join(known)}",
+                "choose .gpkg or .tif for GIS, .glb for Blender and browsers, .png for a picture",
+            )
+
+
+__all__ = ["Individual"]
