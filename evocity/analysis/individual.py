@@ -10,6 +10,7 @@ import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.citymap import CityMap
+from evocity.displayed import Displayed
 from evocity.errors import MapError, RunError
 from evocity.genome import Genome
 from evocity.store import Birth
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 # Rooms that draw and write are loaded by the methods that do: who reads numbers waits for none.
 
 
-class Individual:
+class Individual(Displayed):
     """A birth of a run; ``run[97]`` makes it.
 
     What the births' columns tell costs nothing; ``genome``, ``made`` and ``parents`` read the log,

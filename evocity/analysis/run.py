@@ -15,6 +15,7 @@ from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
 from evocity.analysis.series import series_of
 from evocity.analysis.wanted import Aim
+from evocity.displayed import Displayed
 from evocity.errors import RunError
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def open_run(path: str | os.PathLike) -> "Run":
     return Run(path)
 
 
-class Run(store.Run):
+class Run(store.Run, Displayed):
     """A run folder, read only; made by `evocity.open_run`. What `evocity.store.Run` has, and more.
 
     What names several births gives a pandas frame of their scores, a birth a row, ``id`` its index;

@@ -1,18 +1,21 @@
 """How things look in a notebook: static HTML, escaped, without script, at most 150 kB each.
 
-`html_of` finds what shows a thing; `maps`, `genomes`, `recipes`, `archives` show theirs by the
-templates beside them.
+`html_of` finds what shows a thing; `maps`, `genomes`, `recipes`, `archives`, `runs` show theirs by
+the templates beside them.
 """
 
 from collections.abc import Callable
 from functools import cache
 from html import escape
 
+from evocity.analysis.individual import Individual
+from evocity.analysis.run import Run
 from evocity.citymap import CityMap
 from evocity.displays.archives import archive_html
 from evocity.displays.genomes import genome_html
 from evocity.displays.maps import map_html
 from evocity.displays.recipes import recipe_html
+from evocity.displays.runs import individual_html, run_html
 from evocity.errors import EvocityError
 from evocity.genome import Genome
 from evocity.search import Archive, Recipe
@@ -25,12 +28,14 @@ def _ways() -> dict[type, Callable[[object], str]]:
         Genome: genome_html,
         Recipe: recipe_html,
         Archive: archive_html,
+        Run: run_html,
+        Individual: individual_html,
     }
 
 
 def html_of(thing: object) -> str:
-    """What a notebook shows of a map, a genome, a recipe or an archive: HTML that fetches nothing
-    and runs nothing.
+    """What a notebook shows of a map, a genome, a recipe, a run, an individual or an archive: HTML
+    that fetches nothing and runs nothing.
 
     What cannot be shown is told by the message of its fault. Raises TypeError for anything else.
     """

@@ -27,7 +27,7 @@ def genome_html(genome: Genome) -> str:
             title=" × ".join(genome.cities),
             alt=f"decoded {alt_of(city)}" if city else "",
             told=_told(genome),
-            shares=_shares(genome),
+            shares=stone_of(genome),
             credit=genome.attribution,
         )
     )
@@ -50,10 +50,11 @@ def _told(genome: Genome) -> list[tuple[str, str]]:
     return [*told, ("digest", genome.digest[:12])]
 
 
-def _shares(genome: Genome) -> list[tuple[str, str]]:
+def stone_of(genome: Genome) -> list[tuple[str, str]]:
+    """(source city, share of the map that is its stone), for people; without traces."""
     named = zip(genome.cities, genome.shares, strict=True)
-    told = [("bare ground" if name == VOID else name, share) for name, share in named if share > 0]
-    return [(name, f"{share:.0%}") for name, share in told]
+    told = [("bare ground" if name == VOID else name, share) for name, share in named]
+    return [(name, f"{share:.0%}") for name, share in told if share >= 0.005]
 
 
-__all__ = ["genome_html"]
+__all__ = ["genome_html", "stone_of"]
