@@ -8,6 +8,8 @@ generation; `open_run` tells what it wrote, `archive` finds the best births, `re
 
 from importlib import import_module
 
+from evocity.rooms import lazily
+
 __version__ = "0.1.0"
 
 _ROOMS = {
@@ -22,17 +24,14 @@ _ROOMS = {
     "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
     "search.repeating": ["replay"],
 }
-_HOME = {name: room for room, names in _ROOMS.items() for name in names}
 _CALLED = ("fitness", "scene")  # modules, and, called, the decorator and the function
-__all__ = [*_HOME, *_CALLED]
+
+_load, _, __all__ = lazily(__name__, _ROOMS)
+__all__ += _CALLED
 
 
 def __getattr__(name: str):  # each name loads its room when first used: `--help` stays quick
-    if name in _CALLED:
-        return import_module(f"evocity.{name}")
-    if name in _HOME:
-        return getattr(import_module(f"evocity.{_HOME[name]}"), name)
-    raise AttributeError(f"module 'evocity' has no attribute {name!r}")
+    return import_module(f"evocity.{name}") if name in _CALLED else _load(name)
 
 
 def __dir__() -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from evocity.citymap import CityMap
+from evocity.columns import array_of, column_of
 from evocity.errors import GenomeError
 from evocity.pavement import Pavement
 
@@ -127,10 +128,10 @@ class Condensation:
         free = np.add.reduceat(self.mask.ravel()[order], starts[:-1], dtype=np.int64) == 0
         if pavement.uniform:
             return pa.FixedSizeListArray.from_arrays(
-                heights, pavement.block**2, mask=pa.array(free)
+                column_of(heights), pavement.block**2, mask=column_of(free)
             )
         return pa.ListArray.from_arrays(
-            pa.array(starts, pa.int32()), pa.array(heights), mask=pa.array(free)
+            column_of(starts.astype(np.int32)), column_of(heights), mask=column_of(free)
         )
 
     @classmethod
@@ -141,10 +142,10 @@ class Condensation:
             raise ValueError(f"a condensation of {len(column)} × {column.type}")
         array = column.combine_chunks()
         array = array.combine_chunks() if isinstance(array, pa.ChunkedArray) else array
-        taken = array.is_valid().to_numpy(zero_copy_only=False)
+        taken = array_of(array.is_valid())
         order, starts = _by_blocks(pavement)
         kept = order[np.repeat(taken, np.diff(starts))]
-        heights = array.flatten().to_numpy(zero_copy_only=False)
+        heights = array_of(array.flatten())
         if heights.size != kept.size:
             raise ValueError(f"{heights.size} condensed heights for {kept.size} pixels")
         raster = np.full(pavement.height * pavement.width, np.nan, np.float32)

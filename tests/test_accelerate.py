@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba.core.dispatcher import Dispatcher
 
-from evocity.accelerate import kernel
+from evocity.accelerate import Kernel, kernel
 
 ROOT = Path(__file__).parent.parent
 MODULES = [
@@ -27,7 +26,7 @@ which, y, x = np.zeros((3, 1), np.int64)
 blocks, sources = np.arange(4.0)[None], np.tile(np.arange(4), (8, 1))
 found = np.empty((1, 8)), np.empty((1, 8)), np.empty(1)
 rank(which, y, x, np.eye(4), 1, 2, blocks, sources, 1.0, *found)
-print(sum(rank.stats.cache_hits.values()), sum(rank.stats.cache_misses.values()))
+print(sum(rank.compiled.stats.cache_hits.values()), sum(rank.compiled.stats.cache_misses.values()))
 """
 # Compiles version K of a kernel while another process compiles another version of it, both slow to
 # write: each is past reading the index before the other has written it.
@@ -68,7 +67,7 @@ def kernels(module):
         if hasattr(thing, "cache_parameters"):  # of functools: it makes kernels, once a size
             thing = thing(*[4] * len(inspect.signature(thing).parameters))
         things = thing if isinstance(thing, tuple) else (thing,)
-        yield from (one for one in things if isinstance(one, Dispatcher))
+        yield from (one for one in things if isinstance(one, Kernel))
 
 
 def held(function):
@@ -147,7 +146,8 @@ def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
 def test_processes_number_what_they_compile_apart():
     program = (
         "import os\n"
-        "import evocity.accelerate\n"
+        "from evocity.accelerate import cache_folder\n"
+        "cache_folder()\n"
         "from numba.core.bytecode import FunctionIdentity\n"
         "def told():\n"
         "    print(next(FunctionIdentity._unique_ids), flush=True)\n"

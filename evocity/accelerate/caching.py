@@ -72,3 +72,6 @@ def _locked(index: str) -> Iterator[None]:
                 file.seek(0)
                 msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
         yield
+
+
+count_apart()

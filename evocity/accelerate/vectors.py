@@ -5,7 +5,8 @@ what it could keep, and takes vectors of half the width. `vector_code` makes of 
 writes such code something that kernels can call.
 
 The disk cache does not see changes here or in what calls this: kernels stand in one file with the
-vector code they call; after a change in this file, empty the cache (``make clean``).
+vector code they call; after a change in this file, empty the cache (``make clean``). This file
+loads numba: who calls such kernels imports them where they are called.
 """
 
 from contextlib import contextmanager

@@ -2,7 +2,6 @@
 
 import click
 
-import evocity
 from evocity.cli.common import json_option, print_json, print_table
 
 
@@ -22,16 +21,9 @@ def cities(as_json: bool) -> None:
     JSON: each name to attribution, buildings (in the window), without_height (those that get
     the default height).
     """
-    from evocity.io import attribution_of
+    from evocity.io.bundled import DISTRICTS
 
-    told = {}
-    for name in evocity.cities():
-        rules = evocity.read_map(name).height_rules
-        told[name] = {
-            "attribution": attribution_of(name),
-            "buildings": sum(rules.values()),
-            "without_height": rules.get("default", 0),
-        }
+    told = {name: district._asdict() for name, district in DISTRICTS.items()}
     if as_json:
         print_json(told)
         return

@@ -38,35 +38,38 @@ fitness.add_command(bench)
     epilog="""\b
 Examples:
   evocity fitness list
-  evocity fitness list my_measure.py
+  evocity fitness list --cost my_measure.py
   evocity score lyon-1er --fitness gsi --fitness my_measure.py""",
 )
 @click.argument("files", metavar="[FILE.py]...", nargs=-1)
-@click.option("--no-cost", is_flag=True, help="Measure no cost.")
+@click.option("--cost/--no-cost", help="Measure what a call of each costs.", show_default=True)
 @json_option
-def list_measures(files: tuple[str, ...], no_cost: bool, as_json: bool) -> None:
-    """List the measures: name, goal, unit, range, cost, where from, and what each says.
+def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
+    """List the measures: name, goal, unit, range, where from, and what each says.
 
     A measure without a goal of its own takes a target (target = 0.35) or a city to be like
     (like = "lyon-1er") in the recipe. Measures of your own live in Python files: those named
     are executed, and their measures listed too. `evocity fitness new` begins one.
 
-    The cost is of one call on lyon-1er, 256 × 256 px, in milliseconds; "-" of those that ask
-    for genome, parents or sources, and of those that fail; "?" where the time was up, 2 s of one
-    measure or 10 s of all. `evocity fitness bench` times every measure, and more exactly.
+    With --cost, what one call costs on lyon-1er, 256 × 256 px, is told too, in milliseconds; "-" of
+    those that ask for genome, parents or sources, and of those that fail; "?" where the time was
+    up, 2 s of one measure or 10 s of all. `evocity fitness bench` times every measure, and more
+    exactly.
 
-    JSON: each name to goal, unit, range (null: no bound), milliseconds, origin, doc.
+    JSON: each name to goal, unit, range (null: no bound), milliseconds (null without
+    --cost), origin, doc.
     """
     with quiet_stdout():
         for file in files:
             evocity.fitness.load_file(file)
         measures = evocity.fitness.measures()
-        costs = {} if no_cost else _costs(measures)
+        costs = _costs(measures) if cost else {}
     if as_json:
         print_json({measure.name: _about(measure, costs) for measure in measures})
     else:
-        rows = [("name", "goal", "unit", "range", "ms", "from", "what it says")]
-        print_table([*rows, *(_row(measure, costs) for measure in measures)])
+        head = ("name", "goal", "unit", "range", "ms", "from", "what it says")
+        rows = [head, *(_row(measure, costs) for measure in measures)]
+        print_table(rows if cost else [(*row[:4], *row[5:]) for row in rows])
     for text in evocity.fitness.plugin_warnings():
         warn(text)
 

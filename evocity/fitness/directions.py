@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from evocity.citymap import CityMap
 from evocity.fitness.measure import Undefined
@@ -119,7 +119,7 @@ def _mean_over_neighbours(city: CityMap, difference) -> float:
     centroids = np.column_stack([buildings.y[known], buildings.x[known]])
     # The building itself comes first, or another on the very same point.
     looked_at = min(count, 2 * NEAREST + 1)
-    distance, index = KDTree(centroids).query(centroids, k=looked_at)
+    distance, index = scipy.spatial.KDTree(centroids).query(centroids, k=looked_at)
     others = index != np.arange(count)[:, None]
     others[others.all(axis=1), -1] = False
     reach = distance[:, min(NEAREST, count - 1)] * (1 + _TIE)

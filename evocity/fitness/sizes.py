@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
@@ -216,7 +216,9 @@ def _slope(mean: float) -> float:
         return _STEEPEST
     if _mean(-_STEEPEST) <= mean:
         return -_STEEPEST
-    return float(brentq(lambda y: _mean(y) - mean, -_STEEPEST, _STEEPEST, xtol=1e-10))
+    return float(
+        scipy.optimize.brentq(lambda y: _mean(y) - mean, -_STEEPEST, _STEEPEST, xtol=1e-10)
+    )
 
 
 def _mean(y: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evocity.columns import column_of
 from evocity.errors import GenomeError
 from evocity.files import whole_file
 from evocity.genome.nucleotides import FIELDS, NEWER, unpacked
@@ -28,7 +29,12 @@ LEAVES = ("top", "left", "side")
 def write_genome(genome, path: str | os.PathLike) -> None:
     """Write a `Genome`, see `Genome.write`."""
     columns, about = _described(genome)
-    table = pa.table(columns)
+    table = pa.table(
+        {
+            name: column_of(one) if isinstance(one, np.ndarray) else one
+            for name, one in columns.items()
+        }
+    )
     metadata = {"evocity.genome": json.dumps(about, default=str)}
     try:
         with whole_file(path) as temporary:

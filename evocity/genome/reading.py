@@ -14,6 +14,7 @@ from pyproj import CRS
 from pyproj.exceptions import ProjError
 
 from evocity.citymap import MAX_PIXELS
+from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, shown
 from evocity.genome.files import CONDENSED, LEAVES, SCHEMA_VERSIONS
@@ -72,7 +73,9 @@ def read_genome(path: str | os.PathLike) -> Genome:
         )
     try:
         _check_size(told, about)
-        table = pq.read_table(path, columns=_columns(version, names))
+        with pq.ParquetFile(path) as file:  # `pq.read_table` loads pandas where it is installed
+            columns = _columns(version, names)
+            table = file.read(columns=columns).select(columns)  # KeyError where one is missing
         pavement = _pavement(about, table, told.num_rows)
         if about["sigma_max"] is None:
             about["sigma_max"] = float("inf")
@@ -82,7 +85,7 @@ def read_genome(path: str | os.PathLike) -> Genome:
         if CONDENSED in table.column_names:
             about["condensation"] = Condensation.from_column(table.column(CONDENSED), pavement)
         arrays = {
-            name: table.column(name).to_numpy() for name in FIELDS if name in table.schema.names
+            name: array_of(table.column(name)) for name in FIELDS if name in table.schema.names
         }
         if version < 3:
             arrays["source"] = place_of(pavement, arrays["source"], about["made"])
@@ -142,7 +145,7 @@ def _pavement(about: dict, table: pa.Table, rows: int) -> Pavement:
         if rows != len(pavement):
             raise ValueError(f"{rows} lifs for {height} × {width} px of B = {block}")
         return pavement
-    places = [table.column(name).to_numpy() for name in LEAVES]
+    places = [array_of(table.column(name)) for name in LEAVES]
     pavement = Pavement(height, width, places[2])
     if not all(map(np.array_equal, places[:2], pavement.corners)):
         raise ValueError("leaves that overlap, leave gaps, or stand in another order")

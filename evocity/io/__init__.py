@@ -14,48 +14,27 @@
 - `polygons`: the writers of footprints, GeoPackage and GeoJSON
 """
 
-from evocity.io.bundled import attribution_of, cities
-from evocity.io.condensing import read_condensation, read_mask
-from evocity.io.reading import READERS, name_of, plugin_warnings, read_map, readers, suffixes
-from evocity.io.sources import Footprints, Grid, Reader, Request
-from evocity.io.writing import (
-    FIELD_WRITERS,
-    LEAVES_WRITERS,
-    RAW_WRITERS,
-    SHARES_WRITERS,
-    WINDOW_WRITERS,
-    WRITERS,
-    write_field,
-    write_leaves,
-    write_map,
-    write_shares,
-    write_windows,
-)
+from evocity.rooms import lazily
 
-__all__ = [
-    "FIELD_WRITERS",
-    "LEAVES_WRITERS",
-    "RAW_WRITERS",
-    "READERS",
-    "SHARES_WRITERS",
-    "WINDOW_WRITERS",
-    "WRITERS",
-    "Footprints",
-    "Grid",
-    "Reader",
-    "Request",
-    "attribution_of",
-    "cities",
-    "name_of",
-    "plugin_warnings",
-    "read_condensation",
-    "read_map",
-    "read_mask",
-    "readers",
-    "suffixes",
-    "write_field",
-    "write_leaves",
-    "write_map",
-    "write_shares",
-    "write_windows",
-]
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "bundled": ["attribution_of", "cities"],
+        "condensing": ["read_condensation", "read_mask"],
+        "reading": ["READERS", "name_of", "plugin_warnings", "read_map", "readers", "suffixes"],
+        "sources": ["Footprints", "Grid", "Reader", "Request"],
+        "writing": [
+            "FIELD_WRITERS",
+            "LEAVES_WRITERS",
+            "RAW_WRITERS",
+            "SHARES_WRITERS",
+            "WINDOW_WRITERS",
+            "WRITERS",
+            "write_field",
+            "write_leaves",
+            "write_map",
+            "write_shares",
+            "write_windows",
+        ],
+    },
+)

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import shapely
 from pyproj import CRS
 
@@ -83,25 +82,31 @@ def _layer(
     fields: dict[str, np.ndarray],
     tags: dict[str, str],
 ) -> None:
-    """Write one layer; but for the first, beside those that are there."""
+    """Write one layer; but for the first, beside those that are there. Raises `OSError`."""
+    import pyogrio  # which loads pandas, if it is there
+    from pyogrio.errors import DataLayerError, DataSourceError
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GDAL's, of an empty layer
-        pyogrio.raw.write(
-            path,
-            geometry=shapely.to_wkb(shapes),
-            field_data=list(fields.values()),
-            fields=list(fields),
-            layer=name,
-            driver="GPKG",
-            geometry_type=kind,
-            crs=crs,
-            layer_metadata={key: text for key, text in tags.items() if text},
-            layer_options={
-                "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
-                "DESCRIPTION": city.attribution,
-            },
-            append=name != LAYER,
-        )
+        try:
+            pyogrio.raw.write(
+                path,
+                geometry=shapely.to_wkb(shapes),
+                field_data=list(fields.values()),
+                fields=list(fields),
+                layer=name,
+                driver="GPKG",
+                geometry_type=kind,
+                crs=crs,
+                layer_metadata={key: text for key, text in tags.items() if text},
+                layer_options={
+                    "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
+                    "DESCRIPTION": city.attribution,
+                },
+                append=name != LAYER,
+            )
+        except (DataSourceError, DataLayerError) as error:
+            raise OSError(str(error)) from error
 
 
 def _street_layers(city: CityMap) -> Iterator[tuple[str, str, np.ndarray, dict]]:

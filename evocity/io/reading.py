@@ -3,7 +3,9 @@
 import dataclasses
 import numbers
 import os
+from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -11,19 +13,27 @@ from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
 from evocity.errors import MapError, keyword, setting
 from evocity.io import bundled
 from evocity.io.burning import burnt
-from evocity.io.geojson import read_json
-from evocity.io.osm import read_osm
-from evocity.io.raster import read_geotiff, read_npy, read_png
 from evocity.io.resampling import gridded
 from evocity.io.sources import Footprints, Grid, Reader, Request, content_of
-from evocity.io.vector import read_layers
 from evocity.plugins import load_plugins, origin_of
 
 _PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
 
-_JSON = Reader(read_json, "JSON", _PLAIN)
-_PBF = Reader(read_osm, "OSM PBF", _PLAIN)
-_TIFF = Reader(read_geotiff, "TIFF", _SCALED)
+
+def _reader(module: str, name: str) -> Callable[[Path, Request], Footprints | Grid]:
+    """A function of a ``module`` of this room, which is loaded with the first file that it reads,
+    and the library of that format with it."""
+
+    def read(path: Path, request: Request) -> Footprints | Grid:
+        return getattr(import_module(f"evocity.io.{module}"), name)(path, request)
+
+    return read
+
+
+_read_layers, _read_osm = _reader("vector", "read_layers"), _reader("osm", "read_osm")
+_JSON = Reader(_reader("geojson", "read_json"), "JSON", _PLAIN)
+_PBF = Reader(_read_osm, "OSM PBF", _PLAIN)
+_TIFF = Reader(_reader("raster", "read_geotiff"), "TIFF", _SCALED)
 
 #: The one table of readers. Packages add rows by entry points of the group
 #: ``evocity.readers``: the name is the suffix, the object a `Reader` or a function
@@ -33,17 +43,17 @@ READERS: dict[str, Reader] = {
     ".json": _JSON,
     ".city.json": _JSON,
     ".cityjson": _JSON,
-    ".gpkg": Reader(read_layers, "SQLite (GeoPackage)", _LAYERED),
-    ".shp": Reader(read_layers, "Shapefile", _LAYERED),
-    ".osm": Reader(read_osm, "OSM XML", _PLAIN),
-    ".osm.gz": Reader(read_osm, "gzip", _PLAIN),
-    ".osm.bz2": Reader(read_osm, "bzip2", _PLAIN),
+    ".gpkg": Reader(_read_layers, "SQLite (GeoPackage)", _LAYERED),
+    ".shp": Reader(_read_layers, "Shapefile", _LAYERED),
+    ".osm": Reader(_read_osm, "OSM XML", _PLAIN),
+    ".osm.gz": Reader(_read_osm, "gzip", _PLAIN),
+    ".osm.bz2": Reader(_read_osm, "bzip2", _PLAIN),
     ".osm.pbf": _PBF,
     ".pbf": _PBF,
     ".tif": _TIFF,
     ".tiff": _TIFF,
-    ".png": Reader(read_png, "PNG", _SCALED),
-    ".npy": Reader(read_npy, "NPY", _SCALED),
+    ".png": Reader(_reader("raster", "read_png"), "PNG", _SCALED),
+    ".npy": Reader(_reader("raster", "read_npy"), "NPY", _SCALED),
 }
 
 

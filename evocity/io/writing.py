@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 import rasterio
 from PIL import Image, PngImagePlugin
-from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap, Walls
@@ -29,14 +28,7 @@ from evocity.pictures.picture import render, render_field, render_shares
 _PICTURE_SIDE = 768
 
 # What the libraries that write raise where they cannot.
-_TROUBLE = (
-    OSError,
-    RasterioError,
-    DataSourceError,
-    DataLayerError,
-    FeatureError,
-    GeometryError,
-)
+_TROUBLE = (OSError, RasterioError)
 
 # Side of a GeoTIFF's tiles, px, and bytes GDAL may keep of one that is written by windows.
 _TILE, _CACHE = 256, 64 << 20

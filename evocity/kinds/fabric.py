@@ -8,6 +8,7 @@ import pyarrow as pa
 from evocity.citymap import CityMap
 from evocity.coding.decoded import decoded
 from evocity.coding.encode import encode
+from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, shown
 from evocity.genome import FIELDS, NEWER, Genome, packed, unpacked
@@ -51,16 +52,13 @@ class Fabric:
 
     def genome(self, row, header, locked: Condensation | None, made: Mapping) -> Genome:
         older = header.block is not None
-        arrays = {
-            name: row[name].values.to_numpy(zero_copy_only=False)
-            for name in (_OLDER if older else FIELDS)
-        }
+        arrays = {name: array_of(row[name].values) for name in (_OLDER if older else FIELDS)}
         if older:
             pavement = Pavement(header.height, header.width, header.block)
             line, place = np.divmod(arrays["source"].astype(np.int64), pavement.columns)
             arrays["source"] = packed(line * header.block, place * header.block)
         else:
-            sides = row[SIDE].values.to_numpy(zero_copy_only=False)
+            sides = array_of(row[SIDE].values)
             pavement = Pavement(header.height, header.width, sides)
         return Genome(
             pavement,

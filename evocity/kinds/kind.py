@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from evocity.citymap import CityMap
+from evocity.columns import column_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +64,15 @@ class Kind(Protocol):
 
 def lists(rows: Sequence[np.ndarray | None], dtype: np.dtype, size: int | None = None) -> pa.Array:
     """A column of lists, null for None; of ``size`` values each, if that is given."""
-    absent = pa.array([row is None for row in rows], pa.bool_())
+    absent = column_of(np.array([row is None for row in rows], bool))
     if size is not None:
         values = np.zeros((len(rows), size), dtype)
         for line, row in zip(values, rows, strict=True):
             if row is not None:
                 line[:] = row
-        return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), size, mask=absent)
+        return pa.FixedSizeListArray.from_arrays(column_of(values.ravel()), size, mask=absent)
     counts = [0 if row is None else len(row) for row in rows]
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     given = [row for row in rows if row is not None]
     values = np.concatenate(given).astype(dtype) if given else np.zeros(0, dtype)
-    return pa.ListArray.from_arrays(pa.array(starts), pa.array(values), mask=absent)
+    return pa.ListArray.from_arrays(column_of(starts), column_of(values), mask=absent)

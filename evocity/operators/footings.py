@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from evocity.operators._kernels import tallied
 from evocity.pavement import Pavement
@@ -44,7 +44,9 @@ def footings_of(pavement: Pavement, maps: Sequence[np.ndarray]) -> Footings:
         for one, start in zip(maps, first, strict=True)
     ]
     starts, labels, pixels = tallied(np.concatenate(rows).reshape(len(rows) * len(pavement), -1))
-    turned = csr_array((pixels, labels, starts), shape=(starts.size - 1, whose.size)).tocsc()
+    turned = scipy.sparse.csr_array(
+        (pixels, labels, starts), shape=(starts.size - 1, whose.size)
+    ).tocsc()
     return Footings(
         starts,
         labels,

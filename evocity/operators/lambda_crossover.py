@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.errors import GenomeError, OperatorError
 from evocity.genome import DOMAIN, FIELDS, Genome, descended, refined
@@ -69,7 +69,7 @@ def lambda_field(
     so that any share is met. ``blend`` is that of `LambdaCrossover`, ``grain`` in cells."""
     field = rng.random((grid.rows, grid.columns))
     if grain > 1:
-        field = ndimage.gaussian_filter(field, grain / 2, mode="reflect")
+        field = scipy.ndimage.gaussian_filter(field, grain / 2, mode="reflect")
     rank = np.empty(field.size)
     rank[np.argsort(field, axis=None)] = (np.arange(field.size) + 0.5) / field.size
     if blend == 0:

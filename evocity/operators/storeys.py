@@ -1,8 +1,7 @@
 """By how many storeys may buildings rise or fall, so that each stays the building it is?"""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from evocity.views.buildings import STEP
 
@@ -118,8 +117,8 @@ class Storeys:
             one, other = (group[place[side[walls]]] for side in (self._own, self._beside))
             # a wall within a group vanishes only where a storey's foot is lowered: it stays
             still |= np.isin(group, one[one == other])
-            links = coo_array((np.ones(one.size), (one, other)), (count, count))
-            group = connected_components(links, directed=False)[1][group]
+            links = scipy.sparse.coo_array((np.ones(one.size), (one, other)), (count, count))
+            group = scipy.sparse.csgraph.connected_components(links, directed=False)[1][group]
 
     def _vanishing(self, buildings: np.ndarray) -> np.ndarray:
         """Bool, one a wall: those of ``buildings`` that shrink until they tell none apart."""

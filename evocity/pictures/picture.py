@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import scipy
 from PIL import Image, ImageDraw, ImageFont
-from scipy import ndimage
 
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.pictures.field import Field, Shares
@@ -223,7 +223,7 @@ def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
     colours = colours.astype(np.float32)
     depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
-    dark = np.clip(ndimage.gaussian_filter(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
+    dark = np.clip(scipy.ndimage.gaussian_filter(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
     open_ground = (heights <= BUILT_ABOVE)[..., None]
     tint = np.where(open_ground, np.float32(0.24), np.float32(0.14)) * dark
     colours += (np.array([70, 66, 92], np.float32) - colours) * tint

@@ -16,7 +16,7 @@ from evocity.genome import VOID
 from evocity.search import Archive, archive
 from evocity.search.algorithms import Ranked
 from evocity.search.binning import Binned, binned, grid_of_run
-from evocity.search.judging import aims_of_run
+from evocity.search.judging import aims_of_run, births_without_genomes
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, Source
@@ -183,10 +183,12 @@ class Facts:
 
     @cached_property
     def source_births(self) -> list[Birth]:
-        """The births of the source cities themselves, in their order: what their codes have."""
+        """The births of the source cities themselves, in their order: what their codes have;
+        without genomes."""
         places = [place for place, name in enumerate(self.run.header.cities) if name != VOID]
-        births = self.run.individuals(places[: self.run.header.population])
-        return [birth for birth in births if birth.operator == "source"]
+        ids = set(places[: self.run.header.population])
+        births = births_without_genomes(self.run, 0)
+        return [birth for birth in births if birth.operator == "source" and birth.id in ids]
 
     @property
     def apart(self) -> float:

@@ -18,7 +18,7 @@ from evocity.files import whole_file
 from evocity.genome import VOID
 from evocity.pages import data_uri, number
 from evocity.report.facts import Facts, Shown, figures_told
-from evocity.report.failures import differing_told, failures, shortened
+from evocity.report.failing import differing_told, failures, shortened
 from evocity.report.gallery import archive_gallery, city_key, gallery, parents
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 import shapely
-from scipy import ndimage
 
 from evocity.citymap import STOREY, CityMap
 from evocity.errors import MapError, plain_text, shown
@@ -93,7 +93,7 @@ class Scene:
         wide, deep = self.about.size
         if city.site is None:
             return np.array([shapely.box(0, 0, wide, deep)], dtype=object)
-        labels, _ = ndimage.label(city.site)
+        labels, _ = scipy.ndimage.label(city.site)
         return np.array(outlines(labels.astype(np.int32), pixel, (0.0, deep)), dtype=object)
 
     def _roads(self, ground: np.ndarray) -> tuple[np.ndarray, list[str]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 import shapely
 
 from evocity.citymap import CityMap, ClassTable
@@ -206,9 +207,7 @@ def _cut(city: CityMap, polygons: np.ndarray) -> np.ndarray:
     """Bool ``(n,)``: which polygons the border of a map, or of its site, cuts."""
     side, grain = city.metres_per_pixel, 1e-6
     if city.site is not None:
-        from scipy import ndimage
-
-        inner = ndimage.binary_erosion(city.site)
+        inner = scipy.ndimage.binary_erosion(city.site)
         labels = np.unique(city.building_labels[~inner])
         return np.isin(city.walls.buildings, labels)
     left, top = city.origin or (0.0, city.shape[0] * side)

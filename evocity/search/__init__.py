@@ -32,30 +32,21 @@
 - `archiving`, `binning`: of all births ever, those that no other dominates; the best of each cell
 """
 
-from evocity.search.archiving import Archive, archive
-from evocity.search.commands import pick
-from evocity.search.engine import Search
-from evocity.search.generation import Generation
-from evocity.search.individual import Individual
-from evocity.search.observers import Observer
-from evocity.search.reading import read_recipe, recipes
-from evocity.search.recipe import Recipe
-from evocity.search.refinement.refine import refine
-from evocity.search.repeating import replay
-from evocity.search.toolbox import deap_toolbox
+from evocity.rooms import lazily
 
-__all__ = [
-    "Archive",
-    "Generation",
-    "Individual",
-    "Observer",
-    "Recipe",
-    "Search",
-    "archive",
-    "deap_toolbox",
-    "pick",
-    "read_recipe",
-    "recipes",
-    "refine",
-    "replay",
-]
+__getattr__, __dir__, __all__ = lazily(
+    __name__,
+    {
+        "archiving": ["Archive", "archive"],
+        "commands": ["pick"],
+        "engine": ["Search"],
+        "generation": ["Generation"],
+        "individual": ["Individual"],
+        "observers": ["Observer"],
+        "reading": ["read_recipe", "recipes"],
+        "recipe": ["Recipe"],
+        "refinement.refine": ["refine"],
+        "repeating": ["replay"],
+        "toolbox": ["deap_toolbox"],
+    },
+)

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from evocity.columns import array_of, column_of
 from evocity.displayed import Displayed
 from evocity.search.binning import binned, grid_of_run
 from evocity.search.cells import Grid
@@ -78,8 +79,8 @@ def archive(run: Run, last: int | None = None) -> Archive:
     last = len(run.generations) - 1 if last is None else last
     births = measured(run, aims.bounds)
     births = births.filter(pc.less_equal(births["generation"], last))
-    living = pc.is_in(births["id"], value_set=run.members(last)["id"]).to_numpy()
-    first = pc.equal(births["generation"], pc.min(births["generation"])).to_numpy()
+    living = array_of(pc.is_in(births["id"], value_set=run.members(last)["id"]))
+    first = array_of(pc.equal(births["generation"], pc.min(births["generation"])))
     chosen = np.empty(0, np.intp)
     front = np.empty((0, len(aims.names)))
     units, alive = [front], [front]
@@ -106,8 +107,8 @@ def archive(run: Run, last: int | None = None) -> Archive:
         lives = pc.is_in(bins["id"], value_set=run.members(last)["id"])
         return Archive(bins.append_column("alive", lives), *volumes, grid)
     crowding = crowding_of(front, ranks_of(front))
-    table = births.take(pa.array(chosen)).drop_columns(["status"])
-    table = table.append_column("crowding", pa.array(crowding, pa.float64()))
+    table = births.take(column_of(np.asarray(chosen))).drop_columns(["status"])
+    table = table.append_column("crowding", column_of(np.asarray(crowding, float)))
     found = [row in lives for row in map(tuple, front.tolist())]
-    table = table.append_column("alive", pa.array(found, pa.bool_()))
+    table = table.append_column("alive", column_of(np.array(found, bool)))
     return Archive(table, *volumes)

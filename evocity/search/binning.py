@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from evocity.columns import array_of, column_of
 from evocity.errors import RecipeError, RunError
 from evocity.search.algorithms import algorithms
 from evocity.search.algorithms.map_elites import MapElites
@@ -87,17 +88,17 @@ def binned(
     losses, kept = judged(births, aims)
     losses = losses[:, aims.names.index(goal) if goal else 0]
     cells = grid.cells(_values(births, grid.descriptors))
-    order = np.lexsort((births["id"].to_numpy(), losses))
+    order = np.lexsort((array_of(births["id"]), losses))
     order = order[(kept & (cells >= 0))[order]]
     _, at = np.unique(cells[order], return_index=True)
     best = order[at]
-    born = births["generation"].to_numpy()
+    born = array_of(births["generation"])
     first = losses[born == (born.min() if len(born) else 0)]
     worth = Quality(first).worth(losses[best]) if len(first) else np.zeros(len(best))
-    table = births.take(pa.array(best)).drop_columns(["status"])
-    table = table.append_column("cell", pa.array(cells[best], pa.int64()))
+    table = births.take(column_of(best)).drop_columns(["status"])
+    table = table.append_column("cell", column_of(cells[best].astype(np.int64)))
     for name, places in zip(grid.descriptors, grid.places(cells[best]).T, strict=True):
-        table = table.append_column(f"cell.{name}", pa.array(places, pa.int32()))
+        table = table.append_column(f"cell.{name}", column_of(places.astype(np.int32)))
     return Binned(grid, table, worth)
 
 
@@ -177,7 +178,7 @@ def _limits(run: Run) -> dict[str, tuple[float, float]]:
 
 def _values(births: pa.Table, names: Sequence[str]) -> np.ndarray:
     """``(n, d)`` values, NaN where there is none."""
-    columns = [births[f"fitness.{name}"].to_numpy(zero_copy_only=False) for name in names]
+    columns = [array_of(births[f"fitness.{name}"]) for name in names]
     return np.column_stack(columns).astype(np.float64)
 
 

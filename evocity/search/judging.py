@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from evocity.columns import array_of
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.commands import Standing
@@ -85,7 +86,7 @@ def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) ->
     births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
     births = births.sort_by("id").combine_chunks()
     sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
-    columns = [births[name].to_numpy(zero_copy_only=False) for name in sought]
+    columns = [array_of(births[name]) for name in sought]
     known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
     if not known or len(pc.unique(births["id"])) < len(births):
         raise RunError(
@@ -99,7 +100,7 @@ def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) ->
 def judged(births: pa.Table, aims: Aims) -> tuple[np.ndarray, np.ndarray]:
     """Losses ``(n, goals)`` of ``births``, and bool ``(n,)``: which keep all constraints."""
     names = [wanted.measure.name for wanted in aims.wanted]
-    values = {name: births[f"fitness.{name}"].to_numpy().astype(np.float64) for name in names}
+    values = {name: array_of(births[f"fitness.{name}"]).astype(np.float64) for name in names}
     return losses_of(aims, values), broken_by(aims, values) == 0
 
 

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from evocity.citymap import CityMap
+from evocity.columns import column_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
@@ -159,7 +160,7 @@ class Run:
                 continue
             table = self.births(generation)
             with self._readable(self.path):
-                wanted = pc.is_in(table.column("id"), value_set=pa.array(ids, pa.int64()))
+                wanted = pc.is_in(table.column("id"), value_set=column_of(np.array(ids, np.int64)))
                 births = births_of(table.filter(wanted), self.header, self.condensation)
             found |= {birth.id: birth for birth in births}
         missing = [identifier for identifier in ids if identifier not in found]
@@ -233,7 +234,9 @@ class Run:
                 found.add(one)
                 further += parents[one] or ()
         births = self.births(columns=list(dict.fromkeys(["id", *columns])))
-        kept = births.filter(pc.is_in(births.column("id"), value_set=pa.array(found, pa.int64())))
+        kept = births.filter(
+            pc.is_in(births.column("id"), value_set=column_of(np.array(sorted(found), np.int64)))
+        )
         return kept.sort_by("id").select(columns)
 
     def sources(self) -> list[Source]:

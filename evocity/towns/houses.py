@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from numbers import Integral, Real
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, STOREY
 from evocity.errors import MapError, setting
@@ -51,7 +51,7 @@ def built_up(
         deep *= rng.uniform(0.75, 1.25, count.size)
     heights = height_of(mean, storeys, rng)
     built = (inside >= 0) & (inside < deep[lots])
-    pieces, _ = ndimage.label(built)
+    pieces, _ = scipy.ndimage.label(built)
     small = np.bincount(pieces.ravel()) < SMALLEST / metres_per_pixel**2
     return np.where(built & ~small[pieces], heights[lots], 0)
 

@@ -3,7 +3,7 @@
 from math import comb
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.views._kernels import scharr, smooth, square
 
@@ -47,7 +47,7 @@ def structure(
 def nearest(site: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns ``(H, W)`` of the pixel of a ``site`` that is nearest to each: an index that
     repeats its edge beyond it."""
-    found = ndimage.distance_transform_edt(~site, return_distances=False, return_indices=True)
+    found = scipy.ndimage.distance_transform_edt(~site, return_distances=False, return_indices=True)
     return found[0], found[1]
 
 

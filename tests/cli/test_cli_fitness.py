@@ -62,7 +62,7 @@ def test_goal_unit_and_place_are_those_asked_for(tmp_path, goal):
     assert ("target = " in told) == (goal == "none")
     call(*words, tmp_path / "other.py")
     for path in (tmp_path / "width.py", tmp_path / "other.py"):
-        listed = json.loads(call("fitness", "list", path, "--no-cost", "--json").stdout)["width"]
+        listed = json.loads(call("fitness", "list", path, "--json").stdout)["width"]
         assert listed["goal"] == (None if goal == "none" else goal)
         assert listed["unit"] == "m²/ha"
         assert listed["range"] == [0, None]
@@ -289,7 +289,7 @@ def test_list_tells_cost_and_origin(own, monkeypatch):
     # a machine that runs other tests beside this one needs longer than a user waits
     monkeypatch.setattr(import_module("evocity.cli.fitness"), "_ALL", 100)
     path = own("return 1.0")
-    told = json.loads(call("fitness", "list", path, "--json").stdout)
+    told = json.loads(call("fitness", "list", path, "--cost", "--json").stdout)
     assert list(told) == sorted([m.name for m in measures()] + ["mine"])
     assert told["mine"]["origin"] == str(path)
     assert told["mine"]["doc"] == "What it says."
@@ -297,14 +297,14 @@ def test_list_tells_cost_and_origin(own, monkeypatch):
     assert 0 < told["gsi"]["milliseconds"] < 100
     assert told["gsi"]["range"] == [0, 1]
     assert told["integrity"]["milliseconds"] is None
-    none = json.loads(call("fitness", "list", "--no-cost", "--json").stdout)
+    none = json.loads(call("fitness", "list", "--json").stdout)
     assert all(about["milliseconds"] is None for about in none.values())
 
 
 def test_list_waits_for_no_slow_or_failing_measure(own):
-    told = call("fitness", "list", own("import time\ntime.sleep(20)"), "--json").stdout
+    told = call("fitness", "list", own("import time\ntime.sleep(20)"), "--cost", "--json").stdout
     assert json.loads(told)["mine"]["milliseconds"] is None
-    told = call("fitness", "list", own("return 1 / 0"), "--json").stdout
+    told = call("fitness", "list", own("return 1 / 0"), "--cost", "--json").stdout
     assert json.loads(told)["mine"]["milliseconds"] is None
 
 
@@ -380,7 +380,7 @@ def test_lists_tell_where_plugins_come_from_and_which_are_broken(plugins):
         "Read an ASCII grid."
 
     for group, words, entry in (
-        ("evocity.fitness", ("fitness", "list", "--no-cost"), Entry("from_afar", measure)),
+        ("evocity.fitness", ("fitness", "list"), Entry("from_afar", measure)),
         ("evocity.operators", ("operators", "list"), Entry("foreign", lambda: Foreign)),
         ("evocity.readers", ("readers", "list"), Entry(".asc", lambda: read)),
     ):

@@ -5,11 +5,13 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from cli_tools import AT_2_M, PLAIN, write_recipe, write_town
 
 EVOCITY = (sys.executable, "-m", "evocity")
+OLD = Path(__file__).parent.parent / "old" / "run-6"
 
 
 def process(*words, **options):
@@ -28,6 +30,34 @@ def test_help_loads_nothing_heavy():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_commands_that_list_load_no_more_than_they_tell():
+    """Each brings what it needs, and nothing that reads files, compiles or searches: a second that
+    whoever asks would wait for."""
+    words = [
+        ["cities"],
+        ["operators", "list"],
+        ["fitness", "list"],
+        ["status", str(OLD)],
+    ]
+    program = (
+        "import sys\n"
+        "from evocity.cli import main\n"
+        f"for words in {words!r}:\n"
+        "    main(words, prog_name='evocity', standalone_mode=False)\n"
+        "    print('loaded', *sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split() for line in done.stdout.splitlines() if line.startswith("loaded ")]
+    cities, operators, fitness, status = (set(line) for line in lines)
+    reading = {"rasterio", "pyogrio", "osmium", "shapely", "PIL", "evocity.io.writing"}
+    computing = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage", "scipy.sparse"}
+    assert not cities & (reading | computing | {"numpy", "scipy", "pyarrow", "pydantic"})
+    assert not operators & (reading | computing | {"pandas", "evocity.search", "evocity.fitness"})
+    assert not fitness & (reading | computing | {"pandas", "evocity.search"})
+    assert not status & (computing | {"rasterio", "pyogrio", "osmium", "evocity.search.engine"})
 
 
 def test_a_bad_input_ends_a_process_with_2_and_one_message(tmp_path):

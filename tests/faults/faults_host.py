@@ -14,7 +14,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    from evocity.search import read_recipe  # noqa: F401
+    from evocity.search import Search, read_recipe  # noqa: F401
     from evocity.search.warm import BUILDINGS, DECODE, SEARCH, warm_up
 
     operators = ("pavement_fusion", "lambda_crossover", "mutation")

@@ -23,7 +23,7 @@ from evocity.operators.crossing import assembled
 from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
-from evocity.report.failures import shortened
+from evocity.report.failing import shortened
 from evocity.report.gallery import city_key
 from evocity.report.html import _gain, _scenes, _summary, pairs_to_show
 from evocity.report.pictures import _caption, common_scale, data_uri, map_uri

@@ -16,8 +16,6 @@ from zlib import crc32
 
 import numpy as np
 
-from evocity.coding.matching._kernels import products
-
 
 @cache
 def d4_basis(block: int) -> np.ndarray:
@@ -68,6 +66,8 @@ def d4_codes(blocks: np.ndarray) -> np.ndarray:
 
 def in_terms_of(vectors: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     """``blocks @ vectors``, ``(n, K)`` and ``(K, J)`` of one type, in the calling thread."""
+    from evocity.coding.matching._kernels import products
+
     out = np.empty((len(blocks), vectors.shape[1]), blocks.dtype)
     products(np.ascontiguousarray(blocks), vectors, out)
     return out

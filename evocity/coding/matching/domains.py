@@ -9,9 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from evocity.coding._kernels import box_means
-from evocity.coding.matching._kernels import LANES
 from evocity.coding.matching.d4 import d4_ones, d4_slots
-from evocity.coding.matching.folding import fold
 
 #: Relief below this share of the highest roof is rounding: of float64, and of float32.
 _NOISE, _COARSE = 1e-12, 4e-6
@@ -68,6 +66,9 @@ class DomainPool:
     @cached_property
     def folded(self) -> tuple[np.ndarray, np.ndarray]:
         """Planes and norms, made when first asked for."""
+        from evocity.coding.matching._kernels import LANES
+        from evocity.coding.matching.folding import fold
+
         (rows, columns), block = self.shape, self.block
         planes = np.empty((rows, block * block, columns + LANES), np.float32)
         norms = np.empty((rows, columns + LANES), np.float32)
@@ -96,6 +97,8 @@ def domain_pools(
     are rounded to float32 before they are folded: half the time, good to about 1e-7 of the
     heights instead of the differences of heights.
     """
+    from evocity.coding.matching._kernels import LANES
+
     height, width = heights.shape
     highest = float(heights.max(initial=0))
     # a block whose heights span `flat` has at least flat²/2 of energy

@@ -5,7 +5,6 @@ from functools import reduce
 
 import numpy as np
 
-from evocity.coding.matching._kernels import GROUP, window_kernels
 from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools
 from evocity.coding.matching.matches import Search, listed
@@ -32,6 +31,8 @@ def best_nearby(
     Returns (which of the chunk, y, x on the map) of all domains within the ``tolerance`` (a share
     of the range block's energy) and rounding of that best.
     """
+    from evocity.coding.matching._kernels import window_kernels
+
     lane_maxima, list_nearby = window_kernels(search.block)
     window = _window(pool, tuple(corner[part] for corner in corners), reach)
     band, lanes = _bands(window, _BAND)
@@ -52,6 +53,8 @@ def best_nearby(
 def _bands(window: np.ndarray, band: int | None = None) -> tuple[int, np.ndarray]:
     """How many rows of a ``window`` share their gains, ``band`` or a little more, all if None; and
     the room for these gains, `lane_maxima`'s lanes: zeros, none where no window has a place."""
+    from evocity.coding.matching._kernels import GROUP
+
     tall = int((window[:, 1] - window[:, 0]).max(initial=0))
     wide = int((window[:, 3] - window[:, 2]).max(initial=0))
     if min(tall, wide) <= 0:
@@ -74,6 +77,8 @@ def best_correlations(
     heights span at most ``flat`` metres; their ρ² is 0). Domains of side D = B·``domains``,
     at every pixel position within ``reach`` px. H and W must be multiples of ``block``.
     """
+    from evocity.coding.matching._kernels import window_kernels
+
     height, width = heights.shape
     rows, columns = height // block, width // block
     cut = heights.reshape(rows, block, columns, block)

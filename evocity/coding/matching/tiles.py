@@ -16,11 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.coding.matching._kernels import LANES, ROOM, ROW, most_likely, tile_kernels
 from evocity.coding.matching.alike import z_order
 from evocity.coding.matching.d4 import used_parts
 from evocity.coding.matching.domains import UNCAPPED
-from evocity.coding.matching.folding import fold_kernels
 from evocity.coding.matching.likeness import Blocks, RangeCodes
 from evocity.coding.matching.matches import Search, listed
 
@@ -57,6 +55,9 @@ class Tiles:
 def cut_tiles(blocks: Blocks, sigma_max: float) -> Tiles:
     """Tiles of those blocks that are not flat, alike in the norms of their parts and in their
     own."""
+    from evocity.coding.matching._kernels import LANES, ROW
+    from evocity.coding.matching.folding import fold_kernels
+
     pixels, at, least = blocks.raster.ravel(), blocks.at, blocks.least
     block, count = int(np.sqrt(blocks.offsets.size)), -(-at.size // LANES)
     parts = len(used_parts(block))
@@ -101,6 +102,8 @@ def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float 
     Returns (which of the chunk, y, x) of all domains within the ``tolerance`` (a share
     of the range block's energy) and rounding of that best; which ascends.
     """
+    from evocity.coding.matching._kernels import tile_kernels
+
     ranges = search.ranges[part]
     slack = search.unsure[part] + np.float32(tolerance) * search.energy[part].astype(np.float32)
     reached = reach(tiles, ranges, slack, search.best[part])
@@ -119,6 +122,8 @@ def reach(tiles: Tiles, ranges: RangeCodes, slack: np.ndarray, best: np.ndarray)
     Returns (tile, range block, gain) ``(m,)`` each, ascending by tile: where the largest gain
     within a tile is not more than ``slack`` (n,) short of the best.
     """
+    from evocity.coding.matching._kernels import ROOM, most_likely, tile_kernels
+
     codes, shares, norms = ranges.codes, ranges.shares, ranges.norms
     reach_tiles, _ = tile_kernels(int(np.sqrt(codes.shape[1])), shares.shape[1])
     first = np.empty((min(_SEEDS, tiles.row_tops.size), len(codes)), np.int64)

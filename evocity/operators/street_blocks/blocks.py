@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from evocity.citymap import CityMap
 from evocity.pavement import Pavement
@@ -87,6 +86,8 @@ def _united(labels: np.ndarray, grid: Pavement) -> np.ndarray:
     most = np.repeat(cells.max(axis=1), cells.shape[1])
     apart = (cells.ravel() > 0) & (cells.ravel() != most)
     pairs = most[apart], cells.ravel()[apart]
-    _, group = connected_components(coo_array((np.ones(pairs[0].size), pairs), (count, count)))
+    _, group = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_array((np.ones(pairs[0].size), pairs), (count, count))
+    )
     # numbered by the first component of each; ground, which nothing is united with, is 0
     return group.astype(np.int32)

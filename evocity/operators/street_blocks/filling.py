@@ -12,7 +12,6 @@ from evocity.genome import Genome, Pieces, laid
 from evocity.isometries import AFFINE
 from evocity.operators.crossing import raw_heights
 from evocity.operators.pavement_fusion import ground
-from evocity.operators.street_blocks._kernels import lay_cells
 from evocity.operators.street_blocks.blocks import StreetBlocks, street_blocks
 from evocity.operators.street_blocks.fits import Fit, Room, best_place
 from evocity.operators.street_blocks.stones import Stones
@@ -164,6 +163,8 @@ class Filling:
 
     def intended(self) -> np.ndarray:
         """The map that is meant, float32 ``(H, W)``, metres."""
+        from evocity.operators.street_blocks._kernels import lay_cells
+
         heights = np.stack([raw_heights(parent) for parent in self._parents])
         found = np.empty(heights.shape[1:], np.float32)
         whose = np.where(self._bare, self.void, self.given)

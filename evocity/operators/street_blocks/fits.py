@@ -4,10 +4,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_propagation
+import scipy
 
 from evocity import isometries
-from evocity.operators.street_blocks._kernels import SPARE, best_fit, row_sums
 from evocity.operators.street_blocks.blocks import StreetBlocks
 from evocity.views.ground.distance import nearest_built
 
@@ -114,6 +113,8 @@ def best_place(
     is best once buildings that lie partly outside are left out. If the donor is the map
     ``itself``, places that overlap the block are none.
     """
+    from evocity.operators.street_blocks._kernels import best_fit
+
     tall, wide = room.block.shape
     own = [room.top, room.left, room.top + tall, room.left + wide] if itself else [0, 0, 0, 0]
     iso, top, left, _ = best_fit(
@@ -144,6 +145,8 @@ def _sums(built: np.ndarray, stale: np.ndarray) -> np.ndarray:
     """Of each row of cells ``(R, C)``, how much is ``built``, less what is ``stale``, left of each
     border: float32 ``(2, R, n)``, of the even borders, then of the odd ones; with spare items
     after them."""
+    from evocity.operators.street_blocks._kernels import SPARE, row_sums
+
     rows, columns = built.shape
     sums = np.zeros((2, rows, columns // 2 + 1 + SPARE), np.float32)
     row_sums(built, stale, sums)
@@ -172,7 +175,7 @@ def _weights(block: np.ndarray, around: np.ndarray, own: np.ndarray, facades: fl
 
 def _reached(seed: np.ndarray, among: np.ndarray) -> np.ndarray:
     """What of ``among`` is connected by sides to the ``seed``."""
-    return binary_propagation(seed, mask=among)
+    return scipy.ndimage.binary_propagation(seed, mask=among)
 
 
 def _beside(mask: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ import numpy as np
 
 from evocity.genome import VOID, Genome, unpacked
 from evocity.isometries import AFFINE
-from evocity.operators.street_blocks._kernels import stale_cells, stones_of_cells
 from evocity.pavement import Pavement
 
 
@@ -36,6 +35,8 @@ class Stones:
     def stale(self, genome: int, built: np.ndarray, worth: float) -> np.ndarray:
         """What the cells of a genome that are ``built``, bool ``(R, C)``, count less: float32 ``(R,
         C)``, ``worth`` where the stone stands on the map already. The void is no stone."""
+        from evocity.operators.street_blocks._kernels import stale_cells
+
         found = np.empty(built.shape, np.float32)
         stale_cells(built, self.of[genome], self._counts, np.float32(worth), found)
         return found
@@ -44,6 +45,8 @@ class Stones:
 def _places(genome: Genome, grid: Pavement, cities: dict[str, int]) -> np.ndarray:
     """City, row and column of the stone of each cell, int32 ``(3, R, C)``; the city −1 for the
     void."""
+    from evocity.operators.street_blocks._kernels import stones_of_cells
+
     pavement = genome.pavement
     numbers = np.array([cities.get(name, -1) for name in genome.cities], np.int32)
     found = np.empty((3, grid.rows, grid.columns), np.int32)

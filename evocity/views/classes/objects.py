@@ -1,7 +1,7 @@
 """What stands on a map besides buildings, and how all of it is shaped."""
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.views.buildings import Buildings, measured, zones_of
 
@@ -41,7 +41,7 @@ def low_objects(
     table = measured(heights, pieces, zones, metres_per_pixel, site)
     kept = (table.height >= TRACE[0]) | (table.area >= TRACE[1])
     attached = np.zeros(pieces.max() + 1, bool)
-    attached[pieces[low & ndimage.binary_dilation(built, np.ones((3, 3), bool))]] = True
+    attached[pieces[low & scipy.ndimage.binary_dilation(built, np.ones((3, 3), bool))]] = True
     foot = _without_square(zones, len(table))
     foot |= _facing_higher(zones, built, table.height) > FRINGE * table.sides
     kept &= ~(attached[table.component + 1] & foot)
@@ -53,7 +53,7 @@ def low_objects(
 
 def _pieces(mask: np.ndarray) -> np.ndarray:
     """Int32 ``(H, W)``: 1…k on the pieces of a ``mask`` that touch by sides."""
-    return ndimage.label(mask)[0].astype(np.int32, copy=False)
+    return scipy.ndimage.label(mask)[0].astype(np.int32, copy=False)
 
 
 def _without_square(zones: np.ndarray, count: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.views.ground._kernels import nest
 
@@ -45,7 +45,7 @@ def open_space(
 
     About 0.4 ms at 256², labels given. All arrays are read-only.
     """
-    grounds, count = ndimage.label(labels == 0, structure=np.ones((3, 3)))
+    grounds, count = scipy.ndimage.label(labels == 0, structure=np.ones((3, 3)))
     grounds = grounds.astype(np.int32, copy=False)
     pixels = np.empty(count, np.int64)
     enclosed_by = np.empty(count, np.int32)
@@ -65,7 +65,7 @@ def _inside(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pieces of ground within the ``site``: labels, pixels, and by what each is enclosed, −1
     where the ground goes on beyond."""
-    own, count = ndimage.label((grounds > 0) & site, structure=np.ones((3, 3)))
+    own, count = scipy.ndimage.label((grounds > 0) & site, structure=np.ones((3, 3)))
     beyond = np.zeros(enclosed_by.size + 1, bool)
     beyond[grounds[~site]] = True
     whole = np.zeros(count, np.intp)

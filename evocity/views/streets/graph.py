@@ -8,7 +8,7 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.errors import MapError, setting
 from evocity.views.buildings import outlines
@@ -321,14 +321,14 @@ def _most(edge: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 def _quarters(building_labels: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Int32: of each building the piece between ``lines`` it stands in, from 0."""
-    pieces, _ = ndimage.label(~lines)
+    pieces, _ = scipy.ndimage.label(~lines)
     own = np.zeros(building_labels.max(initial=0) + 1, np.int64)
     own[building_labels] = pieces
     return np.unique(own[1:], return_inverse=True)[1].astype(np.int32)
 
 
 def _labelled(mask: np.ndarray) -> np.ndarray:
-    return ndimage.label(mask)[0].astype(np.int32, copy=False)
+    return scipy.ndimage.label(mask)[0].astype(np.int32, copy=False)
 
 
 def _check_number(name: str, value: object, wanted: str) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from evocity.views.streets._kernels import (
     contracted,
@@ -102,11 +103,11 @@ def reaching(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.ndarray]:
 
 def _pieces(many: int, one: np.ndarray, other: np.ndarray) -> tuple[int, np.ndarray]:
     """How many components ``many`` nodes have, some joined, and of each node which it is of."""
-    from scipy.sparse import coo_array  # slow to load
-    from scipy.sparse.csgraph import connected_components
 
     links = np.ones(len(one), bool), (one, other)
-    return connected_components(coo_array(links, shape=(many, many)), directed=False)
+    return scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_array(links, shape=(many, many)), directed=False
+    )
 
 
 def _beside(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.ndarray]:

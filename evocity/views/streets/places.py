@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from evocity.views.buildings import outlines
 from evocity.views.ground.distance import nearest_built
@@ -83,8 +83,8 @@ def _in_one_piece(numbers: np.ndarray) -> np.ndarray:
     """``numbers`` without what a corner of a building cuts off from a place: of each the largest
     piece that hangs together by pixels' sides."""
     kept = np.zeros_like(numbers)
-    for number, window in enumerate(ndimage.find_objects(numbers), start=1):
-        pieces, _ = ndimage.label(numbers[window] == number)
+    for number, window in enumerate(scipy.ndimage.find_objects(numbers), start=1):
+        pieces, _ = scipy.ndimage.label(numbers[window] == number)
         largest = np.bincount(pieces.ravel())[1:].argmax() + 1
         kept[window][pieces == largest] = number
     return kept

@@ -1,7 +1,7 @@
 """The surfaces of streets."""
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 # Of the points of a line every so many-th bears a disc; widths are evened over so many.
 _EVERY, _EVEN = 3, 9
@@ -23,7 +23,7 @@ def ribbons_of(
     begin = 0
     for k, edge in enumerate(edges):
         points = shapely.get_coordinates(edge)
-        own = ndimage.uniform_filter1d(
+        own = scipy.ndimage.uniform_filter1d(
             halves[begin : begin + len(points)].astype(np.float64), _EVEN, mode="nearest"
         )
         begin += len(points)
