@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from evocity import fitness
@@ -160,7 +161,7 @@ class Facts:
         return sources
 
     @cached_property
-    def births(self):
+    def births(self) -> pa.Table:
         """All births, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
         columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
