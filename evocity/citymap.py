@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 from numbers import Real
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -65,6 +65,17 @@ class CityMap(Displayed):
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
     `street_graph`) are computed when first asked for, once a map, and are read-only.
     """
+
+    heights: np.ndarray
+    metres_per_pixel: float
+    name: str
+    attribution: str
+    origin: tuple[float, float] | None
+    crs: str | None
+    height_rules: dict[str, int]
+    taken: str
+    site: np.ndarray | None
+    corner: tuple[int, int]
 
     def __init__(
         self,
@@ -171,7 +182,7 @@ class CityMap(Displayed):
         height, width = self.shape
         return array[top : top + height, left : left + width]
 
-    def replace(self, heights: np.ndarray, **changes) -> "CityMap":
+    def replace(self, heights: np.ndarray, **changes: Any) -> "CityMap":
         """A new map with other ``heights``; what describes this one is kept unless changed."""
         described = {
             "metres_per_pixel": self.metres_per_pixel,
@@ -251,7 +262,7 @@ class CityMap(Displayed):
         `walled` takes another scale of detail, or squares them. About 30 ms at 256²."""
         return self.walled()
 
-    def walled(self, **how) -> Walls:
+    def walled(self, **how: Any) -> Walls:
         """The walls, fitted as told: ``detail`` and ``relative``, ``squared``, ``storeys``,
         ``least_area`` of `evocity.views.walls.walls_of`."""
         return walls_of(
@@ -315,7 +326,7 @@ class CityMap(Displayed):
         256²."""
         return self.street_graph_of()
 
-    def street_graph_of(self, **how) -> StreetGraph:
+    def street_graph_of(self, **how: Any) -> StreetGraph:
         """The street graph, made as told: ``closed``, ``least_width``, ``spurs``, ``places``,
         ``courts``, ``kinds``, ``water`` of `evocity.views.streets.street_graph`."""
         return street_graph(

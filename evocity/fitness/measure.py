@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class Measure:
     def __call__(
         self,
         city: CityMap,
-        *given,
+        *given: Any,
         reference: Reference | CityMap | Sequence | None = None,
         genome: Genome | None = None,
         parents: Sequence[Genome] | None = None,
@@ -249,7 +250,7 @@ class Family:
     name: str
     measures: tuple[Measure, ...]
 
-    def __call__(self, city: CityMap, **extras) -> dict[str, float]:
+    def __call__(self, city: CityMap, **extras: Any) -> dict[str, float]:
         return {one.number: one(city, **extras) for one in self.measures}
 
 

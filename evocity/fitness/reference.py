@@ -27,7 +27,7 @@ class Reference:
     weights: tuple[float, ...] | None
 
     @classmethod
-    def of(cls, told) -> "Reference":
+    def of(cls, told: "Reference | CityMap | Sequence") -> "Reference":
         """A city, a list of cities weighted alike, or of (city, weight). Raises `FitnessError`."""
         if isinstance(told, cls):
             return told

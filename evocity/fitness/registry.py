@@ -14,6 +14,7 @@ from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
+from typing import overload
 
 from evocity.errors import EvocityError, FitnessError, near_miss, told
 from evocity.fitness.measure import (
@@ -44,6 +45,27 @@ _collecting: ContextVar[list[Measure] | None] = ContextVar("collecting", default
 TABLES: dict[str, Callable[[str, bytes], None]] = {}
 
 _PACKAGE = str(Path(__file__).parent.parent) + os.sep
+
+
+@overload
+def fitness(
+    goal: str | None = None,
+    unit: str = "",
+    range: tuple[float, float] = (-math.inf, math.inf),
+    *,
+    any_site: bool = False,
+) -> Callable[[Callable], Measure]: ...
+
+
+@overload
+def fitness(
+    goal: str | Mapping[str, str | None] | None = None,
+    unit: str | Mapping[str, str] = "",
+    range: tuple[float, float] | Mapping[str, tuple[float, float]] = (-math.inf, math.inf),
+    *,
+    numbers: Sequence[str],
+    any_site: bool = False,
+) -> Callable[[Callable], Measure | Family]: ...
 
 
 def fitness(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -144,7 +145,7 @@ class Genome(Displayed):
             state.update(self.condensation.digest.encode())
         return state.hexdigest()
 
-    def replace(self, **changes) -> "Genome":
+    def replace(self, **changes: Any) -> "Genome":
         """A new genome with some fields changed, checked as at construction."""
         if changes.keys() == {"made"} and type(self) is Genome:  # nothing to check, or to copy
             other = copy(self)

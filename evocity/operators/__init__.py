@@ -36,7 +36,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -139,7 +139,7 @@ def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[st
     return found, load_plugins("evocity.operators", take), origins
 
 
-def make(name: str, **parameters) -> Operator:
+def make(name: str, **parameters: Any) -> Operator:
     """The operator called ``name`` with ``parameters``.
 
     Raises `OperatorError`, which lists the operators there are if the name is at fault, else

@@ -76,7 +76,7 @@ def common_refinement(pavements: Sequence[Pavement]) -> Pavement:
     return common
 
 
-def touched(where: np.ndarray, top, left, side) -> np.ndarray:
+def touched(where: np.ndarray, top: np.ndarray, left: np.ndarray, side: np.ndarray) -> np.ndarray:
     """Bool ``(n,)``: which squares (``top``, ``left``, ``side``; px) hold a true pixel of
     ``where``, bool ``(H, W)``."""
     found = np.empty(side.size, bool)

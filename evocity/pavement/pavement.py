@@ -40,7 +40,7 @@ class Pavement:
         tile the map.
     """
 
-    def __init__(self, height: int, width: int, block):
+    def __init__(self, height: int, width: int, block: int | Iterable[int]):
         self.height, self.width = height, width
         self._block: int | None = None
         if isinstance(block, Iterable):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pyarrow as pa
 
 from evocity import fitness
 from evocity.analysis.births import Told
@@ -135,7 +136,7 @@ class Facts:
         return sources
 
     @cached_property
-    def births(self):
+    def births(self) -> pa.Table:
         """All births by id, without genomes: Arrow table."""
         values = [f"fitness.{name}" for name in self.run.header.measures]
         columns = ["generation", "id", "operator", "status", "error", "feasible", *values]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -186,7 +186,7 @@ class Scene:
         name, attribution = plain_text(city.name), plain_text(attribution)
         return About(name, attribution, crs, offset, (wide, deep), window, measures)
 
-    def picture(self, **how) -> "Image.Image":
+    def picture(self, **how: Any) -> "Image.Image":
         """An axonometric picture, with shadows: parallel lines stay parallel, and lengths along the
         horizontal are true to the scale bar.
 
@@ -205,7 +205,7 @@ class Scene:
         """
         return drawn(self._thanked, self.groups, **how)
 
-    def write(self, path: str | os.PathLike, **how) -> None:
+    def write(self, path: str | os.PathLike, **how: Any) -> None:
         """Write the scene; the end of ``path`` chooses the format: `evocity.scene.SUFFIXES`. A .png
         is drawn as ``how`` tells `picture`.
 
@@ -264,7 +264,7 @@ def scene(
     rng: np.random.Generator | None = None,
     streets: bool = False,
     measures: Mapping[str, float] | None = None,
-    **how,
+    **how: Any,
 ) -> Scene:
     """A map in three dimensions: its buildings as solids with floors, walls and flat roofs, what
     is lower than buildings, and its ground.

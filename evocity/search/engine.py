@@ -276,7 +276,7 @@ class Search:
         self._entered = True
         return self
 
-    def __exit__(self, kind, error, trace) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         with contextlib.closing(self):
             self._stopped(error)
 

@@ -24,6 +24,7 @@ from evocity import operators
 from evocity.coding.matching import available_cores
 from evocity.displayed import Displayed
 from evocity.fitness import Measure
+from evocity.operators import Operator
 from evocity.search.checking import fill
 from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
 from evocity.search.mixture import (
@@ -248,7 +249,7 @@ class Recipe(Section, Displayed):
         names = called(self.folder, [(one.title, one.place) for one in self.parents])
         return self.parents[names.index(name)] if name in names else None
 
-    def operator(self, name: str, **changes):
+    def operator(self, name: str, **changes: Any) -> Operator:
         """The operator ``name`` with the recipe's parameters, other than ``changes``; of ranges
         the lower end.
 
@@ -256,7 +257,7 @@ class Recipe(Section, Displayed):
         """
         return operator_of(name, self.parameters(name), self.genome.coding, **changes)
 
-    def operator_drawn(self, name: str, rng: np.random.Generator, **changes):
+    def operator_drawn(self, name: str, rng: np.random.Generator, **changes: Any) -> Operator:
         """The operator ``name`` for one birth: as `operator`, but what the recipe gives ranges of
         is drawn by ``rng``, which is not drawn from without a range."""
         return drawn_of(name, self.parameters(name), self.genome.coding, rng, **changes)

@@ -1,0 +1,146 @@
+"""What the package names, for checkers of types; `__init__.py` loads each name when first used."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import overload
+
+import evocity.fitness as _fitness
+import evocity.scene as _scene
+from evocity.analysis import open_run
+from evocity.citymap import CityMap
+from evocity.coding import decode, encode
+from evocity.condensation import Condensation
+from evocity.errors import EvocityError
+from evocity.genome import Genome, merged, read_genome, split
+from evocity.io import cities, read_map, write_map
+from evocity.pavement import Pavement
+from evocity.search import Recipe, Search, archive, deap_toolbox, pick, read_recipe, refine
+from evocity.search.repeating import replay
+
+__version__: str
+__all__ = [
+    "CityMap",
+    "Condensation",
+    "EvocityError",
+    "Genome",
+    "Pavement",
+    "Recipe",
+    "Search",
+    "archive",
+    "cities",
+    "deap_toolbox",
+    "decode",
+    "encode",
+    "fitness",
+    "merged",
+    "open_run",
+    "pick",
+    "read_genome",
+    "read_map",
+    "read_recipe",
+    "refine",
+    "replay",
+    "scene",
+    "split",
+    "write_map",
+]
+
+# A module that can be called is no type that checkers know.
+class _Fitness:
+    @overload
+    def __call__(
+        self,
+        goal: str | None = None,
+        unit: str = "",
+        range: tuple[float, float] = ...,
+        *,
+        any_site: bool = False,
+    ) -> Callable[[Callable], _fitness.Measure]: ...
+    @overload
+    def __call__(
+        self,
+        goal: str | Mapping[str, str | None] | None = None,
+        unit: str | Mapping[str, str] = "",
+        range: tuple[float, float] | Mapping[str, tuple[float, float]] = ...,
+        *,
+        numbers: Sequence[str],
+        any_site: bool = False,
+    ) -> Callable[[Callable], _fitness.Measure | _fitness.Family]: ...
+    EXTRAS = _fitness.EXTRAS
+    GOALS = _fitness.GOALS
+    WEIGHTED = _fitness.WEIGHTED
+    Aims = _fitness.Aims
+    Constraint = _fitness.Constraint
+    Family = _fitness.Family
+    Measure = _fitness.Measure
+    Objective = _fitness.Objective
+    Part = _fitness.Part
+    Reference = _fitness.Reference
+    SizeFit = _fitness.SizeFit
+    TypeTable = _fitness.TypeTable
+    Undefined = _fitness.Undefined
+    Wanted = _fitness.Wanted
+    alignment = _fitness.alignment
+    alignment_global = _fitness.alignment_global
+    alignment_momepy = _fitness.alignment_momepy
+    alignment_neighbours = _fitness.alignment_neighbours
+    autosimilarity = _fitness.autosimilarity
+    box_dimension = _fitness.box_dimension
+    building_density = _fitness.building_density
+    building_types = _fitness.building_types
+    compactness = _fitness.compactness
+    component_density = _fitness.component_density
+    convexity = _fitness.convexity
+    correlation_dimension = _fitness.correlation_dimension
+    courtyard_index = _fitness.courtyard_index
+    crumbs = _fitness.crumbs
+    elongation = _fitness.elongation
+    eri = _fitness.eri
+    fabric_distance = _fitness.fabric_distance
+    fit_sizes = staticmethod(_fitness.fit_sizes)
+    fitness = staticmethod(_fitness.fitness)
+    fsi = _fitness.fsi
+    get = staticmethod(_fitness.get)
+    gsi = _fitness.gsi
+    height_deviation = _fitness.height_deviation
+    height_entropy = _fitness.height_entropy
+    heritability = staticmethod(_fitness.heritability)
+    integrity = _fitness.integrity
+    lacunarity = _fitness.lacunarity
+    load_file = staticmethod(_fitness.load_file)
+    mean_height = _fitness.mean_height
+    measures = staticmethod(_fitness.measures)
+    named = staticmethod(_fitness.named)
+    object_classes = _fitness.object_classes
+    object_counts = _fitness.object_counts
+    open_space_connectivity = _fitness.open_space_connectivity
+    orientation_order = _fitness.orientation_order
+    osr = _fitness.osr
+    party_wall_ratio = _fitness.party_wall_ratio
+    plugin_warnings = staticmethod(_fitness.plugin_warnings)
+    rectangularity = _fitness.rectangularity
+    roof_flatness = _fitness.roof_flatness
+    salingaros = _fitness.salingaros
+    salingaros_buildings = _fitness.salingaros_buildings
+    shape_index = _fitness.shape_index
+    sky_view_factor = _fitness.sky_view_factor
+    slivers = _fitness.slivers
+    small_buildings = _fitness.small_buildings
+    storeys = _fitness.storeys
+    street_width = _fitness.street_width
+    type_distance = _fitness.type_distance
+    types_of = staticmethod(_fitness.types_of)
+    whole_buildings = staticmethod(_fitness.whole_buildings)
+
+class _Scene:
+    __call__ = staticmethod(_scene.scene)
+    SUFFIXES = _scene.SUFFIXES
+    Library = _scene.Library
+    Scene = _scene.Scene
+    Substitution = _scene.Substitution
+    check_suffix = staticmethod(_scene.check_suffix)
+    scene = staticmethod(_scene.scene)
+    substituted = staticmethod(_scene.substituted)
+    suffix_of = staticmethod(_scene.suffix_of)
+
+fitness: _Fitness
+scene: _Scene

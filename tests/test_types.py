@@ -1,0 +1,134 @@
+"""Checkers of types know the public surface: its stub, its annotations, a user's file."""
+
+import ast
+import functools
+import importlib
+import inspect
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import evocity
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "evocity"
+SURFACE = Path(__file__).with_name("typed_surface.py")
+
+# The rooms that users import from; what other rooms name is for each other.
+ROOMS = [
+    *("citymap", "coding", "condensation", "fitness", "genome", "growth", "io", "operators"),
+    *("pavement", "pictures", "report", "scene", "search", "towns"),
+]
+
+# What a wrong use is, and what mypy says of it.
+WRONG = {
+    "evocity.read_map(3)": "[arg-type]",
+    "evocity.decode(evocity.read_map('lyon-1er'))": "[arg-type]",
+    "evocity.fitness.gsi(evocity.cities())": "[arg-type]",
+    "evocity.fitness.gsy": "[attr-defined]",
+    "evocity.fitness(gaol='max')": "[call-overload]",
+    "evocity.opern_run('runs/first')": "[attr-defined]",
+    "evocity.read_map('lyon-1er').hights": "[attr-defined]",
+}
+
+
+def stub() -> ast.Module:
+    return ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
+
+
+def test_the_stub_names_what_the_package_names():
+    (named,) = [
+        ast.literal_eval(node.value)
+        for node in stub().body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "__all__"
+    ]
+    assert sorted(named) == sorted(evocity.__all__)
+    taken = set()
+    for node in stub().body:
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("evocity."):
+            home = importlib.import_module(node.module)
+            for alias in node.names:
+                assert getattr(home, alias.name) is getattr(evocity, alias.name), alias.name
+                taken.add(alias.name)
+    assert taken | {"fitness", "scene"} == set(named)
+
+
+@pytest.mark.parametrize("room", ["fitness", "scene"])
+def test_the_stub_names_what_a_module_that_is_called_names(room):
+    (found,) = [node for node in stub().body if getattr(node, "name", "") == f"_{room.title()}"]
+    told = [ast.unparse(node) for node in found.body if isinstance(node, ast.Assign)]
+    module = importlib.import_module(f"evocity.{room}")
+    right = [
+        f"{name} = staticmethod(_{room}.{name})"
+        if inspect.isroutine(getattr(module, name)) or hasattr(getattr(module, name), "cache_info")
+        else f"{name} = _{room}.{name}"
+        for name in module.__all__
+    ]
+    assert [line for line in told if not line.startswith("__call__")] == right
+
+
+def routines(label: str, thing: object) -> Iterator[tuple[str, Callable]]:
+    """Functions and public methods, properties among them, of a public name."""
+    if inspect.isfunction(thing):
+        yield label, thing
+    elif inspect.isclass(thing):
+        for name, member in vars(thing).items():
+            if not name.startswith("_") or name in ("__init__", "__call__", "__exit__"):
+                if isinstance(member, classmethod | staticmethod):
+                    member = member.__func__
+                elif isinstance(member, property):
+                    member = member.fget
+                elif isinstance(member, functools.cached_property):
+                    member = member.func
+                if inspect.isfunction(member) and member.__module__.startswith("evocity."):
+                    yield f"{label}.{name}", member
+
+
+def lacking(function: Callable) -> list[str]:
+    """Parameters without a type, and "return" where that has none."""
+    signature = inspect.signature(function)
+    found = [
+        name
+        for name, one in signature.parameters.items()
+        if one.annotation is one.empty and name not in ("self", "cls") and name[0] != "_"
+    ]
+    untold = signature.return_annotation is signature.empty and function.__name__ != "__init__"
+    return found + ["return"] * untold
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_public_names_have_types(room):
+    module = importlib.import_module(f"evocity.{room}")
+    found = {
+        label: lacking(function)
+        for name in module.__all__
+        for label, function in routines(name, getattr(module, name))
+    }
+    assert {label: untyped for label, untyped in found.items() if untyped} == {}
+    assert set(evocity._ROOMS) <= {*ROOMS, "errors", "search.repeating", "store"}
+
+
+def test_the_surface_uses_every_name():
+    used = {
+        node.attr
+        for node in ast.walk(ast.parse(SURFACE.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "evocity"
+    }
+    assert used == set(evocity.__all__)
+    assert (PACKAGE / "py.typed").exists()
+
+
+def test_mypy_accepts_right_uses_and_no_wrong_one(tmp_path, monkeypatch):
+    api = pytest.importorskip("mypy.api")
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text("import evocity\n" + "\n".join(WRONG) + "\n", encoding="utf-8")
+    monkeypatch.chdir(ROOT)  # where pyproject.toml says how
+    cache = f"--cache-dir={tmp_path / 'cache'}"
+    out, err, _ = api.run([cache, "--no-error-summary", "--no-pretty", str(SURFACE), str(wrong)])
+    lines = [line for line in out.splitlines() if " error: " in line]
+    assert not err
+    assert [line for line in lines if not line.startswith(str(wrong))] == []
+    said = {int(line.removeprefix(f"{wrong}:").split(":")[0]): line for line in lines}
+    for number, (use, fault) in enumerate(WRONG.items(), 2):
+        assert fault in said.get(number, ""), f"{use}: {said.get(number)}"
