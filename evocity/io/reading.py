@@ -20,20 +20,30 @@ from evocity.plugins import load_plugins, origin_of
 _PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
 
 
-def _reader(module: str, name: str) -> Callable[[Path, Request], Footprints | Grid]:
-    """A function of a ``module`` of this room, which is loaded with the first file that it reads,
-    and the library of that format with it."""
+class _Late:
+    # A reader of a module of this room, which is loaded with the first file that it reads, or when
+    # it is asked what it is; and the library of that format with it.
 
-    def read(path: Path, request: Request) -> Footprints | Grid:
-        return getattr(import_module(f"evocity.io.{module}"), name)(path, request)
+    def __init__(self, module: str, name: str):
+        self._home = f"evocity.io.{module}", name
 
-    return read
+    @property
+    def _read(self) -> Callable[[Path, Request], Footprints | Grid]:
+        module, name = self._home
+        return getattr(import_module(module), name)
+
+    @property
+    def __doc__(self) -> str | None:
+        return self._read.__doc__
+
+    def __call__(self, path: Path, request: Request) -> Footprints | Grid:
+        return self._read(path, request)
 
 
-_read_layers, _read_osm = _reader("vector", "read_layers"), _reader("osm", "read_osm")
-_JSON = Reader(_reader("geojson", "read_json"), "JSON", _PLAIN)
+_read_layers, _read_osm = _Late("vector", "read_layers"), _Late("osm", "read_osm")
+_JSON = Reader(_Late("geojson", "read_json"), "JSON", _PLAIN)
 _PBF = Reader(_read_osm, "OSM PBF", _PLAIN)
-_TIFF = Reader(_reader("raster", "read_geotiff"), "TIFF", _SCALED)
+_TIFF = Reader(_Late("raster", "read_geotiff"), "TIFF", _SCALED)
 
 #: The one table of readers. Packages add rows by entry points of the group
 #: ``evocity.readers``: the name is the suffix, the object a `Reader` or a function
@@ -52,8 +62,8 @@ READERS: dict[str, Reader] = {
     ".pbf": _PBF,
     ".tif": _TIFF,
     ".tiff": _TIFF,
-    ".png": Reader(_reader("raster", "read_png"), "PNG", _SCALED),
-    ".npy": Reader(_reader("raster", "read_npy"), "NPY", _SCALED),
+    ".png": Reader(_Late("raster", "read_png"), "PNG", _SCALED),
+    ".npy": Reader(_Late("raster", "read_npy"), "NPY", _SCALED),
 }
 
 
