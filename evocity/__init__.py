@@ -26,7 +26,8 @@ _ROOMS = {
 }
 _CALLED = ("fitness", "scene")  # modules, and, called, the decorator and the function
 
-_load, _, __all__ = lazily(__name__, _ROOMS)
+_HOMES = {name: f"evocity.{room}" for room, names in _ROOMS.items() for name in names}
+_load, _, __all__ = lazily(__name__, __file__, _HOMES)
 __all__ += _CALLED
 
 

@@ -1,21 +1,25 @@
 """A room's names, each loaded with its module when it is first used.
 
 A room that is loaded as a whole brings every library that any of its modules needs: who asks for
-the names of the bundled districts would wait for what reads rasters.
+the names of the bundled districts would wait for what reads rasters. Which module holds which name
+stands in the room's stub, ``__init__.pyi``, where checkers of types read it too.
 """
 
+import ast
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
+from pathlib import Path
 
 
 def lazily(
-    room: str, modules: Mapping[str, Sequence[str]]
+    room: str, file: str, homes: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
-    """What a ``room``'s ``__init__`` calls ``__getattr__``, ``__dir__`` and ``__all__``, for the
-    names that its ``modules`` hold. No name may be a module's of the room: once that is loaded, it
+    """What a ``room``'s ``__init__``, which is ``file``, calls ``__getattr__``, ``__dir__`` and
+    ``__all__``: for the names that its stub takes from the room's modules, or for those of
+    ``homes``, the module of each. No name may be a module's of the room: once that is loaded, it
     would stand in its place."""
-    homes = {name: f"{room}.{module}" for module, names in modules.items() for name in names}
+    homes = _homes(room, Path(file).with_suffix(".pyi")) if homes is None else homes
     every = sorted(homes)
 
     def load(name: str):
@@ -26,3 +30,12 @@ def lazily(
         return found
 
     return load, lambda: every, every
+
+
+def _homes(room: str, stub: Path) -> dict[str, str]:
+    lines = ast.parse(stub.read_text(encoding="utf-8")).body
+    taken = [node for node in lines if isinstance(node, ast.ImportFrom) and node.level == 1]
+    return {one.name: f"{room}.{node.module}" for node in taken for one in node.names}
+
+
+__all__ = ["lazily"]

@@ -17,7 +17,17 @@ SURFACE = Path(__file__).with_name("typed_surface.py")
 
 # The rooms that users import from; what other rooms name is for each other.
 ROOMS = [
-    *("citymap", "coding", "condensation", "fitness", "genome", "growth", "io", "operators"),
+    *(
+        "analysis",
+        "citymap",
+        "coding",
+        "condensation",
+        "fitness",
+        "genome",
+        "growth",
+        "io",
+        "operators",
+    ),
     *("pavement", "pictures", "report", "scene", "search", "towns"),
 ]
 

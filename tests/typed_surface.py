@@ -6,13 +6,13 @@ from typing import assert_type
 import numpy as np
 
 import evocity
+from evocity.analysis import Run
 from evocity.coding import Decoding, Encoding
 from evocity.fitness import Family, Measure, Objective, Undefined
 from evocity.operators import Operator, make
 from evocity.report import write_report
 from evocity.scene import Library, Scene
 from evocity.search import Archive, Generation
-from evocity.store import Run
 from evocity.views.buildings import Buildings
 from evocity.views.walls import Walls
 

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -190,7 +190,7 @@ class Individual(Displayed):
         genome, title = self.genome, "whose stones these are"
         return render_shares(Shares(self.city, ancestry(genome), genome.cities, title))
 
-    def scene(self, **how) -> "Scene":
+    def scene(self, **how: Any) -> "Scene":
         """It in three dimensions, with its scores; ``how`` as `evocity.scene` has it."""
         from evocity.scene import scene
 

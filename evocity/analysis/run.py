@@ -84,7 +84,7 @@ class Run(store.Run, Displayed):
         whole = isinstance(one, Integral) and not isinstance(one, bool)
         return whole and len(self) > 0 and bool(np.isin(one, self.told.ids))
 
-    def __getitem__(self, which):
+    def __getitem__(self, which: int | slice) -> Individual | list[Individual]:
         """``run[97]``: the individual 97; ``run[-1]``: the last one born; ``run[10:20]``: those ten
         as a list."""
         if isinstance(which, slice):
@@ -127,7 +127,7 @@ class Run(store.Run, Displayed):
         ``island`` too. A measure named as one of these columns is fitness.NAME."""
         return self.frame(slice(None))
 
-    def frame(self, rows, **more: np.ndarray) -> "pd.DataFrame":
+    def frame(self, rows: np.ndarray | slice, **more: np.ndarray) -> "pd.DataFrame":
         """The `scores` of some ``rows`` of `told`, in their order, with ``more`` columns."""
         told = self.told
         names = [name for name in told.columns if name not in ("id", "lived")]

@@ -16,25 +16,4 @@
 
 from evocity.rooms import lazily
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "bundled": ["attribution_of", "cities"],
-        "condensing": ["read_condensation", "read_mask"],
-        "reading": ["READERS", "name_of", "plugin_warnings", "read_map", "readers", "suffixes"],
-        "sources": ["Footprints", "Grid", "Reader", "Request"],
-        "writing": [
-            "FIELD_WRITERS",
-            "LEAVES_WRITERS",
-            "RAW_WRITERS",
-            "SHARES_WRITERS",
-            "WINDOW_WRITERS",
-            "WRITERS",
-            "write_field",
-            "write_leaves",
-            "write_map",
-            "write_shares",
-            "write_windows",
-        ],
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

@@ -12,13 +12,4 @@ html       the page
 
 from evocity.rooms import lazily
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "facts": ["Facts"],
-        "failing": ["differing", "differing_told", "failures", "repeated", "unrecorded"],
-        "grid": ["grid_picture", "run_picture"],
-        "html": ["write_report"],
-        "pictures": ["contact_sheet"],
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

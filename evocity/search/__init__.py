@@ -34,19 +34,4 @@
 
 from evocity.rooms import lazily
 
-__getattr__, __dir__, __all__ = lazily(
-    __name__,
-    {
-        "archiving": ["Archive", "archive"],
-        "commands": ["pick"],
-        "engine": ["Search"],
-        "generation": ["Generation"],
-        "individual": ["Individual"],
-        "observers": ["Observer"],
-        "reading": ["read_recipe", "recipes"],
-        "recipe": ["Recipe"],
-        "refinement.refine": ["refine"],
-        "repeating": ["replay"],
-        "toolbox": ["deap_toolbox"],
-    },
-)
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)
