@@ -135,11 +135,14 @@ def broken_by(aims: Aims, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """`Aims.violation` of many births, the same to the bit: ``(n,)``, 0 where all constraints are
     kept."""
     found = np.zeros(len(next(iter(values.values()), ())))
+    lacking = np.zeros(len(found), bool)
     with np.errstate(all="ignore"):
         for one in aims.wanted:
+            if one.objective is not None:
+                lacking |= np.isnan(values[one.measure.name])
             if one.constraint is not None:
                 found = found + _violation(one.constraint, values[one.measure.name])
-        return _finite(found)
+        return np.where(lacking, _MOST, _finite(found))
 
 
 def _violation(bounds: Constraint, values: np.ndarray) -> np.ndarray:
