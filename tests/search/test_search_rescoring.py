@@ -411,7 +411,10 @@ def changing(tmp_path):
     return tmp_path, recipe, found
 
 
-@pytest.mark.parametrize("share", [pytest.param(1, marks=pytest.mark.long), 13])
+LONG = [pytest.mark.long, pytest.mark.timeout(3600)]
+
+
+@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 13])
 def test_killed_before_any_deed_on_files_a_run_is_the_old_one_or_the_new_one(changing, share):
     """Read at once, gone on with by its own recipe, and by the other one once more."""
     folder, recipe, found = changing
