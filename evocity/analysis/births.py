@@ -128,8 +128,13 @@ class Told:
 
     @cached_property
     def ok(self) -> np.ndarray:
-        """Bool ``(n,)``: it was bred and measured."""
-        return self.status == "ok"
+        """Bool ``(n,)``: it was bred, and has a value of all that is sought. One of before a
+        measure was sought may lack its value."""
+        found = self.status == "ok"
+        for aim in self.aims:
+            if aim.goal != "bounds":
+                found &= ~np.isnan(self.value(aim.name))
+        return found
 
     @cached_property
     def feasible(self) -> np.ndarray:

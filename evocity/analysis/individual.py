@@ -107,7 +107,7 @@ class Individual(Displayed):
         if not told.ok[self._row]:
             raise RunError(
                 f"{self} was not measured",
-                "a birth with status ok",
+                "a birth with status ok, and a value of each goal",
                 "choose another: run.where(\"status == 'ok'\")",
             )
         pairs = zip(told.goals, told.losses[self._row], strict=True)

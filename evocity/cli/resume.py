@@ -39,7 +39,9 @@ Examples:
     metavar="RECIPE",
     show_default="the run's own",
     help="Go on by another recipe: other weights, targets, bounds, parameters, more generations, "
-    "[stop], [notify] or [evaluation]. Its measures are executed.",
+    "[stop], [notify] or [evaluation]. It may have more measures too, by which all births so far "
+    "are scored first; those of the run it keeps, as goals, bounds or in run.record. Its measures "
+    "are executed.",
 )
 @click.option(
     "--accept-changes",

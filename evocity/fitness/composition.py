@@ -108,6 +108,10 @@ class Aims:
                 terms.setdefault(one.total or one.measure.name, []).append(one)
         return terms
 
+    @cached_property
+    def _sought(self) -> tuple[str, ...]:
+        return tuple(one.measure.name for one in self.wanted if one.objective is not None)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the objectives: a measure's, or that of a sum."""
@@ -130,16 +134,29 @@ class Aims:
             )
         )
 
+    def complete(self, values: Mapping[str, float]) -> bool:
+        """Whether ``values`` have a number of each measure that is more than a constraint. All
+        births that are ok do, but for those of before the measure was wanted."""
+        return not any(math.isnan(values.get(name, math.nan)) for name in self._sought)
+
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """One loss an objective, lower is better and always finite, of raw ``values``."""
+        """One loss an objective, lower is better and always finite, of raw ``values``; the worst
+        there is of a measure that they lack."""
         return tuple(
-            _finite(_sum(_finite(w.weight * w.loss(values[w.measure.name])) for w in terms))
+            _finite(
+                _sum(
+                    _finite(w.weight * w.loss(values.get(w.measure.name, math.nan))) for w in terms
+                )
+            )
             for terms in self._terms.values()
         )
 
     def violation(self, values: Mapping[str, float]) -> float:
         """Sum of the constraints' violations; 0 where all are kept (feasible). A measure that
-        ``values`` lack is undefined, and breaks its bound."""
+        ``values`` lack is undefined, and breaks its bound. Whose values are not `complete` cannot
+        be compared, and comes after all others: as if nobody broke more."""
+        if not self.complete(values):
+            return _MOST
         kept = [one for one in self.wanted if one.constraint is not None]
         told = (values.get(one.measure.name, math.nan) for one in kept)
         violations = [k.constraint.violation(value) for k, value in zip(kept, told, strict=True)]

@@ -149,7 +149,7 @@ class Facts:
 
     @property
     def ok(self) -> np.ndarray:
-        """Bool, one a birth: it was bred and measured."""
+        """Bool, one a birth: it was bred, and has a value of all that is sought."""
         return self.told.ok
 
     @property

@@ -277,7 +277,7 @@ def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
     every = list(combinations(range(len(facts.aims)), 2))
     if len(every) <= _MOST_PAIRS:
         return every
-    where = np.isin(facts.births["id"].to_numpy(), [row["id"] for row in facts.members])
+    where = np.isin(facts.births["id"].to_numpy(), [row["id"] for row in facts.members]) & facts.ok
     if where.sum() < 3:
         where = facts.ok
     losses = np.array(

@@ -145,7 +145,8 @@ class Archipelago:
     def _count_from(self, births: Sequence[Birth]) -> None:
         """The first ``births`` are what all are compared with."""
         if not self._first:
-            self._first = [dict(born.values) for born in births if born.ok]
+            complete = self._aims.complete
+            self._first = [dict(b.values) for b in births if b.ok and complete(b.values)]
 
     def _landing(self, island: Island, births: Sequence[Birth]) -> list[Birth]:
         """Those of the ``births`` that may live on an ``island``: its own, and the sources."""

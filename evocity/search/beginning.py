@@ -7,7 +7,8 @@ from typing import Any
 
 from evocity.errors import RecipeError, keyword, setting
 from evocity.fitness.shipping import Shipment
-from evocity.search.compiling import needed
+from evocity.fitness.shipping import shipped as send
+from evocity.search.compiling import compile_once, needed
 from evocity.search.evaluation import Engine, Here, Workers
 from evocity.search.evaluation.parcels import parcel_of
 from evocity.search.keeping import kept_by
@@ -106,4 +107,20 @@ def pool_of(
     return Cluster(parcel, crew.cluster, crew.workers, *limits, tell, retried)
 
 
-__all__ = ["Crew", "pool_of", "sides_of", "writer_of"]
+def engine_of(
+    prepared: Prepared,
+    workers: int | None,
+    cluster: str | None,
+    tell: Callable[[str], None],
+    retried: Callable[[str], None],
+) -> Engine:
+    """Where births of a run are evaluated that goes on, compiled; ``workers`` and ``cluster`` as
+    `Crew.asked` takes them, the rest as of `pool_of`."""
+    recipe = prepared.recipe
+    crew = Crew.asked(recipe, workers, cluster)
+    sent = () if crew.here else send([*recipe.measures, *recipe.recorded])
+    compile_once(sides_of(recipe, prepared), needed(recipe), tell)
+    return pool_of(prepared, crew, sent, tell, retried)
+
+
+__all__ = ["Crew", "engine_of", "pool_of", "sides_of", "writer_of"]

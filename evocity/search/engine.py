@@ -125,12 +125,12 @@ class Search:
         nothing, if the run was not begun on this machine and brings measures or commands of its
         own: ``trust`` confirms these.
 
-        ``recipe``: another one to go on by, or where to read it. Parents, map, genome, population,
-        seed and measures are the run's own: `RecipeError` lists what differs. All births are
-        judged by it from then on.
+        ``recipe``: another one to go on by, or where to read it; all births are judged by it, and
+        scored by its new measures. What a run cannot change is listed by `RecipeError`.
         """
         asked = {"run.generations": generations, "stop.until": until}
-        taken = resuming.take_up(path, asked, accept_changes, trust, recipe)
+        crew, tell = (workers, cluster), progress or (lambda text: None)
+        taken = resuming.take_up(path, asked, accept_changes, trust, recipe, crew, tell)
         try:
             search = cls(taken.prepared.recipe, None, workers, progress, observers, clock, cluster)
         except BaseException:

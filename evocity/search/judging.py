@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +17,7 @@ from evocity.columns import array_of
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.commands import Standing
-from evocity.store import Birth, Run
+from evocity.store import Birth, Header, Run
 
 _HEAVIEST = 1e9  # weight that a recipe may give
 _MOST = sys.float_info.max
@@ -79,13 +80,18 @@ def _uncalled(city) -> float:
 
 def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) -> pa.Table:
     """Generation, id and values of all births with status ``ok``, by id; of measures that are
-    ``bounds`` alone, and of those ``recorded``, there may be none."""
+    ``bounds`` alone, and of those ``recorded``, there may be none. Left out are births of before a
+    measure was wanted that have no value of it: they are not judged."""
     values = [f"fitness.{name}" for name in run.header.measures]
     others = [f"fitness.{name}" for name in recorded if name not in run.header.measures]
-    births = run.births(columns=["generation", "id", "status", *values, *others])
+    births = run.births(columns=["generation", "id", "status", "feasible", *values, *others])
     births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
-    births = births.sort_by("id").combine_chunks()
     sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
+    complete = births["feasible"]
+    if sought:
+        known = [pc.is_valid(births[name]) for name in sought]
+        complete = pc.or_(complete, reduce(pc.and_, known))
+    births = births.filter(complete).drop_columns(["feasible"]).sort_by("id").combine_chunks()
     columns = [array_of(births[name]) for name in sought]
     known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
     if not known or len(pc.unique(births["id"])) < len(births):
@@ -129,11 +135,14 @@ def broken_by(aims: Aims, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """`Aims.violation` of many births, the same to the bit: ``(n,)``, 0 where all constraints are
     kept."""
     found = np.zeros(len(next(iter(values.values()), ())))
+    lacking = np.zeros(len(found), bool)
     with np.errstate(all="ignore"):
         for one in aims.wanted:
+            if one.objective is not None:
+                lacking |= np.isnan(values[one.measure.name])
             if one.constraint is not None:
                 found = found + _violation(one.constraint, values[one.measure.name])
-        return _finite(found)
+        return np.where(lacking, _MOST, _finite(found))
 
 
 def _violation(bounds: Constraint, values: np.ndarray) -> np.ndarray:
@@ -161,21 +170,31 @@ class Digest:
 def births_without_genomes(run: Run, generation: int) -> list[Birth]:
     """The births of a ``generation``: how they ended and what they were measured to be, without
     parents and errors; for genomes stand their digests alone."""
-    names = run.header.columns
-    columns = ["id", "operator", "status", "genome", *(f"fitness.{name}" for name in names)]
-    columns += ["island"] if run.header.islands else []
+    return without_genomes(run.births(generation, columns_without(run.header)), run.header)
+
+
+def columns_without(header: Header) -> list[str]:
+    """The columns that `without_genomes` reads."""
+    names = ["generation", "id", "operator", "status", "genome"]
+    names += [f"fitness.{name}" for name in header.columns]
+    return names + (["island"] if header.islands else [])
+
+
+def without_genomes(births: pa.Table, header: Header) -> list[Birth]:
+    """As `births_without_genomes`, of a table."""
+    names = [(name, f"fitness.{name}") for name in header.columns]
     return [
         Birth(
-            generation,
+            row["generation"],
             row["id"],
             (),
             row["operator"],
             row["status"],
             None,
             0.0,
-            {name: row[f"fitness.{name}"] for name in names if row[f"fitness.{name}"] is not None},
+            {name: row[column] for name, column in names if row[column] is not None},
             None if row["genome"] is None else Digest(row["genome"]),
             island=row.get("island"),
         )
-        for row in run.births(generation, columns).to_pylist()
+        for row in births.select(columns_without(header)).to_pylist()
     ]

@@ -63,12 +63,16 @@ class Population:
         """Fix the hypervolume's unit by the first generation's births, and tell the algorithm of
         them; later calls do nothing."""
         first = [born for born in births if born.ok]
-        if self._hypervolume is None and first:
+        if self._hypervolume is None and self._compared(first):
             self._first = [replace(born, genome=None) for born in first]
-            losses = np.array([self._aims.losses(born.values) for born in first])
             sources = [born.values for born in first if born.operator == "source"]
+            losses = self.first_losses
             self.algorithm.begin(First(losses, sources, self._limits))
             self._hypervolume = Hypervolume(losses)
+
+    def _compared(self, first: Sequence[Birth]) -> list[Birth]:
+        """Those of the ``first`` births that have a value of all that is sought."""
+        return [born for born in first if self._aims.complete(born.values)]
 
     def reweigh(self, aims: Aims) -> None:
         """Judge all anew by other ``aims``; the hypervolume's unit too."""
@@ -83,7 +87,7 @@ class Population:
     @property
     def first_losses(self) -> np.ndarray:
         """Losses ``(n, goals)`` of the first generation's births that were measured."""
-        return np.array([self._aims.losses(born.values) for born in self._first])
+        return np.array([self._aims.losses(born.values) for born in self._compared(self._first)])
 
     @property
     def hypervolume(self) -> float:
@@ -135,8 +139,9 @@ def best_of(living: Sequence[Individual], aims: Aims) -> dict[str, float]:
     least = min(one.violation for one in living)
     among = [one.values for one in living if one.violation == least]
     return {
-        name: min((values[name] for values in among), key=wanted.loss)
+        name: min(found, key=wanted.loss)
         for wanted in aims.wanted
         if wanted.objective is not None
         for name in [wanted.measure.name]
+        if (found := [values[name] for values in among if name in values])
     }

@@ -17,6 +17,7 @@ from evocity.search.evaluation import Engine
 from evocity.search.preparation import Prepared
 from evocity.search.replaying import plans_of
 from evocity.search.rereading import read_again
+from evocity.search.revising import columns_of
 from evocity.store import Birth, Run, open_run
 
 
@@ -143,7 +144,10 @@ def _replayed(run: Run, prepared: Prepared, ids: list[int], workers: int) -> Ite
 
 
 def _compared(then: Birth, now: Born, prepared: Prepared) -> Replayed:
-    found = differences(then, now.birth(then.generation, prepared.aims))
+    """Measures of a later recipe, by which ``then`` was scored again, are left out."""
+    columns = prepared.header.columns
+    own = {name: value for name, value in then.values.items() if name in columns}
+    found = differences(replace(then, values=own), now.birth(then.generation, prepared.aims))
     return Replayed(then.id, not found, found)
 
 
@@ -177,8 +181,13 @@ def _era(run: Run, generation: int) -> int | None:
 def _prepared_then(run: Run, number: int, accept_changes: bool, trust: bool) -> Prepared:
     """What the ``run`` was prepared with when it went by its earlier recipe of this ``number``."""
     then = open_run(run.path)
-    note = run.provenance["recipe"]["before"][number - 1]
+    notes = run.provenance["recipe"]["before"][number - 1 :]
+    note = notes[0]
     then.provenance = {**run.provenance, "recipe": run.provenance["recipe"] | note}
+    measures = next((one["measures"] for one in notes if "measures" in one), None)
+    if measures is not None:  # the run had others then
+        then.provenance |= {"recorded": [], **measures}
+        then.header = replace(run.header, **columns_of(then.provenance))
     then.recipe_text = run.earlier_recipe(number)
     if then.recipe_text is None:
         raise RunError(

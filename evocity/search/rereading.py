@@ -20,9 +20,9 @@ from evocity.search.preparation import (
 )
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe
-from evocity.search.revising import refuse_revision, with_values
+from evocity.search.revising import header_by, refuse_revision, with_values
 from evocity.search.trust import refuse_untrusted
-from evocity.store import Run, Source
+from evocity.store import Header, Run, Source
 
 #: What releases before leaves took where a recipe says nothing of it.
 _BEFORE_LEAVES = {"genome.block": 4, "genome.fit": False, "genome.settle": False}
@@ -51,10 +51,11 @@ def read_again(
     executed, unless they changed and that is not accepted, or the run was not begun on this machine
     and nobody says to ``trust`` it. ``asked``: what replaces values of its
     recipe, as {"run.generations": 400}; None leaves one as it is. ``revised``: another recipe to go
-    on by; then nothing of the run's own is executed.
+    on by, whose measures may be others; then nothing of the run's own is executed.
 
     Raises `RunError` as `Search.resume` says.
     """
+    header = run.header
     try:
         noted = noted_of(run.provenance)
         copies = replaced(run.path, folder_of(run), noted)
@@ -73,7 +74,8 @@ def read_again(
         else:
             changes, recipe = [], with_values(revised, run, asked or {})
             refuse_revision(run, recipe)
-        _refuse_another_run(run, recipe)
+            header = header_by(recipe, header)
+        _refuse_another_run(run, header, recipe)
         likes = [one for one in run.provenance["fitness"] if one["goal"] == "like"]
         if revised is not None:  # another city may be wanted
             now = {
@@ -94,7 +96,7 @@ def read_again(
         recipe,
         sources,
         aims,
-        run.header,
+        header,
         run.condensation,
         references=references,
         named=named,
@@ -128,9 +130,8 @@ def _recipe(run: Run, asked: Mapping[str, object], copies: Mapping[str, str]) ->
     return recipe_of(run.recipe_text, folder_of(run), overrides, name, copies, older)
 
 
-def _refuse_another_run(run: Run, recipe: Recipe) -> None:
-    """Raise `RunError` for what one run cannot have changed."""
-    header = run.header
+def _refuse_another_run(run: Run, header: Header, recipe: Recipe) -> None:
+    """Raise `RunError` for what one run, with this ``header``, cannot have changed."""
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
         "run.population": (header.population, recipe.run.population),
@@ -154,7 +155,7 @@ def _refuse_another_run(run: Run, recipe: Recipe) -> None:
     fixed["the parts that are measured"] = parts, part_names(recipe)
     if "references" in run.provenance:
         before = [one["name"] for one in run.provenance["references"]]
-        fixed["the reference of measures"] = before, compared_names(recipe)
+        fixed["the reference of measures"] = sorted(before), sorted(compared_names(recipe))
     for key, (before, now) in fixed.items():
         if before != now:
             raise RunError(

@@ -5,7 +5,7 @@ What changed is found out before any file of the user's own is executed.
 
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,11 @@ from evocity import store
 from evocity.errors import RunError
 from evocity.search.algorithms import algorithms
 from evocity.search.archipelago import Archipelago
+from evocity.search.beginning import engine_of
 from evocity.search.changes import compared_with, folder_of, hash_now, noted_of
 from evocity.search.commands import REVISED, Standing
 from evocity.search.credit import Credit, credit_of
+from evocity.search.evaluation import Engine
 from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
@@ -23,6 +25,7 @@ from evocity.search.preparation import Prepared
 from evocity.search.reading import read_recipe
 from evocity.search.recipe import Recipe
 from evocity.search.rereading import lacking, read_again
+from evocity.search.rescoring import in_words, write_anew
 from evocity.search.revising import changed_keys, flat
 from evocity.search.sections import RunSection
 from evocity.search.trust import marked
@@ -30,6 +33,8 @@ from evocity.store import Birth, Run, RunWriter, open_run
 
 #: A change of these may change the births; it is noted, not refused.
 _NOTED_VERSIONS = ("evocity", "numpy", "numba")
+#: What provenance tells of measures.
+_MEASURED = ("fitness", "recorded")
 
 
 @dataclass(frozen=True)
@@ -72,9 +77,13 @@ def take_up(
     accept_changes: bool,
     trust: bool = False,
     revised: Recipe | str | os.PathLike | None = None,
+    crew: tuple[int | None, str | None] = (None, None),
+    tell: Callable[[str], None] = lambda text: None,
 ) -> TakenUp:
     """Reopen the run in ``path``; ``asked``: what replaces the recipe's values, None where nothing
-    does; ``revised``: another recipe to go on by. Raises `RunError` as `Search.resume` says."""
+    does; ``revised``: another recipe to go on by; ``crew``: workers and cluster, if not the
+    recipe's, that score old births by its new measures; ``tell`` is told how far that is. Raises
+    `RunError` as `Search.resume` says."""
     undo_unfinished(path)
     run = open_run(path)
     if revised is not None and not isinstance(revised, Recipe):
@@ -89,10 +98,13 @@ def take_up(
     try:
         whole = run.generations
         if revised is not None:
-            edited = _revise(run, prepared, writer)
+            edited = _revise(run, prepared, writer, crew, tell)
             notes.append(edited)
         else:
+            writer.drop_anew()
             _record(run, prepared, writer, changes)
+        run = open_run(path)  # its births may have other columns now
+        _tell_of_revisions(run, writer)
         first, living, births, failures = [], {}, 0, 0
         standing = standing_of(run, len(whole))
         again = algorithms()[recipe.search.algorithm].replays
@@ -185,10 +197,16 @@ def _record(run: Run, prepared: Prepared, writer: RunWriter, changes: list[str])
     writer.update_provenance(marked(told, run.recipe_text, run.path))
 
 
-def _revise(run: Run, prepared: Prepared, writer: RunWriter) -> str:
+def _revise(
+    run: Run,
+    prepared: Prepared,
+    writer: RunWriter,
+    crew: tuple[int | None, str | None],
+    tell: Callable[[str], None],
+) -> str:
     """Have the ``run`` go on by another recipe: its own goes to recipe-1.toml, the next to
-    recipe-2.toml, …; provenance, which is written last, tells of both. Returns in words what
-    changed."""
+    recipe-2.toml, …; provenance, which is written last, tells of both, and decides which log counts
+    where measures are others. Returns in words what changed."""
     recipe, before = prepared.recipe, run.provenance["recipe"]
     keys = changed_keys(run.recipe_text, recipe.text)
     earlier = before.get("before", [])
@@ -197,13 +215,41 @@ def _revise(run: Run, prepared: Prepared, writer: RunWriter) -> str:
     fresh = provenance_of(prepared, run.path, kept, hash_now)
     note = {key: before.get(key) for key in ("hash", "overrides", "operators", "search")}
     note |= {"file": name, "generations": len(run.generations)}
-    told = {**run.provenance, "recipe": fresh["recipe"] | {"before": [*earlier, note]}}
-    told |= {key: fresh[key] for key in ("fitness", "recorded") if key in fresh}
-    writer.event(REVISED, generation=len(run.generations), before=name, keys=keys)
+    writer.drop_anew(prepared.header.recipe_hash)
+    scored = ""
+    if prepared.header != run.header:
+
+        def engine(asked: Prepared) -> Engine:
+            return engine_of(asked, *crew, tell, lambda text: writer.event("retry", reason=text))
+
+        about = {key: fresh[key] for key in (*_MEASURED, "versions") if key in fresh}
+        note["measures"] = {k: run.provenance[k] for k in _MEASURED if k in run.provenance}
+        note["scored"] = write_anew(run, prepared, writer, about, engine, tell)
+        scored = in_words(note["scored"])
+    told = {key: value for key, value in run.provenance.items() if key not in _MEASURED}
+    told |= {key: fresh[key] for key in _MEASURED if key in fresh}
+    told |= {"recipe": fresh["recipe"] | {"before": [*earlier, note]}}
     writer.keep(kept.files)
     writer.replace_recipe(recipe.text, name)
-    writer.update_provenance(marked(told, recipe.text, run.path))
-    return f"goes on by another recipe, changed in {', '.join(keys) or 'comments alone'}"
+    writer.update_provenance(marked(told, recipe.text, run.path), prepared.header)
+    changed = f"goes on by another recipe, changed in {', '.join(keys) or 'comments alone'}"
+    return f"{changed}; {scored}" if scored else changed
+
+
+def _tell_of_revisions(run: Run, writer: RunWriter) -> None:
+    """Have the log tell of each recipe that took another's place; a kill may have come between that
+    and the event."""
+    told = [one.get("before") for one in run.events() if one.get("event") == REVISED]
+    try:
+        for number, note in enumerate(run.provenance["recipe"].get("before", []), 1):
+            if note["file"] in told:
+                continue
+            texts = run.earlier_recipe(number), run.earlier_recipe(number + 1) or run.recipe_text
+            details = {"before": note["file"], "keys": changed_keys(*texts)}
+            details |= {"scored": note["scored"]} if "scored" in note else {}
+            writer.event(REVISED, generation=note["generations"], **details)
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise lacking(run, error) from None
 
 
 def undo_unfinished(path: str | os.PathLike) -> None:

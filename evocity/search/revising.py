@@ -2,15 +2,20 @@
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 
+from evocity import store
 from evocity.errors import RecipeError, shown
 from evocity.search.algorithms import algorithms
 from evocity.search.changes import noted_of
+from evocity.search.keeping import kept_by
 from evocity.search.parting import part_names
+from evocity.search.preparation import map_of
 from evocity.search.reading import recipe_of
 from evocity.search.recipe import Recipe
 from evocity.search.sections import GenomeSection
-from evocity.store import Run
+from evocity.search.values import PARENTS
+from evocity.store import Header, Run
 
 #: Why a run keeps what it began with.
 _WHY = {
@@ -23,10 +28,12 @@ _WHY = {
     "islands": "births are numbered by them",
     "search.algorithm": "what it tells of the living has columns of its own",
     "search": "its cells, or what it learns, are of all births so far",
-    "fitness": "births have a column for each measure, in this order",
-    "run.record": "births have a column for each measure, in this order",
     "within": "the values of its births are of these parts of the map",
-    "reference": "the values of its births are by these cities",
+}
+#: Why the measures of some runs stay what they are.
+_BOUND = {
+    "window": "with a window births are under way that were planned by the goals of before",
+    "algorithm": "the algorithm learns from all births once more, by the goals of then",
 }
 #: Keys of ``[search]`` that only tell how births to come are bred and chosen.
 _FREE = ("picks", "adapt", "distinct", "apart")
@@ -54,12 +61,7 @@ def refuse_revision(run: Run, recipe: Recipe) -> None:
         for key, before, now in _fixed(run, recipe)
         if before != now
     ]
-    noted = {one["name"]: one["hash"] for one in noted_of(run.provenance)}
-    faults += [
-        f"{measure.name}: its source has changed; births so far were measured by the old one"
-        for measure in [*recipe.measures, *recipe.recorded]
-        if measure.name in noted and measure.source_hash != noted[measure.name]
-    ]
+    faults += _measure_faults(run, recipe)
     done = len(run.generations) - 1
     if recipe.run.generations < done:
         faults.append(
@@ -70,8 +72,9 @@ def refuse_revision(run: Run, recipe: Recipe) -> None:
     listed = "\n  ".join(faults)
     raise RecipeError(
         f"{run.path} cannot go on by {recipe.file or 'this recipe'}:\n  {listed}",
-        "weights and parameters of operators; targets, bounds and weights of the same measures; "
-        "generations, [stop], [notify], [evaluation], [refine]",
+        "weights and parameters of operators; targets, bounds and weights of measures; more "
+        "measures, and all of those so far, as goals, bounds or in run.record; generations, "
+        "[stop], [notify], [evaluation], [refine]",
         "undo these; or begin a run of its own, whose [[parents]] may be individuals of this one "
         "(run and id)",
     )
@@ -89,10 +92,7 @@ def _fixed(run: Run, recipe: Recipe) -> list[tuple[str, object, object]]:
         ("parents", old.get("parents"), new.get("parents")),
         ("locked", run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         ("islands", old.get("islands"), new.get("islands")),
-        ("fitness", list(header.measures), [one.name for one in recipe.measures]),
-        ("run.record", list(header.recorded), [one.name for one in recipe.recorded]),
         ("within", [o["name"] for o in run.provenance.get("within", [])], part_names(recipe)),
-        ("reference", _references(old), _references(new)),
     ]
     if header.block is None:
         before = GenomeSection.model_validate(old.get("genome", {})).model_dump()
@@ -102,9 +102,82 @@ def _fixed(run: Run, recipe: Recipe) -> list[tuple[str, object, object]]:
     return pairs + _search(run, recipe)
 
 
-def _references(raw: Mapping) -> list:
-    entries = raw.get("fitness", [])
-    return [one.get("reference") for one in entries if "reference" in one]
+def columns_of(provenance: Mapping) -> dict[str, tuple[str, ...]]:
+    """Which measures a header has by what ``provenance`` tells of them."""
+    recorded = provenance.get("recorded", [])
+    return {
+        "measures": tuple(one["name"] for one in provenance["fitness"]),
+        "recorded": tuple(one["name"] for one in recorded),
+    }
+
+
+def header_by(recipe: Recipe, header: Header) -> Header:
+    """The ``header`` of a run that goes on by a ``recipe``: the same, unless its births have other
+    columns then, or the same in another order."""
+    measures = tuple(one.name for one in recipe.measures)
+    recorded = tuple(one.name for one in recipe.recorded)
+    if (measures, recorded) == (header.measures, header.recorded):
+        return header
+    known = store.hash_of_text(recipe.text)
+    return replace(header, measures=measures, recorded=recorded, recipe_hash=known)
+
+
+def _measure_faults(run: Run, recipe: Recipe) -> list[str]:
+    """What a ``run`` cannot have of the measures of a ``recipe``."""
+    header, fresh = run.header, header_by(recipe, run.header)
+    noted = {one["name"]: one for one in noted_of(run.provenance)}
+    now = {one.name: (entry, one) for entry in recipe.entries for one in entry.measures}
+    faults = [
+        f"{'run.record' if name in header.recorded else 'fitness'}: {name} is left out; births "
+        f"have values of it, and none is lost: seek it, bound it, or record it"
+        for name in header.columns
+        if name not in now
+    ]
+    others = header.measures != fresh.measures
+    if others and recipe.search.window is not None:
+        faults.append(f"fitness: other measures; they cannot change: {_BOUND['window']}")
+    if fresh != header and algorithms()[recipe.search.algorithm].replays:
+        faults.append(f"fitness: other measures; they cannot change: {_BOUND['algorithm']}")
+    if fresh.recorded and fresh.schema_version < 3:
+        faults.append("run.record: runs of releases before leaves record nothing; seek or bound it")
+    if fresh != header and fresh.recipe_hash == header.recipe_hash:
+        faults.append("fitness: the same text as before names other measures now; change it too")
+    known = [one["name"] for one in run.provenance.get("references", [])]
+    for name, (entry, measure) in now.items():
+        if name in noted and measure.source_hash != noted[name]["hash"]:
+            faults.append(
+                f"{name}: its source has changed; births so far were measured by the old one; "
+                "write new measures into a file of their own"
+            )
+        if "reference" not in measure.takes:
+            continue
+        own = PARENTS if entry.compared == PARENTS else list(entry.compared)
+        before = noted.get(name, {}).get("reference") or PARENTS
+        if name in noted and _named(recipe, own) != _named(recipe, before):
+            faults.append(
+                f"reference of {name}: was {shown(_named(recipe, before))}, is {shown(own)}; it "
+                "cannot change: the values of its births are by these cities"
+            )
+        strange = [] if own == PARENTS else [city for city in own if city not in known]
+        if name not in noted and strange:
+            faults.append(
+                f"reference of {name}: {', '.join(strange)}; the run keeps no map of it: compare "
+                f"with {' or '.join(map(shown, [PARENTS, *known]))}"
+            )
+    places = kept_by(recipe).places
+    kept = {one["kept"]: name for name, one in noted.items() if "kept" in one}
+    faults += [
+        f"{place}: the run keeps another file so; list that one's measures first, or call the new "
+        "one otherwise"
+        for name, place in places.items()
+        if kept.get(place, name) != name and places.get(kept[place]) != place
+    ]
+    return list(dict.fromkeys(faults))
+
+
+def _named(recipe: Recipe, cities: object) -> object:
+    """The maps that a measure compares with, in order."""
+    return cities if cities == PARENTS else sorted(map_of(recipe, one) for one in cities)
 
 
 def _search(run: Run, recipe: Recipe) -> list[tuple[str, object, object]]:
@@ -137,4 +210,4 @@ def flat(recipe: Mapping) -> dict:
     return found
 
 
-__all__ = ["changed_keys", "flat", "refuse_revision", "with_values"]
+__all__ = ["changed_keys", "columns_of", "flat", "header_by", "refuse_revision", "with_values"]

@@ -3,6 +3,7 @@
 - `open_run`: a run folder, read only, safe on a stranger's folder and while the run goes on
 - `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
 - `Behind`: has a writer write while the next generation is bred
+- `Anew`: the log of a run written anew under another header, beside the old one
 - `set_aside`: moves damaged files at the end of a run away, so that it can go on
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Source`: a source city and its genome, as the run started from them
@@ -10,6 +11,7 @@
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
 """
 
+from evocity.store.anew import Anew
 from evocity.store.behind import Behind
 from evocity.store.commands import append_command, read_commands
 from evocity.store.provenance import (
@@ -27,6 +29,7 @@ from evocity.store.writer import RunWriter, refuse_existing, set_aside
 __all__ = [
     "SCHEMA_VERSIONS",
     "STATUSES",
+    "Anew",
     "Behind",
     "Birth",
     "Header",

@@ -14,6 +14,10 @@ SEGMENT = 64
 SPANS = (SEGMENT, 8 * SEGMENT)
 
 BIRTHS, MEMBERSHIP = "births", "membership"
+#: How the folder begins in which a log is written anew; the hash of a recipe follows.
+ANEW = ".measures-"
+
+_HASH = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 _NAME = re.compile(r"(?:generation-(\d{8})|segment-(\d{8})-(\d{8}))\.parquet", re.ASCII)
 
@@ -40,10 +44,13 @@ class Piece:
 
 
 class Folder:
-    """Paths of the parts of the run folder ``root``."""
+    """Paths of the parts of the run folder ``root``; ``recipe_hash``: of the header that its births
+    have, where it may be one that the log was written anew for, see `evocity.store.anew`."""
 
-    def __init__(self, root):
+    def __init__(self, root, recipe_hash: str | None = None):
         self.root = Path(root)
+        known = recipe_hash is not None and _HASH.fullmatch(recipe_hash)
+        self.anew = self.root / f"{ANEW}{recipe_hash}" if known else None
         self.recipe = self.root / "recipe.toml"
         self.provenance = self.root / "provenance.json"
         self.sources = self.root / "sources"
@@ -55,17 +62,26 @@ class Folder:
         self.lock = self.root / "lock"
         self.damaged = self.root / "damaged"
 
+    def place(self, kind: str) -> Path:
+        """Where the files of a ``kind`` lie: in the folder that the log was written anew in, until
+        they are moved from there. Raises `RunError` if that is a link."""
+        if self.anew is not None and os.path.lexists(self.anew):
+            with contextlib.suppress(FileNotFoundError):  # moved in this moment
+                if os.path.lexists(plain_folder(self.anew) / kind):
+                    return self.anew / kind
+        return self.root / kind
+
     def single(self, kind: str, generation: int) -> Path:
-        return self.root / kind / f"generation-{generation:08d}.parquet"
+        return self.place(kind) / f"generation-{generation:08d}.parquet"
 
     def segment(self, kind: str, first: int, last: int) -> Path:
-        return self.root / kind / f"segment-{first:08d}-{last:08d}.parquet"
+        return self.place(kind) / f"segment-{first:08d}-{last:08d}.parquet"
 
     def files(self, kind: str) -> list[Piece]:
         """All whole Parquet files of ``kind``, overlapping ones too. Raises `RunError` for a
         link, or what else is no plain file."""
         found = []
-        with os.scandir(plain_folder(self.root / kind)) as entries:
+        with os.scandir(plain_folder(self.place(kind))) as entries:
             for entry in entries:
                 match = _NAME.fullmatch(entry.name)
                 if not match:
@@ -83,7 +99,7 @@ class Folder:
 
     def unfinished(self) -> list[Path]:
         """Files that a crash left before they were whole."""
-        places = (self.root, *(plain_folder(self.root / kind) for kind in (BIRTHS, MEMBERSHIP)))
+        places = (self.root, *(plain_folder(self.place(kind)) for kind in (BIRTHS, MEMBERSHIP)))
         return [
             path
             for place in places

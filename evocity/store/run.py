@@ -62,7 +62,6 @@ class Run:
     def __init__(self, path: str | os.PathLike):
         self.path = Path(path)
         self._folder = Folder(self.path)
-        self._ending = Ending(self._folder)
         if not os.path.lexists(self._folder.provenance):
             inside = self.path.glob("*/provenance.json") if os.path.isdir(self.path) else ()
             within = sorted(str(path.parent) for path in inside)
@@ -77,6 +76,8 @@ class Run:
             self.provenance: dict = read_json(self._folder.provenance)
             check_version(self.provenance["schema_version"], self.path)
             self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
+        self._folder = Folder(self.path, self.header.recipe_hash)
+        self._ending = Ending(self._folder)
 
     def __repr__(self) -> str:
         return f"Run({str(self.path)!r}, {len(self.generations)} generations)"

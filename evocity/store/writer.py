@@ -16,6 +16,7 @@ from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.files import whole_file
+from evocity.store.anew import Anew, drop, finish
 from evocity.store.commands import read_commands
 from evocity.store.ending import Ending
 from evocity.store.events import append_event
@@ -23,7 +24,7 @@ from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinis
 from evocity.store.lock import Lock
 from evocity.store.merge import drop_leftovers, merge, write_single
 from evocity.store.own import OWN, write_own
-from evocity.store.run import open_run
+from evocity.store.run import Run, open_run
 from evocity.store.schema import (
     Birth,
     Header,
@@ -142,9 +143,11 @@ class RunWriter:
         another process writes it.
         """
         run = open_run(path)
-        folder = Folder(Path(path).absolute())
+        folder = Folder(Path(path).absolute(), run.header.recipe_hash)
         writer = cls(folder, run.header, Lock(folder.lock))
         try:
+            with writer._explained():
+                finish(folder)
             whole = run.written
             if broken := run.damaged:
                 names = ", ".join(str(one.relative_to(run.path)) for one in broken[:4])
@@ -179,10 +182,24 @@ class RunWriter:
             if (generation + 1) % SEGMENT == 0:
                 merge(self.folder)
 
-    def update_provenance(self, provenance: Mapping) -> None:
-        """Replace what provenance records, after a change was confirmed."""
+    def update_provenance(self, provenance: Mapping, header: Header | None = None) -> None:
+        """Replace what provenance records, after a change was confirmed; the ``header`` too, if the
+        log was written `anew` for it, which takes the place of the old one then."""
         with self._explained():
-            _write_provenance(self.folder, provenance, self.header)
+            header = header or self.header
+            _write_provenance(self.folder, provenance, header)
+            self.header, self.folder = header, Folder(self.path, header.recipe_hash)
+            finish(self.folder)
+
+    def anew(self, run: Run, header: Header, about: Mapping) -> Anew:
+        """The log of the ``run``, this one, to be written anew under another ``header``, see
+        `Anew`."""
+        return Anew(run, header, about, self._explained)
+
+    def drop_anew(self, but: str | None = None) -> None:
+        """Delete what was written anew and is not the run's log, see `evocity.store.anew.drop`."""
+        with self._explained():
+            drop(self.folder, but)
 
     def replace_recipe(self, text: str, kept: str | None = None) -> None:
         """Replace the recipe; the one before is ``kept`` under that name, such as
@@ -247,11 +264,12 @@ def set_aside(path: str | os.PathLike) -> list[Path]:
     Raises `RunError` if it is no run, another process writes it, or nothing can be moved.
     """
     run = open_run(path)
-    folder = Folder(Path(path).absolute())
+    folder = Folder(Path(path).absolute(), run.header.recipe_hash)
     writer = RunWriter(folder, run.header, Lock(folder.lock))
     try:
         moved = []
         with writer._explained():
+            finish(folder)
             for one in Ending(folder).found(thorough=True)[1]:
                 name = one.relative_to(folder.root)
                 target = folder.damaged / f"{name.parent.name}-{name.name}"

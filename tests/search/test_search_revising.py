@@ -110,12 +110,12 @@ def test_all_that_cannot_change_is_told_at_once_and_nothing_is_changed(begun, tm
         "run.seed",
         "run.population",
         "parents",
-        "fitness",
-        "run.record",
         "genome",
         "search.algorithm",
+        "fitness",
         "run.generations",
     ]
+    assert "gsi is left out" in lines[5]
     assert "it cannot change: all births are drawn from it" in lines[0]
     assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == contents
 
