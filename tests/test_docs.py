@@ -224,6 +224,8 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, request):
         if "@evocity.fitness" in block:  # a file of the user's own, as the text says
             (name,) = re.findall(r"@evocity.fitness.*\ndef (\w+)", block)
             (tmp_path / f"{name}.py").write_text(block, encoding="utf-8")
+            for data in re.findall(r'data="([^"]+)"', block):
+                (tmp_path / data).write_text("9.0", encoding="utf-8")
             lyon = evocity.read_map("lyon-1er", pixels=64)
             code = uniformly(lyon).genome
             for measure in evocity.fitness.load_file(tmp_path / f"{name}.py"):

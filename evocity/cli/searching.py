@@ -73,6 +73,7 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
             search.prepare()
             if made:
                 _say(made)
+                _tell_bound(folder, search.recipe)
             if search.finished:
                 done = search.recipe.run.generations
                 _say(f"finished already at {done}/{done}; --generations N goes on")
@@ -176,6 +177,14 @@ def _note_parents(folder: Path, recipe) -> None:
             otherwise = "" if chosen else "; default_height in its [[parents]] says otherwise"
             note_heights(source.city, parent.default_height, otherwise)
             note_window(source.city, "center in [[parents]], and [map], choose")
+
+
+def _tell_bound(folder: Path, recipe) -> None:
+    """Say what the run will take at most, before it begins."""
+    from evocity.search.estimate import bound_of
+
+    with contextlib.suppress(OSError):  # an estimate ends no run
+        _say(f"planned: {bound_of(folder, recipe)}")
 
 
 def _tell_estimate(folder: Path, recipe, generation) -> None:

@@ -41,12 +41,12 @@ def status(run: str, as_json: bool) -> None:
     hypervolume, best and algorithm; hypervolume, best and front above are those of all together,
     by all goals), parents (each
     source city to what its code has of these measures, null where it has none),
-    evaluations_per_second, finished, stopped (why it ended before, in words; null while it goes on,
-    and where it was killed), running (a process is at it now), seconds_left (an estimate
-    while it is running, else null), front (numbers of all individuals of the last generation's
-    front), picked (numbers of those that are bred from besides, see `evocity pick`), picks_share
-    (the share of births that have one of them for their first parent), weights (those that `evocity
-    reweight` has set, by name), waiting (commands that are not yet carried out, in words), refused
+    evaluations_per_second, finished, stopped (why it ended before, in words; null while it goes
+    on), running (a process is at it now), seconds_left (an estimate while it is running, else
+    null), front (numbers of all individuals of the last generation's front), picked (numbers of
+    those that are bred from besides, see `evocity pick`), picks_share (the share of births
+    that have one of them for their first parent), weights (those that `evocity reweight` has set,
+    by name), waiting (commands that are not yet carried out, in words), refused
     (those that were refused: generation and reason), evaluation (what births were evaluated by
     last: engine, workers and the cluster; null in runs of older releases), differs
     (births that were not the same when the run replayed them by itself: generation, id, differs as
@@ -59,6 +59,10 @@ def status(run: str, as_json: bool) -> None:
     left = _seconds_left(opened) if running else None
     from evocity.report import Facts, differing, differing_told, failures
     from evocity.report.facts import figures_told
+    from evocity.store.events import UNTOLD, ended_untold
+
+    if not held and ended_untold(opened.events()):
+        state["stopped"] = UNTOLD
 
     facts = Facts(opened)
     members = [] if state["generation"] is None else _members(facts, state["generation"])

@@ -69,9 +69,11 @@ class Measure:
     number : which of the function's several numbers this is; None if it returns but one.
     origin : where it comes from: "evocity", a plugin's package and version, a file, or
         "this session".
-    beside : files that its file imports from its own folder, part of its source.
+    beside : files that its file imports, or names as ``data``, from its own folder; part of its
+        source.
     reference : what it compares with unless told otherwise, see `bound`; None for nothing.
     any_site : whether it is right of parts of maps that are no rectangles.
+    data : files that it reads, as seen from the folder of its file.
     """
 
     name: str
@@ -89,6 +91,7 @@ class Measure:
     takes: tuple[str, ...] = ()
     reference: Reference | None = None
     any_site: bool = False
+    data: tuple[str, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "__doc__", self.doc)
@@ -184,10 +187,13 @@ class Measure:
     def _no_number(self, value, city: str) -> FitnessError:
         name = self.name.partition(".")[0]
         many = isinstance(value, np.ndarray) and value.size > 1
+        remedy = f"end {name} with: return float(" + ("np.mean(...))" if many else "...)")
+        if isinstance(value, Real) and not isinstance(value, bool):
+            remedy = "return evocity.fitness.Undefined(reason) where the measure has no meaning"
         return FitnessError(
             f"{self.name} ({self.file}, line {self.line}) returned {shown(value)} for {city}",
             "one finite real number, or NaN where the measure has no meaning",
-            f"end {name} with: return float(" + ("np.mean(...))" if many else "...)"),
+            remedy,
         )
 
     @property
@@ -271,6 +277,8 @@ def shown(value) -> str:
     shape = getattr(value, "shape", None)
     if shape is not None and not isinstance(value, Real):
         return f"{type(value).__name__} of shape {shape}"
+    if isinstance(value, float):  # numpy's too, which are long to read
+        return f"float {float(value)!r}"
     text = repr(value)
     return f"{type(value).__name__} {text if len(text) < 60 else text[:57] + '…'}"
 
@@ -290,7 +298,8 @@ def _remedy(error: BaseException, file: str) -> str:
     if isinstance(error, FileNotFoundError):
         return (
             "give the path from the measure's own folder: "
-            'pathlib.Path(__file__).parent / "name", not from where the program was started'
+            'pathlib.Path(__file__).parent / "name", not from where the program was started; and '
+            'name it in @evocity.fitness(data="name"), so that it goes where the measure goes'
         )
     if isinstance(error, ModuleNotFoundError):
         if error.name and Path(file).with_name(f"{error.name}.py").is_file():

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import overload
 
 from evocity.errors import EvocityError, FitnessError, near_miss, told
+from evocity.fitness.data import checked_names, data_of
 from evocity.fitness.measure import (
     EXTRAS,
     Family,
@@ -75,6 +76,7 @@ def fitness(
     *,
     numbers: Sequence[str] = (),
     any_site: bool = False,
+    data: str | Sequence[str] = (),
 ) -> Callable[[Callable], Measure | Family]:
     """Decorator that makes a `Measure` of a function of a city map, under its name.
 
@@ -95,13 +97,16 @@ def fitness(
 
     any_site : whether it is right of a part of a map of any shape, whose pixels are ``city.site``;
         else a recipe takes it within rectangles alone.
+    data : files that the function reads, beside the Python file or in a folder beside it, such as
+        "trees.csv": they are part of its source, kept by runs, and go along to other machines. The
+        function finds them by ``Path(__file__).with_name("trees.csv")``.
 
     Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
     is taken.
     """
     if callable(goal):
         raise FitnessError("@evocity.fitness without brackets", _HOW_TO_DECLARE, "add brackets")
-    several = _checked_names(numbers)
+    several, read = _checked_names(numbers), checked_names(data)
     each = [
         (
             number,
@@ -138,6 +143,7 @@ def fitness(
                 takes=takes,
                 number=number,
                 any_site=bool(any_site),
+                data=read,
                 origin="evocity" if file.startswith(_PACKAGE) else "this session",
             )
             for number, goal, unit, bounds in each
@@ -287,6 +293,7 @@ def _executed(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, byt
         found = [one for one in found if Path(one.file) not in imported]
         if not found:
             raise FitnessError("no measure in it", f"at least one {_HOW_TO_DECLARE}", "add it")
+        imported |= data_of(path.parent, found)
         beside = tuple(str(one) for one in sorted(imported))
         found = [replace(one, origin=str(path), beside=beside) for one in found]
         _add(_from_files, found, taken=_table)

@@ -71,6 +71,8 @@ def shipment(measures: Sequence[Measure]) -> Shipment:
     function = plain(first.function)
     packing = _Packing()
     try:
+        if first.data:
+            raise _CannotShip(f"it reads data, {', '.join(first.data)}, which only files have")
         place = _importable(function, lambda found: _function_of(found) is function)
         if place is None:
             packing.add(function)

@@ -21,6 +21,7 @@ from evocity.search.judging import aims_of_run, births_without_genomes
 from evocity.search.looks import alike, distinct_first, look_of
 from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, Source
+from evocity.store.events import TURNS
 
 #: More planned than this tells of a damaged recipe.
 _MOST_GENERATIONS = 10**9
@@ -28,9 +29,6 @@ _MOST_GENERATIONS = 10**9
 MOST_SHOWN = 96
 #: As searches of recipes that say nothing of it.
 _APART = Ranked.Keys.model_fields["apart"].default
-
-#: Events that say when a run went on and when it did not.
-_TURNS = ("start", "resume", "stop", "finish")
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ class Facts:
     @property
     def times(self) -> list[tuple[str, str]]:
         """(event, moment in UTC, to the second) of starts, resumes, stops and ends, in order."""
-        events = [e for e in self.run.events() if e.get("event") in _TURNS]
+        events = [e for e in self.run.events() if e.get("event") in TURNS]
         return [(e["event"], str(e.get("time"))[:19].replace("T", " ")) for e in events]
 
     @cached_property

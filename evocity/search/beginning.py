@@ -66,7 +66,10 @@ class Crew:
             ) from None
         if address is None:
             return cls(recipe.worker_count if workers is None else workers)
-        crew = cls(given.workers if workers is None else workers, address)
+        elsewhere = cluster is not None and given.cluster in (None, "none")
+        if workers is None and not elsewhere:  # else the recipe means workers of one machine
+            workers = given.workers
+        crew = cls(workers, address)
         if crew.workers == 0:
             raise RecipeError(
                 f"{setting('workers', 0)} beside {setting('cluster', address)}",

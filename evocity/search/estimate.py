@@ -1,5 +1,7 @@
-"""What a run will take of the disk and of the night, told by its first generation."""
+"""What a run will take of the disk and of the night: a bound before it begins, more by its first
+generation."""
 
+import math
 import os
 import shutil
 from dataclasses import dataclass
@@ -7,8 +9,9 @@ from datetime import timedelta
 from pathlib import Path
 
 from evocity.search.generation import Generation
+from evocity.search.overnight import moment_of
 from evocity.search.recipe import Recipe
-from evocity.search.stopping import size_of
+from evocity.search.stopping import Clock, now, size_of
 from evocity.search.worker import told_bytes
 from evocity.store.layout import BIRTHS, MEMBERSHIP
 
@@ -16,15 +19,16 @@ from evocity.store.layout import BIRTHS, MEMBERSHIP
 @dataclass(frozen=True)
 class Estimate:
     """How much all ``births`` of a run take: ``size`` bytes of the disk, which has ``free`` ones
-    left, and ``seconds`` more. ``allowed``: bytes that its recipe allows, with the ``last``
-    generation within them, None where there is room for all."""
+    left, and ``seconds`` more. ``last``: the generation by which ``stop``, in words a key of the
+    recipe's ``[stop]``, ends it, with the bytes ``needed`` until then; None where nothing does."""
 
     births: int
     size: int
     free: int
     seconds: float
-    allowed: int | None = None
     last: int | None = None
+    stop: str = ""
+    needed: int | None = None
 
     @property
     def words(self) -> str:
@@ -37,12 +41,12 @@ class Estimate:
         )
         if self.last is None:
             return text
-        return f"{text}; [stop] disk = {told_bytes(self.allowed)} ends it by generation {self.last}"
+        return f"{text}; [stop] {self.stop} ends it by about generation {self.last}"
 
     @property
     def warning(self) -> str:
         """What is to be done where the disk will not hold the run; "" where it does."""
-        needed = self.size if self.allowed is None else min(self.size, self.allowed)
+        needed = self.size if self.needed is None else self.needed
         if needed <= self.free:
             return ""
         return (
@@ -52,24 +56,45 @@ class Estimate:
         )
 
 
+def bound_of(folder: str | os.PathLike, recipe: Recipe) -> str:
+    """In a line, what the run in ``folder`` by a ``recipe`` takes at most, before its first
+    generation: the sources' genomes, which have a file each, are larger than those of births."""
+    sizes = [one.stat().st_size for one in Path(folder, "sources").glob("*.genome.parquet")]
+    births = recipe.run.population * (recipe.run.generations + 1)
+    most, free = births * max(sizes, default=0), shutil.disk_usage(folder).free
+    return (
+        f"{births} births, at most {told_bytes(most)} of the disk ({told_bytes(free)} free); the "
+        f"first {recipe.run.population} will tell how long it takes"
+    )
+
+
 def estimate_of(
-    folder: str | os.PathLike, recipe: Recipe, generation: Generation
+    folder: str | os.PathLike, recipe: Recipe, generation: Generation, clock: Clock = now
 ) -> Estimate | None:
     """Of the run in ``folder`` by a ``recipe``, after its first ``generation``: bytes a birth as
-    they were written, times all births; None where nothing follows."""
+    they were written, times all births; None where nothing follows. ``clock`` tells the time."""
     count, planned = generation.births, recipe.run.generations
     if planned <= generation.number or not count:
         return None
     written = sum(size_of(Path(folder) / kind) for kind in (BIRTHS, MEMBERSHIP))
     each = written / (generation.number + 1)  # a generation
     fixed = size_of(folder) - written
-    size = round(fixed + each * (planned + 1))
-    allowed, last = recipe.stop.disk_bytes, None
-    if allowed is not None and allowed < size:
+    ends = []
+    if (allowed := recipe.stop.disk_bytes) is not None:
         last = max(generation.number, int((allowed - fixed) / each) - 1)
+        ends.append((last, f"disk = {told_bytes(allowed)}"))
+    moment = None if recipe.stop.until is None else moment_of(recipe.stop.until, clock())
+    pace = generation.seconds_left / (planned - generation.number)
+    if moment is not None and pace:
+        more = math.ceil(max(0.0, (moment - clock()).total_seconds()) / pace)
+        ends.append((generation.number + more, f"until = {moment:%Y-%m-%d %H:%M}"))
+    last, stop = min(ends, default=(planned, ""))
     births = count // (generation.number + 1) * (planned + 1)
-    free = shutil.disk_usage(folder).free
-    return Estimate(births, size, free, generation.seconds_left, allowed, last)
+    size, free = round(fixed + each * (planned + 1)), shutil.disk_usage(folder).free
+    if last >= planned:
+        return Estimate(births, size, free, generation.seconds_left)
+    needed = round(fixed + each * (last + 1))
+    return Estimate(births, size, free, generation.seconds_left, last, stop, needed)
 
 
-__all__ = ["Estimate", "estimate_of"]
+__all__ = ["Estimate", "bound_of", "estimate_of"]

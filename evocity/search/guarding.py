@@ -89,18 +89,19 @@ def told_of_parents(prepared: Prepared, pool: Engine) -> list[str]:
 
     The parents' codes are measured in the ``pool``, as births are; those of which a measure fails
     say nothing. Raises `RecipeError` if no parent keeps a bound that none can keep better, or if
-    the algorithm cannot begin with what they have.
+    an algorithm cannot begin with what they have.
     """
-    section = prepared.recipe.search
+    recipe = prepared.recipe
     names = {one.measure.name for one in prepared.aims.wanted if one.constraint is not None}
-    names.update(section.described)
+    names.update(recipe.described)
     if not names:
         return []
     jobs = [(source.genome, (), names) for source in prepared.sources]
     outcomes = pool.run("evaluate", jobs)
-    algorithm = section.algorithm_of(prepared.header.population)
     sources = [outcome.values for outcome in outcomes]
-    algorithm.begin(First(np.empty((0, 1)), sources, prepared.recipe.limits))
+    for one in recipe.local:
+        algorithm = one.search.algorithm_of(one.run.population)
+        algorithm.begin(First(np.empty((0, 1)), sources, recipe.limits))
     return told_of(bounded(prepared, outcomes))
 
 

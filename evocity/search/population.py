@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from evocity.errors import RecipeError
 from evocity.fitness import Aims
 from evocity.kinds import Kind
 from evocity.search.algorithms import Algorithm, First
@@ -65,9 +66,17 @@ class Population:
         first = [born for born in births if born.ok]
         if self._hypervolume is None and self._compared(first):
             self._first = [replace(born, genome=None) for born in first]
-            sources = [born.values for born in first if born.operator == "source"]
             losses = self.first_losses
-            self.algorithm.begin(First(losses, sources, self._limits))
+            sources = [born for born in births if born.operator == "source"]
+            values = [born.values if born.ok else {} for born in sources]
+            try:
+                self.algorithm.begin(First(losses, values, self._limits))
+            except RecipeError as error:
+                failed = [
+                    f"source {born.id} failed: {born.error}" for born in sources if born.error
+                ]
+                found = "; ".join([error.found, *failed])
+                raise RecipeError(found, error.expected, error.remedy) from None
             self._hypervolume = Hypervolume(losses)
 
     def _compared(self, first: Sequence[Birth]) -> list[Birth]:

@@ -30,6 +30,7 @@ from evocity.search.revising import changed_keys, flat
 from evocity.search.sections import RunSection
 from evocity.search.trust import marked
 from evocity.store import Birth, Run, RunWriter, open_run
+from evocity.store.events import UNTOLD, ended_untold
 
 #: A change of these may change the births; it is noted, not refused.
 _NOTED_VERSIONS = ("evocity", "numpy", "numba")
@@ -97,6 +98,8 @@ def take_up(
     writer = RunWriter.reopen(path)
     try:
         whole = run.generations
+        if ended_untold(run.events()):
+            writer.event("stop", generation=len(whole) - 1, reason=UNTOLD)
         if revised is not None:
             edited = _revise(run, prepared, writer, crew, tell)
             notes.append(edited)

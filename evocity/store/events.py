@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,6 +13,10 @@ from evocity.store.parts import open_to_append, read_bytes
 
 #: Lines of a file of events, or of commands, at most.
 MOST_LINES = 200_000
+#: Events of a run's beginnings and ends.
+TURNS = ("start", "resume", "stop", "finish")
+#: Why a run ended whose last turn is a beginning.
+UNTOLD = "killed, or the machine went down"
 
 
 def append_event(path: Path, event: str, **details) -> None:
@@ -32,6 +37,12 @@ def append_line(path: Path, document: dict) -> None:
         file.write(line.encode() + b"\n")
         file.flush()
         os.fsync(file.fileno())
+
+
+def ended_untold(events: Sequence[Mapping]) -> bool:
+    """Whether a run that nobody is at ended without a word, by its ``events``."""
+    last = next((one["event"] for one in reversed(events) if one.get("event") in TURNS), None)
+    return last in ("start", "resume")
 
 
 def lines_of(content: bytes, path: Path) -> list[bytes]:

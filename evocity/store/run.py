@@ -20,7 +20,7 @@ from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
 from evocity.store.bounds import check_bounds, read_bounded
 from evocity.store.ending import Ending
-from evocity.store.events import read_events
+from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
 from evocity.store.merge import KINDS, damaged
 from evocity.store.parts import read_bytes, read_json
@@ -305,8 +305,7 @@ class Run:
             return whole[-1], self._summaries(piece.path)[whole[-1]]
 
         generation, about = self._with_pieces(last_summary)
-        states = ("start", "resume", "stop", "finish")
-        last = next((e for e in reversed(self.events()) if e.get("event") in states), {})
+        last = next((e for e in reversed(self.events()) if e.get("event") in TURNS), {})
         return {
             "generation": generation,
             "births": about.get("births", 0),

@@ -21,6 +21,7 @@ from evocity import fitness
 from evocity.errors import RecipeError, RunError
 from evocity.kinds import KINDS as CHROMOSOMES
 from evocity.search import Search, read_recipe
+from evocity.search.beginning import Crew
 from evocity.search.evaluation import Workers, hosting, processes
 from evocity.search.evaluation.parcels import opened, parcel_of
 from evocity.search.evaluator import Setup
@@ -244,46 +245,6 @@ def test_the_births_are_those_of_one_machine(tmp_path, machines):
     }
 
 
-def test_an_embedded_cluster_breeds_them_too_and_leaves_nothing(tmp_path):
-    recipe = write_toy(tmp_path, generations=1)
-    before = set(processes.descendants(os.getpid()))
-    for name, how in (("one", {"workers": 1}), ("two", {"cluster": "local:2", "workers": None})):
-        with Search(read_recipe(recipe, **how), out=tmp_path / name) as search:
-            search.prepare()
-            if name == "two":
-                served = _listening(before)
-                assert served
-                assert set(served) <= {"127.0.0.1", "::1"}
-            for _ in search:
-                pass
-    assert births_of(tmp_path / "one") == births_of(tmp_path / "two")
-
-    def left() -> list[str]:
-        new = [one for one in processes.descendants(os.getpid()) if one not in before]
-        return [name for name in map(_command, new) if "spawn_main" in name]
-
-    assert within(10, lambda: not left())
-
-
-def _listening(before: set[int]) -> list[str]:
-    """Addresses that this process listens at, and those below that were not there before."""
-    import psutil
-
-    me = psutil.Process()
-    found = []
-    for one in [me, *(one for one in me.children(recursive=True) if one.pid not in before)]:
-        with contextlib.suppress(psutil.Error):
-            made = one.net_connections(kind="inet")
-            found += [c.laddr.ip for c in made if c.status == psutil.CONN_LISTEN]
-    return found
-
-
-def _command(pid: int) -> str:
-    with contextlib.suppress(OSError), open(f"/proc/{pid}/cmdline", "rb") as file:
-        return file.read().replace(b"\0", b" ").decode()
-    return ""
-
-
 def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, genome):
     engine = cluster(machines.address, "time.sleep(0.5 if told == 'slow' else 0.01)")
     engine.run("evaluate", named(genome, *calm(4)))  # workers are there
@@ -344,17 +305,32 @@ def test_bad_measures_cost_their_own_births(cluster, machines, genome, setup_of)
     assert within(10, lambda: not machines.hosted())
 
 
-def test_files_of_measures_travel_with_what_they_import(cluster, machines, genome, tmp_path):
+DATA = """
+from helper import of
+from pathlib import Path
+
+@evocity.fitness(goal="max", data=("deeper/levels.csv",))
+def named_the_data(city):
+    return 1.0
+"""
+
+
+def test_files_of_measures_travel_with_what_they_import_and_read(
+    cluster, machines, genome, tmp_path
+):
     own = tmp_path / "own"
     (own / "deeper").mkdir(parents=True)
     (own / "helper.py").write_text("from deeper.more import more\ndef of(x):\n    return more(x)\n")
     (own / "deeper" / "more.py").write_text("def more(x):\n    return x + 1000\n")
-    body = "if told == 'raises': raise ValueError(__file__)\n    return of(len(told))"
-    engine = cluster(machines.address, body, "from helper import of")
+    (own / "deeper" / "levels.csv").write_text("20000")
+    body = "if told == 'raises': raise ValueError(__file__)\n"
+    body += "    level = Path(__file__).parent / 'deeper' / 'levels.csv'\n"
+    body += "    return of(len(told)) + float(level.read_text())"
+    engine = cluster(machines.address, body, DATA)
     shutil.rmtree(own)  # another machine has no such folder
     found = engine.run("evaluate", named(genome, *calm(4), "raises"))
-    assert [one.values for one in found[:4]] == [{"bad": 1006.0}] * 4
-    assert f"({own / 'bad.py'}, line 10)" in found[4].error
+    assert [one.values for one in found[:4]] == [{"bad": 21006.0}] * 4
+    assert f"({own / 'bad.py'}, line 17)" in found[4].error
     assert "measures-" not in found[4].error
 
 
@@ -537,6 +513,16 @@ def test_a_cluster_has_worker_processes(tmp_path):
     with pytest.raises(RecipeError, match="workers = 0"):
         Search(read_recipe(path), cluster="local:2", workers=0)
     assert read_recipe(path, cluster="local:3", workers=2).worker_count == 6
+
+
+def test_workers_of_one_machine_say_nothing_of_a_cluster_that_a_run_goes_on_with(tmp_path):
+    path = write_toy(tmp_path)
+    for workers in (0, 2):
+        crew = Crew.asked(read_recipe(path, workers=workers), cluster="local:2")
+        assert (crew.workers, crew.cluster) == (None, "local:2")
+    crew = Crew.asked(read_recipe(path, workers=2, cluster="local:3"), cluster="local:2")
+    assert crew.workers == 2
+    assert Crew.asked(read_recipe(path), workers=3, cluster="local:2").workers == 3
 
 
 def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from towns import draw_town
 
-import evocity.fitness
+import evocity
+import evocity.fitness.shipping
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import Measure, Objective, Undefined, get, gsi, load_file, measures, registry
@@ -652,3 +653,61 @@ def test_to_be_like_a_city_is_to_have_its_value():
 def test_an_objective_that_cannot_be_meant_is_refused(options, message):
     with pytest.raises(FitnessError, match=message):
         Objective(gsi, **options)
+
+
+# -- data files ----------------------------------------------------------------------------------
+
+READS = """
+import evocity
+from pathlib import Path
+
+@evocity.fitness(goal="max", data={data})
+def level(city):
+    return float((Path(__file__).parent / "level.csv").read_text())
+"""
+
+
+def test_data_is_part_of_a_measures_source(tmp_path):
+    path = tmp_path / "level.py"
+    path.write_text(READS.format(data="'level.csv'"))
+    found = []
+    for text in ("3", "4", "3"):
+        (tmp_path / "level.csv").write_text(text)
+        found += load_file(path)
+    assert [one(CITY) for one in found] == [3.0, 3.0, 3.0]  # it is read when it is called
+    assert found[0].beside == (str(tmp_path / "level.csv"),)
+    assert (found[0].data, found[0].source_hash) == (("level.csv",), found[2].source_hash)
+    assert found[0].source_hash != found[1].source_hash
+
+
+@pytest.mark.parametrize(
+    "data",
+    ["'../level.csv'", "'/level.csv'", "''", "3", "('a', 4)", r"'a\\b'", "'c:level.csv'", "'.'"],
+)
+def test_data_lies_beside_the_file(tmp_path, data):
+    (tmp_path / "level.py").write_text(READS.format(data=data))
+    with pytest.raises(FitnessError, match=r"level\.py, line 5.*data = "):
+        load_file(tmp_path / "level.py")
+
+
+def test_data_that_is_not_there_or_too_much_is_told_at_once(tmp_path, monkeypatch):
+    path = tmp_path / "level.py"
+    path.write_text(READS.format(data="('level.csv', 'more.csv')"))
+    with pytest.raises(FitnessError, match=r"data 'level\.csv' cannot be read: No such file"):
+        load_file(path)
+    for name in ("level.csv", "more.csv"):
+        (tmp_path / name).write_text("12345")
+    monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 10)
+    load_file(path)
+    monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 9)
+    with pytest.raises(FitnessError, match=r"data of 0 MB, with 'more\.csv'"):
+        load_file(path)
+
+
+def test_data_of_a_measure_of_the_session_is_refused_where_it_would_not_come_along():
+    @evocity.fitness(goal="max", data="level.csv")
+    def of_a_cell(city):
+        return 1.0
+
+    with pytest.raises(FitnessError, match=r"it reads data, level\.csv, which only files have"):
+        evocity.fitness.shipping.shipped([of_a_cell])

@@ -1,11 +1,15 @@
 """What a run will take is told by its first generation, and holds."""
 
+import re
 from dataclasses import replace
+from datetime import timedelta
 
+import pytest
 from test_search_run import run
+from test_search_stopping import EVENING
 
 from evocity.search import Search, read_recipe
-from evocity.search.estimate import Estimate, estimate_of
+from evocity.search.estimate import Estimate, bound_of, estimate_of
 from evocity.search.stopping import size_of
 
 
@@ -14,7 +18,7 @@ def test_the_estimate_is_near_what_the_run_takes(toy, tmp_path):
     with Search(recipe, out=tmp_path / "run", workers=0) as search:
         found = estimate_of(tmp_path / "run", recipe, next(iter(search)))
     assert found.births == 13 * 8
-    assert (found.allowed, found.last, found.warning) == (10**9, None, "")
+    assert (found.needed, found.last, found.warning) == (None, None, "")
     run(toy(), tmp_path / "whole", workers=0, generations=12)
     size = size_of(tmp_path / "whole")
     assert 0.7 * size < found.size < 1.4 * size
@@ -29,8 +33,8 @@ def test_a_disk_that_is_too_small_is_told():
     )
     assert "about 207 MB are needed, 100 MB are free" in found.warning
     assert replace(found, free=207_000_000).warning == ""
-    limited = replace(found, allowed=50_000_000, last=30)
-    assert limited.words.endswith("; [stop] disk = 50 MB ends it by generation 30")
+    limited = replace(found, needed=50_000_000, last=30, stop="disk = 50 MB")
+    assert limited.words.endswith("; [stop] disk = 50 MB ends it by about generation 30")
     assert limited.warning == ""
 
 
@@ -38,3 +42,37 @@ def test_a_run_without_more_generations_needs_no_estimate(toy, tmp_path):
     recipe = read_recipe(toy(), generations=0)
     with Search(recipe, out=tmp_path / "run", workers=0) as search:
         assert estimate_of(tmp_path / "run", recipe, next(iter(search))) is None
+
+
+@pytest.mark.parametrize(
+    ("stop", "last"),
+    [
+        ('until = "22:10"', 10),
+        ('until = "22:10"\ndisk = "1 GB"', 10),
+        ('until = "7:00"', None),
+        ('until = "22:10"\ndisk = "1 kB"', 0),
+    ],
+)
+def test_what_ends_the_run_first_is_told(toy, tmp_path, stop, last):
+    recipe = read_recipe(toy(recipe=f"[stop]\n{stop}\n"), generations=99)
+    with Search(recipe, out=tmp_path / "run", workers=0, clock=lambda: EVENING) as search:
+        first = replace(next(iter(search)), seconds_left=99 * 60.0)  # a minute each
+    found = estimate_of(tmp_path / "run", recipe, first, clock=lambda: EVENING)
+    assert found.last == last
+    if last is not None:
+        at = f"{EVENING + timedelta(minutes=10):%Y-%m-%d %H:%M}"
+        told = "disk = 1 kB" if last == 0 else f"until = {at}"
+        assert f"; [stop] {told} ends it by about generation {last}" in found.words
+        assert found.needed < found.size
+
+
+def test_a_run_stays_below_what_was_told_before_it_began(toy, tmp_path):
+    recipe = read_recipe(toy(), generations=20)
+    with Search(recipe, out=tmp_path / "run", workers=0) as search:
+        search.prepare()
+        told = bound_of(tmp_path / "run", recipe)
+        list(search)
+    number, unit = re.match(r"168 births, at most ([\d.]+) (kB|MB) of the disk", told).groups()
+    written = sum(size_of(tmp_path / "run" / kind) for kind in ("births", "membership"))
+    assert written < float(number) * {"kB": 1e3, "MB": 1e6}[unit]
+    assert told.endswith("the first 8 will tell how long it takes")

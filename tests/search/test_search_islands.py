@@ -290,6 +290,39 @@ def test_the_sources_settle_on_all_islands(toy, tmp_path):
     assert all({0, 1} & set(ids) for ids in living(tmp_path / "run", 0).values())
 
 
+ON_A_GRID = """
+[[islands]]
+algorithm = "map_elites"
+measures = ["spread"]
+descriptors = [{}]
+[[islands]]
+"""
+
+
+def test_a_grid_that_parents_span_on_no_island_is_refused_before_the_first_birth(toy, tmp_path):
+    same = '@evocity.fitness(goal="max")\ndef same(city):\n    return 1.0'
+    recipe = toy(same, ON_A_GRID.format('"same", "gsi"'))
+    with pytest.raises(RecipeError, match=r"same is nearly or quite the same .* \(1, 1\)"):
+        run(recipe, tmp_path / "run", workers=0)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_source_that_failed_is_told_where_a_grid_has_no_ranges(toy, tmp_path):
+    fails = """
+@evocity.fitness(goal="max")
+def moody(city):
+    if city.heights.mean() < {}:
+        raise ValueError("too low")
+    return 1.0
+"""
+    means = [float(np.load(toy().with_name(f"{side}.npy")).mean()) for side in ("left", "right")]
+    recipe = toy(fails.format(np.mean(means)), ON_A_GRID.format('"gsi", "fsi"'))
+    with pytest.raises(RecipeError) as told:
+        run(recipe, tmp_path / "run", workers=0)
+    assert "gsi has a value in 1 of 2 parents' codes" in str(told.value)
+    assert re.search(r"; source [01] failed: .* raised ValueError: too low", str(told.value))
+
+
 def test_columns_and_figures_are_those_of_each_island(toy, tmp_path):
     told = run(toy(recipe=THREE, population=15), tmp_path / "run", workers=0)
     log = open_run(tmp_path / "run")

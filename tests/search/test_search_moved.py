@@ -16,11 +16,13 @@ from evocity.store import open_run
 
 HELPER = "def scaled(value):\n    return 3.0 * value\n"
 USING = """
+from pathlib import Path
 from helper import scaled
 
-@evocity.fitness(goal="max")
+@evocity.fitness(goal="max", data="levels.csv")
 def far(city):
-    return scaled(city.heights.max()) + number(city) % 7
+    level = float(Path(__file__).with_name("levels.csv").read_text())
+    return scaled(city.heights.max()) + number(city) % 7 + level
 """
 LOCKED = '[locked]\nmask = "mask.npy"\n'
 LIKE = '[[fitness]]\nname = "gsi"\nlike = "left.npy"\n'
@@ -35,6 +37,7 @@ def home(tmp_path):
 @pytest.fixture
 def recipe(toy, home):
     (home / "helper.py").write_text(HELPER)
+    (home / "levels.csv").write_text("0.5")
     mask = np.zeros((64, 64), np.float32)
     mask[8:16, 8:24] = 1
     np.save(home / "mask.npy", mask)
@@ -74,7 +77,7 @@ def test_no_path_of_the_machine_is_kept(recipe, home, tmp_path):
     assert (far["file"], far["kept"], far["beside"]) == (
         "toys.py",
         "fitness/toys.py",
-        ["helper.py"],
+        ["helper.py", "levels.csv"],
     )
     gsi = next(one for one in told["fitness"] if one["name"] == "gsi")
     assert gsi["file"] == "evocity/fitness/density.py"
@@ -153,7 +156,7 @@ def test_links_in_place_of_copies_are_refused(recipe, home, tmp_path, linked):
 
 def test_measures_of_two_folders_keep_apart(recipe, home, tmp_path):
     (home / "more").mkdir()
-    for name in ("toys.py", "helper.py"):
+    for name in ("toys.py", "helper.py", "levels.csv"):
         text = (home / name).read_text().replace("3.0", "5.0")
         for old in ("spread", "roof", "far"):
             text = text.replace(f"def {old}(", f"def {old}_more(")

@@ -9,6 +9,8 @@ import contextlib
 import logging
 import os
 import re
+import shutil
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
@@ -88,7 +90,9 @@ class Link:
 
     def _embedded(self, count: int) -> "LocalCluster":
         """A cluster of so many workers on this machine, which nobody else can reach or read."""
-        self._undone.enter_context(dask.config.set(_EMBEDDED))
+        room = tempfile.mkdtemp(prefix="evocity-dask-")  # Dask would leave its own behind
+        self._undone.callback(shutil.rmtree, room, ignore_errors=True)
+        self._undone.enter_context(dask.config.set(_EMBEDDED | {"temporary-directory": room}))
         with warnings.catch_warnings(), deaf_to_ctrl_c():
             warnings.simplefilter("ignore")
             cluster = LocalCluster(
