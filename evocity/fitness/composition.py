@@ -112,6 +112,10 @@ class Aims:
     def _sought(self) -> tuple[str, ...]:
         return tuple(one.measure.name for one in self.wanted if one.objective is not None)
 
+    @cached_property
+    def _constrained(self) -> list[Wanted]:
+        return [one for one in self.wanted if one.constraint is not None]
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the objectives: a measure's, or that of a sum."""
@@ -157,9 +161,10 @@ class Aims:
         be compared, and comes after all others: as if nobody broke more."""
         if not self.complete(values):
             return _MOST
-        kept = [one for one in self.wanted if one.constraint is not None]
-        told = (values.get(one.measure.name, math.nan) for one in kept)
-        violations = [k.constraint.violation(value) for k, value in zip(kept, told, strict=True)]
+        violations = (
+            one.constraint.violation(values.get(one.measure.name, math.nan))
+            for one in self._constrained
+        )
         return _finite(_sum(violations))
 
 
@@ -173,4 +178,6 @@ def _sum(numbers: Iterable[float]) -> float:
 
 def _finite(value: float) -> float:
     """Within what selection can compare; NaN is the worst of all."""
+    if -_MOST <= value <= _MOST:  # nearly always
+        return value
     return _MOST if math.isnan(value) else max(-_MOST, min(value, _MOST))
