@@ -29,6 +29,7 @@ from evocity.store.merge import KINDS, drop_leftovers, merge, write_single
 from evocity.store.parts import plain_folder, read_json
 from evocity.store.run import Run
 from evocity.store.schema import Header, Member, births_schema, membership_table
+from evocity.store.tables import Tables
 
 #: What a log is written anew for, in its folder.
 _ABOUT = "about.json"
@@ -89,7 +90,7 @@ class Anew:
 def _read_by(run: Run, header: Header) -> Run:
     """The ``run`` as far as its log is written anew under a ``header``."""
     found = copy(run)
-    found.header = header
+    found.header, found._tables = header, Tables(header)
     found._folder = Folder(run.path, header.recipe_hash)
     found._ending = Ending(found._folder)
     return found
