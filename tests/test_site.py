@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from markdown_it import MarkdownIt
 from test_docs import ROOT, anchors, rows, text_of
 
 import evocity
@@ -217,6 +218,11 @@ def test_gallery_is_what_its_script_says(monkeypatch):
 # -- the site itself ------------------------------------------------------------------------------
 
 
+def counts(html: str) -> dict[str, int]:
+    """How many lists, tables and blocks there are: one reader of Markdown may miss some."""
+    return {tag: len(re.findall(rf"<{tag}[ >]", html)) for tag in ("li", "tr", "pre", "img", "h2")}
+
+
 @pytest.mark.long
 def test_the_site_builds_without_warnings_and_stands_alone():
     pytest.importorskip("material")
@@ -229,5 +235,11 @@ def test_the_site_builds_without_warnings_and_stands_alone():
         assert not LOADED.findall(text), path
         for source in re.findall(r'<img\b[^>]*\ssrc="([^":]+)"', text):
             assert (path.parent / source).exists(), f"{path}: {source}"
+    for page in (BUILT.parent / "pages").rglob("*.md"):
+        name = "index" if page.name == "README.md" else page.stem
+        shown = BUILT / page.relative_to(BUILT.parent / "pages").with_name(f"{name}.html")
+        article = shown.read_text("utf-8").split("<article")[1]
+        forge = MarkdownIt("commonmark").enable("table").render(page.read_text("utf-8"))
+        assert counts(article) == counts(forge), page
     pictures = [path for path in (BUILT / "notebooks").iterdir() if path.suffix == ".png"]
     assert pictures  # outputs, which git has not
