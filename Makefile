@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long soak bench format clean
+.PHONY: help demo test test-long soak bench docs format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -31,6 +31,9 @@ soak: .venv/installed-dev  ## long tests under faults: hours of them
 
 bench: .venv/installed-bench  ## every side-by-side measurement of benchmarks/
 	@for script in $(BENCHMARKS); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+docs: .venv/installed-docs  ## the documentation as a site, in build/docs/site
+	$(BIN)/python docs/site/build.py
 
 format: .venv/installed-dev  ## put the code into the one format
 	$(BIN)/ruff format .
@@ -64,6 +67,11 @@ clean:  ## remove .venv and the caches; runs stay
 		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 three@0.187.0 \
 		&& touch $@ \
 		|| echo "gltf-validator and three could not be had; their tests are skipped" >&2; fi
+
+.venv/installed-docs: .venv/installed
+	@echo "Installing what builds the documentation into .venv (once) ..."
+	@$(PIP) install --editable '.[docs]'
+	@touch $@
 
 .venv/installed-bench: .venv/installed-dev
 	@echo "Installing what benchmarks compare with into .venv (once) ..."

@@ -22,7 +22,11 @@ ALONE = ((LYON,), (NEW_YORK,), (MONTPELLIER,))
 def main(names: list[str]) -> None:
     cities = {name: evocity.read_map(name) for pair in PAIRS for name in pair}
     codes = {name: evocity.encode(city).genome for name, city in cities.items()}
-    thanks = ["Maps: " + "; ".join(dict.fromkeys(city.attribution for city in cities.values()))]
+    thanks = [
+        "Each map is 512 m wide. Heights from 0 m, pale, to 40 m and more, dark. "
+        "whole: share in whole buildings; distance: fabric distance.",
+        "Maps: " + "; ".join(dict.fromkeys(city.attribution for city in cities.values())),
+    ]
     (IMAGES / "operators").mkdir(exist_ok=True)
     for name in names or sorted(OPERATORS):
         operator, row = make(name), []
@@ -33,7 +37,7 @@ def main(names: list[str]) -> None:
             whole = integrity_of(child, list(cities.values()))
             far = float(fabric_distance(city, [cities[one] for one in pair]))
             bred = " × ".join(short(one) for one in pair)
-            told = f"{bred}: whole {whole:.2f}, fabric distance {far:.2f}"
+            told = f"{bred}: whole {whole:.2f}, distance {far:.2f}"
             row.append((told, render(city, highest=40, legend=False).resize((300, 300))))
         save(contact_sheet([row], thanks=thanks, text=13), f"operators/{name}.png", colours=32)
 

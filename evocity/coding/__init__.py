@@ -1,19 +1,18 @@
-"""CityMap <-> Genome.
+"""From a map to a genome and back.
 
-encode          a map's genome, by exact search over domain blocks
-partition       which leaves follow the city
-decode          a genome's map, the attractor of its collage map
-decoded         decodings kept by genome
-fixed_point     the iteration of a map of maps
-zoom            which zooms a partition allows, and what lies between them
-decoded         the same, kept: parents are decoded once a process
-fit             which σ and β bring a genome's attractor closest to a map
-matching        which domain block explains a range block best
-topology        which of several lies in surroundings most like the range block's
-usage           how often a code calls its domain blocks; the filters made of that
-ancestry        whose stone stands where
-autosimilarity  where a map is like itself at another scale
-quality         PSNR
+- `encode`: a map's genome, by exact search over domain blocks
+- `partition`: which leaves follow the city
+- `decode`: a genome's map, the attractor of its collage map
+- `decoded`: decodings kept by genome
+- `fixed_point`: the iteration of a map of maps
+- `zoom`: which zooms a partition allows, and what lies between them
+- `fit`: which σ and β bring a genome's attractor closest to a map
+- `matching`: which domain block explains a range block best
+- `topology`: which of several lies in surroundings most like the range block's
+- `usage`: how often a code calls its domain blocks; the filters made of that
+- `ancestry`: whose stone stands where
+- `autosimilarity`: where a map is like itself at another scale
+- `quality`: PSNR
 """
 
 from evocity.coding.ancestry import ancestry

@@ -1,35 +1,35 @@
-"""Genomes -> Genome. One operator, one file; every operator takes parents and a generator.
+"""Genomes breed a genome. One operator, one file; every operator takes parents and a generator.
 
-pavement_fusion    square groups of lifs of two or more parents
-region_fusion      groups that hold whole buildings
-quarter_fusion     street blocks of one parent, buildings of the others
-quarter_refill     street blocks of one parent, buildings of any
-direct_fusion      lifs by lifs, of two or more parents
-asymmetric_fusion  the lifs of the second parent's likest blocks
-symmetric_fusion   of each block's matches in both parents, one or between
-lambda_crossover   every lifs between those of two parents, in patches
-lambda_field       street blocks of two parents or more, as a field of numbers tells
-interpolation      all lifs between those of two parents, or their steps of decoding
-mutation           any nucleotide of one parent
-gene_copy          genes of one parent copied to other places
-gene_exchange      genes of one parent exchanged
-height_scaling     buildings of one parent raised and lowered by whole storeys
-height_field       street blocks of one parent raised and lowered, as a field of numbers tells
-block_exchange     macro-blocks of one parent exchanged
-relocation         groups of lifs of one parent moved, their domains with them
-repair             collage repair, used by all of them
-crossing           what they share: drafts, and how a draft becomes a child
-grid               the cells that crossings follow, sizes in metres
-groups, footings   groups of cells, and what stands on them
-turning            cells laid turned and mirrored
-heights            what operators of heights share
-fields             few numbers over a map, smooth in between
-refitting          lifs fitted to a changed map, domain blocks as they are
-storeys            by how many storeys buildings may rise or fall
-street_blocks      what streets enclose, what fits into it, how it is filled
-pairing            which block of another city is likest
-shares             how much of a child is whose
-parameters         what their parameters may be
+- `pavement_fusion`: square groups of lifs of two or more parents
+- `region_fusion`: groups that hold whole buildings
+- `quarter_fusion`: street blocks of one parent, buildings of the others
+- `quarter_refill`: street blocks of one parent, buildings of any
+- `direct_fusion`: lifs by lifs, of two or more parents
+- `asymmetric_fusion`: the lifs of the second parent's likest blocks
+- `symmetric_fusion`: of each block's matches in both parents, one or between
+- `lambda_crossover`: every lifs between those of two parents, in patches
+- `lambda_field`: street blocks of two parents or more, as a field of numbers tells
+- `interpolation`: all lifs between those of two parents, or their steps of decoding
+- `mutation`: any nucleotide of one parent
+- `gene_copy`: genes of one parent copied to other places
+- `gene_exchange`: genes of one parent exchanged
+- `height_scaling`: buildings of one parent raised and lowered by whole storeys
+- `height_field`: street blocks of one parent raised and lowered, as a field of numbers tells
+- `block_exchange`: macro-blocks of one parent exchanged
+- `relocation`: groups of lifs of one parent moved, their domains with them
+- `repair`: collage repair, used by all of them
+- `crossing`: what they share: drafts, and how a draft becomes a child
+- `grid`: the cells that crossings follow, sizes in metres
+- `groups`, `footings`: groups of cells, and what stands on them
+- `turning`: cells laid turned and mirrored
+- `heights`: what operators of heights share
+- `fields`: few numbers over a map, smooth in between
+- `refitting`: lifs fitted to a changed map, domain blocks as they are
+- `storeys`: by how many storeys buildings may rise or fall
+- `street_blocks`: what streets enclose, what fits into it, how it is filled
+- `pairing`: which block of another city is likest
+- `shares`: how much of a child is whose
+- `parameters`: what their parameters may be
 """
 
 import inspect

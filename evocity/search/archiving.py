@@ -62,8 +62,8 @@ def archive(run: Run, last: int | None = None) -> Archive:
     generation ``last``, the last whole one unless it is given. While the run goes on, nothing born
     after that generation counts.
 
-    What counts are births with status ``ok`` that keep all constraints; of those equal in all
-    goals the earliest alone. Goals, targets, weights and bounds are those that
+    What counts are births with status ``ok`` that keep all constraints; where several are equal in
+    all goals, the earliest counts alone. Goals, targets, weights and bounds are those that
     ``provenance.json`` records.
 
     Raises `RunError` if the run has no whole generation yet, is damaged, or does not tell what

@@ -1,0 +1,165 @@
+"""Draws gallery/NAME.webp, bred cities, and writes docs/gallery.md, which tells how each was bred.
+
+Run it with the Python that has evocity installed: python docs/sheets/gallery.py [OPERATOR]...
+"""
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from _sheet import IMAGES
+
+import evocity
+from evocity.growth import grow
+from evocity.operators import make
+from evocity.pictures import render
+
+PAGE = Path(__file__).parents[1] / "gallery.md"
+BEGIN = "<!-- what follows is written by docs/sheets/gallery.py -->\n"
+HIGHEST = 40.0  # one scale of heights for all, metres
+LYON, MONTPELLIER, NEW_YORK, CAPE_TOWN, VILLEURBANNE = (
+    *("lyon-1er", "montpellier-pas-du-loup", "new-york-west-village"),
+    *("cape-town-salt-river", "villeurbanne-gratte-ciel"),
+)
+
+
+@dataclass(frozen=True)
+class Bred:
+    """One picture: which operator bred it from whom, and what one sees."""
+
+    title: str
+    words: str
+    operator: str
+    parents: tuple[str, ...]
+    seed: int
+    parameters: dict = field(default_factory=dict)
+
+    @property
+    def file(self) -> str:
+        return f"gallery/{self.operator.replace('_', '-')}-{self.seed}.webp"
+
+
+CITIES = (
+    Bred(
+        "The streets of Lyon, the houses of New York",
+        "The streets and squares are those of the first parent. Its street blocks are filled "
+        "with whole buildings of the second.",
+        "quarter_fusion",
+        (LYON, NEW_YORK),
+        3,
+        {"fill": 0.5},
+    ),
+    Bred(
+        "The streets of New York, the houses of Villeurbanne",
+        "The same operator with other parents. Villeurbanne's file names no heights, so its "
+        "houses have the default of 6 m: they are the pale ones.",
+        "quarter_fusion",
+        (NEW_YORK, VILLEURBANNE),
+        11,
+        {"fill": 0.4},
+    ),
+    Bred(
+        "New York laid anew",
+        "Street blocks of one city are filled with its own buildings, turned and moved. No "
+        "other city takes part.",
+        "quarter_refill",
+        (NEW_YORK,),
+        5,
+        {"street_blocks": 12},
+    ),
+    Bred(
+        "Whole groups of Cape Town in Montpellier",
+        "Connected groups of range blocks that hold whole buildings change places with what "
+        "stood there.",
+        "region_fusion",
+        (MONTPELLIER, CAPE_TOWN),
+        2,
+    ),
+    Bred(
+        "Three cities in squares",
+        "The papers' pavement fusion: square macro-blocks of three parents, large ones first."
+        " Seams cut buildings, and new ones appear at them.",
+        "pavement_fusion",
+        (LYON, MONTPELLIER, NEW_YORK),
+        4,
+    ),
+    Bred(
+        "Lyon, higher and lower",
+        "Every building keeps its footprint. Some rise and some fall, by whole storeys.",
+        "height_scaling",
+        (LYON,),
+        8,
+    ),
+    Bred(
+        "New York moved",
+        "Groups of lifs are laid elsewhere, and their domain blocks move with them.",
+        "relocation",
+        (NEW_YORK,),
+        6,
+    ),
+    Bred(
+        "Half-way from Lyon to Montpellier",
+        "Each lifs is taken from a place between those of both parents, in patches. Buildings"
+        " are cut at the patches' rims: this is what other operators avoid.",
+        "lambda_crossover",
+        (LYON, MONTPELLIER),
+        1,
+    ),
+    Bred(
+        "A fabric without end",
+        "One window of a fabric that grows from Lyon and New York beyond the extent of either.",
+        "grow",
+        (LYON, NEW_YORK),
+        9,
+    ),
+)
+
+
+def main(operators: list[str]) -> None:
+    (IMAGES / "gallery").mkdir(exist_ok=True)
+    codes = {name: evocity.encode(evocity.read_map(name)).genome for name in evocity.cities()}
+    for one in CITIES:
+        if operators and one.operator not in operators:
+            continue
+        city = bred(one, [codes[name] for name in one.parents])
+        picture = render(city.replace(city.heights, name=one.title), highest=HIGHEST, zoom=2)
+        target = IMAGES / one.file
+        picture.save(target, quality=78, method=6)
+        print(f"wrote {target.relative_to(IMAGES.parent)}, {target.stat().st_size // 1024} KB")
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def bred(one: Bred, parents: list[evocity.Genome]) -> evocity.CityMap:
+    rng = np.random.default_rng(one.seed)
+    if one.operator == "grow":
+        return grow(parents, 256, 256, rng).city(700, 900, 256, 256)
+    return evocity.decode(make(one.operator, **one.parameters)(parents, rng)).city
+
+
+def page(text: str) -> str:
+    """The page ``text`` with its cities written anew."""
+    return text.split(BEGIN)[0] + BEGIN + "".join(map(section, CITIES))
+
+
+def section(one: Bred) -> str:
+    given = "".join(f", {name}={value!r}" for name, value in one.parameters.items())
+    parents = " × ".join(f"`{name}`" for name in one.parents)
+    thanks = "; ".join(dict.fromkeys(map(evocity.io.attribution_of, one.parents)))
+    made = (
+        "grow(genomes, 256, 256, rng).city(700, 900, 256, 256)"
+        if one.operator == "grow"
+        else f'make("{one.operator}"{given})'
+    )
+    anchor = "fabric-that-grows" if one.operator == "grow" else one.operator
+    return (
+        f"\n## {one.title}\n\n{one.words}\n\n![{one.title}](images/{one.file})\n\n"
+        f"- Parents: {parents}\n"
+        f"- Operator: [`{one.operator}`](operators.md#{anchor}), `{made}`\n"
+        f"- Seed: {one.seed}\n"
+        f"- Maps: {thanks}\n"
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
