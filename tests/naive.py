@@ -12,6 +12,7 @@ from scipy import ndimage
 from evocity import isometries
 from evocity.coding.matching.matches import TIE
 from evocity.genome import unpacked
+from evocity.search.borrowed.moocore import contributions, hypervolume
 
 
 def moved(before, after, tolerance, sky):
@@ -1119,6 +1120,60 @@ def distinct_in_turn(looks, apart, count):
             if differs and len(taken) < count and index not in taken:
                 taken.append(index)
     return taken
+
+
+def least_first(losses, reference, count):
+    """Drop ``count`` rows of a front, each time the one that adds least to the hypervolume of those
+    left, of equal ones the last; what a row adds is measured by the library, of all that are left,
+    once it may be the least."""
+    known = contributions(losses, reference)
+    left, fresh = np.ones(len(losses), bool), np.ones(len(losses), bool)
+    dropped = []
+
+    def measure(row):
+        others = np.maximum(losses[left], losses[row])[np.flatnonzero(left) != row]
+        shared = hypervolume(others, reference) if len(others) else 0.0
+        known[row] = max(float(np.prod(reference - losses[row])) - shared, 0.0)
+        fresh[row] = True
+
+    for _ in range(count):
+        while True:
+            row = min(np.flatnonzero(left), key=lambda one: (known[one], -one))
+            if fresh[row]:
+                break
+            measure(row)
+        dropped.append(row)
+        left[row], fresh[:] = False, False
+    for row in np.flatnonzero(left & ~fresh):
+        measure(row)
+    return dropped, known
+
+
+def ancestry(ids, parents, identifier):
+    """Which rows of a log are an individual or what it descends from, followed one by one; None if
+    it is not there. Of several rows of one id the last tells its parents."""
+    known = dict(zip(ids, parents, strict=True))
+    if identifier not in known:
+        return None
+    found, further = set(), [identifier]
+    while further:
+        one = further.pop()
+        if one in known and one not in found:
+            found.add(one)
+            further += known[one]
+    return [one in found for one in ids]
+
+
+def tournament(size, key, count, rng):
+    """Indices of ``count`` of ``size``, each the one of two drawn of those left with the lesser
+    ``key``."""
+    chosen, left = [], []
+    for _ in range(count):
+        left = left or list(range(size))
+        best = min((left[one] for one in rng.integers(len(left), size=2)), key=key)
+        chosen.append(best)
+        left.remove(best)
+    return chosen
 
 
 def most_distinct(looks, apart):

@@ -108,6 +108,10 @@ class Aims:
                 terms.setdefault(one.total or one.measure.name, []).append(one)
         return terms
 
+    @cached_property
+    def _constrained(self) -> list[Wanted]:
+        return [one for one in self.wanted if one.constraint is not None]
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the objectives: a measure's, or that of a sum."""
@@ -140,9 +144,10 @@ class Aims:
     def violation(self, values: Mapping[str, float]) -> float:
         """Sum of the constraints' violations; 0 where all are kept (feasible). A measure that
         ``values`` lack is undefined, and breaks its bound."""
-        kept = [one for one in self.wanted if one.constraint is not None]
-        told = (values.get(one.measure.name, math.nan) for one in kept)
-        violations = [k.constraint.violation(value) for k, value in zip(kept, told, strict=True)]
+        violations = (
+            one.constraint.violation(values.get(one.measure.name, math.nan))
+            for one in self._constrained
+        )
         return _finite(_sum(violations))
 
 
@@ -156,4 +161,6 @@ def _sum(numbers: Iterable[float]) -> float:
 
 def _finite(value: float) -> float:
     """Within what selection can compare; NaN is the worst of all."""
+    if -_MOST <= value <= _MOST:  # nearly always
+        return value
     return _MOST if math.isnan(value) else max(-_MOST, min(value, _MOST))

@@ -190,6 +190,8 @@ class Archipelago:
 
     @property
     def members(self) -> list[Member]:
+        if not self.several:
+            return self.islands[0].population.members
         return [
             replace(member, island=island.name)
             for island in self.islands

@@ -8,7 +8,6 @@ import numpy as np
 from evocity.genome import Genome
 from evocity.search.algorithms import Algorithm
 from evocity.search.individual import Individual
-from evocity.search.mixture import OperatorEntry
 from evocity.search.recipe import Recipe
 
 
@@ -176,13 +175,18 @@ def next_population(
     they are told."""
     mixture = {name: entry.weight for name, entry in recipe.operators.items()} | (weights or {})
     names = [name for name, weight in mixture.items() if weight > 0]
-    weights = np.array([mixture[name] for name in names])
+    chances = np.array([mixture[name] for name in names])
+    counts = {
+        name: recipe.operators[name].parents or recipe.operator(name).parents[0] for name in names
+    }
+    # what numpy's choice does with these chances, without their checks at every birth
+    reached = (chances / chances.sum()).cumsum()
+    reached /= reached[-1]
     plans = []
     for slot in range(recipe.run.population) if slots is None else slots:
         rng = generator(recipe.run.seed, generation, slot)
-        name = names[rng.choice(len(names), p=weights / weights.sum())]
-        entry: OperatorEntry = recipe.operators[name]
-        count = entry.parents or recipe.operator(name).parents[0]
+        name = names[reached.searchsorted(rng.random(), side="right")]
+        count = counts[name]
         chosen = [(living[i].id, living[i].genome) for i in algorithm.parents(living, count, rng)]
         chosen = picks.among(chosen, rng)
         operator = recipe.operator_drawn(name, rng)

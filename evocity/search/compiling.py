@@ -31,8 +31,9 @@ _LOOK, _WORD = 0.5, 5.0
 Sides = int | tuple[int, int]
 
 
-def needed(recipe: Recipe) -> list[str]:
-    """The parts of `evocity.search.warm` that the births of a ``recipe`` call."""
+def needed(recipe: Recipe, selecting: bool = False) -> list[str]:
+    """The parts of `evocity.search.warm` that the births of a ``recipe`` call, and, where it is
+    the one who is ``selecting``, the search."""
     code = recipe.genome
     names = [name for name in recipe.breeding if name in OPERATORS]
     # what decodes with settled roofs knows its buildings already
@@ -48,6 +49,7 @@ def needed(recipe: Recipe) -> list[str]:
         *(f"operator:{name}" for name in names),
         *(f"measure:{own_name(one.name)}" for one in measured if one not in own),
         *([warm.VIEWS] if own else buildings),
+        *([warm.SELECTION] if selecting else []),
     ]
 
 

@@ -345,7 +345,7 @@ class Search:
             self._observers.log(self._writer)
 
     def _compile(self) -> None:
-        compile_once(sides_of(self.recipe, self._prepared), needed(self.recipe), self._tell)
+        compile_once(sides_of(self.recipe, self._prepared), needed(self.recipe, True), self._tell)
 
     def _start_pool(self) -> None:
         told = self._prepared, self._crew, self._shipped, self._tell

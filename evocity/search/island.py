@@ -93,7 +93,7 @@ class Island:
             if refined:
                 of = self.population, self.aims, self.slots
                 plans = with_refinements(plans, recipe, generation, *of)
-        return [replace(plan, island=self.name) for plan in plans]
+        return plans if self.name is None else [replace(one, island=self.name) for one in plans]
 
     def plan(self, identifier: int, picks: Picks, weights: Mapping[str, float]) -> Plan:
         """The birth with this id, after generation 0, of those who live now; a founder where nobody

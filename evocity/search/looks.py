@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.search._kernels import resembles
+from evocity.search._kernels import first_apart, resembles
 
 #: Cells are compared along each axis at most.
 SIDE = 64
@@ -37,11 +37,8 @@ def distinct_first(looks: Sequence[np.ndarray], apart: float, count: int) -> np.
     follow that are more than .8, .6, .4 and .2 of it from all before them. The others come last,
     best first."""
     looks = np.asarray(looks)
-    chosen: list[int] = []
-    for share in _SHARES:
-        for index, look in enumerate(looks):
-            if len(chosen) == count:
-                break
-            if index not in chosen and not alike(look, looks[chosen], share * apart):
-                chosen.append(index)
+    if not len(looks):
+        return np.empty(0, np.intp)
+    mosts = [int(share * apart * looks[0].size) for share in _SHARES]
+    chosen = first_apart(looks, round(STOREY / _UNIT), np.array(mosts), count)
     return np.concatenate([chosen, np.setdiff1d(np.arange(len(looks)), chosen)]).astype(np.intp)

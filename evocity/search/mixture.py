@@ -1,7 +1,8 @@
 """What a recipe says of operators: weights, parameters, and ranges that each birth draws from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, is_dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -143,14 +144,49 @@ class Drawn:
         return child.replace(made={**child.made, "drawn": dict(self.drawn)})
 
 
+@dataclass(frozen=True)
+class _Told:
+    """What a recipe says of an operator, told apart by its text: 1 is not 1.0."""
+
+    name: str
+    kind: type
+    text: str
+    parameters: Mapping[str, Any] = field(compare=False)
+    coding: Mapping | None = field(compare=False)
+
+
+def _told(name: str, parameters: Mapping[str, Any], coding: Mapping | None) -> _Told | None:
+    """None for an operator that there is not."""
+    kind = operators.operators().get(name)
+    return kind and _Told(name, kind, repr((parameters, coding)), parameters, coding)
+
+
+@lru_cache(1024)  # asked for at every birth
+def _parted(told: _Told) -> tuple[dict[str, Any], dict[str, Range]]:
+    """The parameters that are fixed, as Python has them, and the ranges."""
+    fixed, ranges = parted(told.kind, told.parameters)
+    return _own(told.kind, fixed, told.coding), ranges
+
+
+@lru_cache(1024)
+def _lowest(told: _Told):
+    """The operator without changes. One that cannot change is the same for all births."""
+    fixed, ranges = _parted(told)
+    return operators.make(told.name, **fixed, **{key: one.low for key, one in ranges.items()})
+
+
 def operator_of(name: str, parameters: Mapping[str, Any], coding: Mapping | None, **changes):
     """The operator ``name`` with the ``parameters`` of its entry, of ranges their lower end.
     ``coding``: the keys of ``[genome]``, whose reach and domains it takes unless it has its own.
     Raises `OperatorError`."""
-    kind = operators.operators().get(name)
-    fixed, ranges = (dict(parameters), {}) if kind is None else parted(kind, parameters)
+    told = _told(name, parameters, coding)
+    if told is None:
+        return operators.make(name, **(_own(None, parameters, coding) | changes))
+    if not changes and is_dataclass(told.kind) and told.kind.__dataclass_params__.frozen:
+        return _lowest(told)
+    fixed, ranges = _parted(told)
     lowest = {key: one.low for key, one in ranges.items()}
-    return operators.make(name, **(_own(kind, fixed, coding) | lowest | changes))
+    return operators.make(name, **(fixed | lowest | changes))
 
 
 def drawn_of(
@@ -162,13 +198,13 @@ def drawn_of(
 ):
     """The operator ``name`` for one birth: as `operator_of` without ranges among its
     ``parameters``; else `Drawn`, in their order, by ``rng``. What ``changes`` tell is not drawn."""
-    kind = operators.operators().get(name)
-    fixed, ranges = ({}, {}) if kind is None else parted(kind, parameters)
+    told = _told(name, parameters, coding)
+    fixed, ranges = ({}, {}) if told is None else _parted(told)
     if not set(ranges) - set(changes):
         return operator_of(name, parameters, coding, **changes)
     drawn = {key: one.draw(rng) for key, one in ranges.items() if key not in changes}
-    takes = getattr(kind, "takes_founders", False)
-    return Drawn(name, kind.parents, _own(kind, fixed, coding) | changes, drawn, takes)
+    takes = getattr(told.kind, "takes_founders", False)
+    return Drawn(name, told.kind.parents, fixed | changes, drawn, takes)
 
 
 def _own(kind: type | None, fixed: Mapping[str, Any], coding: Mapping | None) -> dict[str, Any]:

@@ -22,10 +22,10 @@ from evocity.pavement import read_sides
 VARIABLE = "EVOCITY_WARM"
 
 #: The parts by name: the search nearby, and that of the whole map; decoding; the fit; the labels of
-#: a map's buildings, and all its views. Besides there is one an operator, ``operator:NAME``, and
-#: one a measure, ``measure:NAME``.
+#: a map's buildings, and all its views; selection, which workers do not call. Besides there is one
+#: an operator, ``operator:NAME``, and one a measure, ``measure:NAME``.
 SEARCH, EVERYWHERE, DECODE, FIT = "search", "search everywhere", "decode", "fit"
-BUILDINGS, VIEWS = "buildings", "views"
+BUILDINGS, VIEWS, SELECTION = "buildings", "views", "selection"
 _VIEWS = ("buildings", "outline", "structure", "distance_to_built", "open_space", "streets")
 
 
@@ -33,7 +33,7 @@ def every_part() -> list[str]:
     """All parts: those of all operators and measures of this package."""
     operators = [f"operator:{name}" for name in OPERATORS]
     measures = [f"measure:{one.name}" for one in fitness.measures() if one.origin == "evocity"]
-    return [SEARCH, EVERYWHERE, DECODE, FIT, *operators, VIEWS, *measures]
+    return [SEARCH, EVERYWHERE, DECODE, FIT, *operators, VIEWS, SELECTION, *measures]
 
 
 def on_codes(part: str) -> bool:
@@ -77,6 +77,12 @@ def _load(block: int | tuple[int, int], part: str) -> None:
         elif part == VIEWS:
             for view in _VIEWS:
                 getattr(_toy(1, block), view)
+        elif part == SELECTION:
+            from evocity.search.borrowed.moocore import least_first
+            from evocity.search.looks import distinct_first
+
+            distinct_first(np.zeros((2, 4), np.uint16), 0.25, 1)
+            least_first(np.eye(2), np.full(2, 1.1), 1)
         elif kind == "operator":
             operator = OPERATORS[name]
             operator()(_genomes(block)[: operator.parents[0]], np.random.default_rng(0))

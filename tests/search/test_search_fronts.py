@@ -1,5 +1,6 @@
 """Ranks, crowding, contributions and hypervolume against what they mean."""
 
+import naive
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -110,6 +111,27 @@ def test_the_least_contributor_goes_first(front, data):
         left.remove(row)
     if left:
         assert found[left] == pytest.approx(contributions(scaled[left], reference), abs=1e-9)
+
+
+@given(st.integers(0, 2**32), st.integers(1, 60), st.sampled_from(["wide", "coarse", "bent"]))
+@settings(deadline=None)
+def test_of_two_losses_all_is_as_if_measured_by_the_library(seed, count, kind):
+    """To the bit, so that ties end alike."""
+    rng = np.random.default_rng(seed)
+    losses = rng.random((count, 2)) * [1e-9, 1e12]
+    if kind == "coarse":
+        losses = rng.integers(0, 9, (count, 2)).astype(float)
+    elif kind == "bent":
+        losses[:, 1] = (1 - losses[:, 0] / 1e-9) ** 3
+        losses = np.concatenate([losses, losses[: count // 3]])
+    ranks = ranks_of(losses)
+    for rank in np.unique(ranks):
+        front = losses[ranks == rank]
+        scaled, reference = Scale(front)(front), Scale(front).reference
+        dropping = int(rng.integers(len(front) + 1))
+        dropped, known = least_first(scaled, reference, dropping)
+        expected = naive.least_first(scaled, reference, dropping)
+        assert (dropped.tolist(), known.tolist()) == (expected[0], expected[1].tolist())
 
 
 def test_of_equal_contributors_the_last_goes_first():

@@ -210,7 +210,8 @@ def tournament(
     for _ in range(count):
         if len(gone) == size:
             gone = []
-        two = rng.integers(size - len(gone), size=2).tolist()
+        left = size - len(gone)
+        two = int(rng.integers(left)), int(rng.integers(left))
         best = min((_left(one, gone) for one in two), key=key)
         chosen.append(best)
         insort(gone, best)

@@ -3,6 +3,8 @@
 import moocore
 import numpy as np
 
+from evocity.search._kernels import least_of_two
+
 
 def ranks(losses: np.ndarray) -> np.ndarray:
     """The front of each row of ``(n, m)`` losses, int64 from 0."""
@@ -47,6 +49,8 @@ def least_first(
     too much, and few must be measured anew for each that is dropped.
     """
     known = contributions(losses, reference)
+    if losses.shape[1] == 2:
+        return least_of_two(losses, reference, known, count), known
     left, fresh = np.ones(len(losses), bool), np.ones(len(losses), bool)
     dropped = np.empty(count, np.int64)
 
