@@ -22,22 +22,31 @@ MOST_GROUPS = 1 << 10
 ERROR = "error"
 
 
-def check_bounds(about: pq.FileMetaData, header: Header, columns: Sequence[str] | None) -> None:
-    """Raise ValueError where a file, by its metadata, holds more than a run's does. The texts of
-    errors, which older releases wrote at any length, are not looked at: see `read_bounded`."""
+def check_bounds(
+    about: pq.FileMetaData, header: Header, groups: Sequence[int], columns: Sequence[str] | None
+) -> None:
+    """Raise ValueError where a file, by its metadata, holds more than a run's does in the row
+    ``groups`` and ``columns``, all if None, that are to be read. The texts of errors, which older
+    releases wrote at any length, are not looked at: see `read_bounded`."""
     if about.num_row_groups > MOST_GROUPS:
         raise ValueError(f"{about.num_row_groups} row groups")
-    pixels = header.height * header.width
-    for group in map(about.row_group, range(about.num_row_groups)):
-        if group.num_rows > MOST_ROWS:
-            raise ValueError(f"{group.num_rows} rows in one generation")
-        for column in map(group.column, range(group.num_columns)):
-            name = column.path_in_schema.partition(".")[0]
-            if columns is not None and name not in columns:
-                continue
-            if column.num_values > max(group.num_rows, 1) * max(pixels, 256):
+    # one after the other thousands of times: what is the same for all groups is asked for once
+    leaves = [(at, about.schema.column(at)) for at in range(about.num_columns)]
+    names = [(at, leaf.path.partition(".")[0], leaf.physical_type) for at, leaf in leaves]
+    read = [
+        (at, name, kind == "BYTE_ARRAY" and name != ERROR)
+        for at, name, kind in names
+        if columns is None or name in columns
+    ]
+    most = max(header.height * header.width, 256)
+    for group in map(about.row_group, groups):
+        rows = group.num_rows
+        if rows > MOST_ROWS:
+            raise ValueError(f"{rows} rows in one generation")
+        for at, name, text in read:
+            column = group.column(at)
+            if column.num_values > max(rows, 1) * most:
                 raise ValueError(f"{column.num_values} values of {name} in one generation")
-            text = column.physical_type == "BYTE_ARRAY" and name != ERROR
             if text and column.total_uncompressed_size > MOST_TEXT:
                 raise ValueError(f"{column.total_uncompressed_size} bytes of {name}")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from evocity.store.bounds import read_through
-from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece, last_whole
 from evocity.store.seals import opened
 
 
@@ -25,13 +25,17 @@ class Ending:
     def written(self) -> int:
         """The last generation that is written down without a gap before it, damaged or not; -1 if
         there is none."""
-        return min(self._folder.last_generation(kind) for kind in (BIRTHS, MEMBERSHIP))
+        return min(map(last_whole, self._pieces()))
+
+    def _pieces(self) -> list[list[Piece]]:
+        return [self._folder.pieces(kind) for kind in (BIRTHS, MEMBERSHIP)]
 
     def found(self, thorough: bool = False) -> tuple[int, tuple[Path, ...]]:
         """The last generation before any damage, and the files from there on. Looked at are the
         generations at the end; all, if ``thorough``."""
-        pieces = [p for kind in (BIRTHS, MEMBERSHIP) for p in self._folder.pieces(kind)]
-        end = last = self.written
+        kinds = self._pieces()
+        pieces = [piece for kind in kinds for piece in kind]
+        end = last = min(map(last_whole, kinds))
         looked: Sequence[Piece] = pieces if thorough else ()
         while True:
             at_end = [p for p in pieces if p.first <= last <= p.last]

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,9 +105,14 @@ class Folder:
 
     def last_generation(self, kind: str) -> int:
         """Highest generation g such that ``kind`` holds 0…g without a gap; -1 if none."""
-        last = -1
-        for piece in self.pieces(kind):
-            if piece.first != last + 1:
-                break
-            last = piece.last
-        return last
+        return last_whole(self.pieces(kind))
+
+
+def last_whole(pieces: Sequence[Piece]) -> int:
+    """Highest generation g such that ``pieces``, in order, hold 0…g without a gap; -1 if none."""
+    last = -1
+    for piece in pieces:
+        if piece.first != last + 1:
+            break
+        last = piece.last
+    return last

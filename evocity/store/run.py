@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from numbers import Integral
@@ -11,33 +11,29 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from evocity.citymap import CityMap
-from evocity.columns import column_of
+from evocity.columns import array_of, column_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
-from evocity.store.bounds import check_bounds, read_bounded
 from evocity.store.ending import Ending
 from evocity.store.events import read_events
-from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 from evocity.store.merge import KINDS, damaged
 from evocity.store.parts import read_bytes, read_json
+from evocity.store.pedigree import ancestry
 from evocity.store.schema import (
     ABOUT_GENERATIONS,
-    ABOUT_RUN,
     Birth,
     Header,
     births_of,
-    births_schema,
-    check_rows,
     check_version,
-    membership_schema,
     summaries_of,
 )
-from evocity.store.seals import check_digests, check_seal, opened
+from evocity.store.seals import check_digests, opened
 from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
+from evocity.store.tables import Tables, spans_of
 
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
@@ -77,6 +73,7 @@ class Run:
             self.provenance: dict = read_json(self._folder.provenance)
             check_version(self.provenance["schema_version"], self.path)
             self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
+        self._tables = Tables(self.header)
 
     def __repr__(self) -> str:
         return f"Run({str(self.path)!r}, {len(self.generations)} generations)"
@@ -154,16 +151,22 @@ class Run:
                     self._where_ids_are,
                 )
         found: dict[int, Birth] = {}
-        spans = self._with_pieces(self._spans)
-        for generation, first, last in spans:
-            if not any(first <= identifier <= last for identifier in ids):
-                continue
-            table = self.births(generation)
-            with self._readable(self.path):
-                wanted = pc.is_in(table.column("id"), value_set=column_of(np.array(ids, np.int64)))
-                births = births_of(table.filter(wanted), self.header, self.condensation)
-            found |= {birth.id: birth for birth in births}
-        missing = [identifier for identifier in ids if identifier not in found]
+        spans, missing = [], list(ids)
+        # where they are if as many are born in each generation; then everywhere
+        for near in ({one // self.header.population for one in ids}, None):
+            if not missing:
+                break
+            spans = self._with_pieces(lambda near=near: self._spans(near))
+            for generation, first, last in spans:
+                if not any(first <= identifier <= last for identifier in missing):
+                    continue
+                table = self.births(generation)
+                with self._readable(self.path):
+                    sought = column_of(np.array(missing, np.int64))
+                    wanted = pc.is_in(table.column("id"), value_set=sought)
+                    births = births_of(table.filter(wanted), self.header, self.condensation)
+                found |= {birth.id: birth for birth in births}
+            missing = [identifier for identifier in ids if identifier not in found]
         if missing:
             raise RunError(
                 f"{self.path}: no individual {missing[0]}",
@@ -217,27 +220,20 @@ class Run:
         measures = [f"fitness.{name}" for name in self.header.columns]
         own = ["generation", "id", "parents", "operator", "status", *measures]
         columns = own if columns is None else self._known(columns)
-        log = self.births(columns=["id", "parents"])
-        with self._readable(self.path):
-            parents = dict(zip(*(log.column(k).to_pylist() for k in range(2)), strict=True))
+        births = self.births(columns=list(dict.fromkeys(["id", "parents", *columns])))
         whole = isinstance(identifier, Integral) and not isinstance(identifier, bool)
-        if not whole or identifier not in parents:
+        with self._readable(self.path):
+            kept = ancestry(births, int(identifier)) if whole else None
+        if kept is None:
             raise RunError(
                 f"{self.path}: no individual {identifier!r}",
                 f"an id of a birth in generations 0…{len(self.generations) - 1}",
                 self._where_ids_are,
             )
-        found, further = set(), [int(identifier)]
-        while further:
-            one = further.pop()
-            if one in parents and one not in found:
-                found.add(one)
-                further += parents[one] or ()
-        births = self.births(columns=list(dict.fromkeys(["id", *columns])))
-        kept = births.filter(
-            pc.is_in(births.column("id"), value_set=column_of(np.array(sorted(found), np.int64)))
-        )
-        return kept.sort_by("id").select(columns)
+        births = births.filter(column_of(kept))
+        if (np.diff(array_of(births["id"])) < 0).any():  # nearly never
+            births = births.sort_by("id")
+        return births.select(columns)
 
     def sources(self) -> list[Source]:
         """The source cities, maps and genomes."""
@@ -324,7 +320,7 @@ class Run:
 
     def _known(self, columns: Sequence[str]) -> list[str]:
         """``columns`` of births; `RunError` if there is no such column."""
-        known = births_schema(self.header).names
+        known = self._tables.schemas[BIRTHS].names
         if isinstance(columns, str):
             raise RunError(
                 f"{self.path}: columns = {columns!r}",
@@ -360,7 +356,8 @@ class Run:
                     else range(max(piece.first, generation), min(piece.last, generation) + 1)
                 )
                 if wanted:
-                    tables.append(self._rows(kind, piece, wanted, columns))
+                    with self._readable(piece.path, gone_is_damage=False):
+                        tables.append(self._tables.rows(kind, piece, wanted, columns))
             return tables
 
         tables = self._with_pieces(read)
@@ -375,37 +372,15 @@ class Run:
             joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
             return joined.replace_schema_metadata(tables[-1].schema.metadata)
 
-    def _rows(self, kind: str, piece: Piece, wanted: range, columns) -> pa.Table:
-        """Generations ``wanted`` of a file, once its header and columns are those of the run."""
-        expected = births_schema(self.header) if kind == BIRTHS else membership_schema(self.header)
-        with self._readable(piece.path, gone_is_damage=False), opened(piece.path) as file:
-            schema = file.schema_arrow
-            check_bounds(file.metadata, self.header, columns)
-            if Header.from_json(schema.metadata[ABOUT_RUN], piece.path) != self.header:
-                raise ValueError("it belongs to another run")
-            if not schema.equals(expected):
-                raise ValueError(f"its columns are not those of {kind}")
-            groups = [g - piece.first for g in wanted]
-            if piece.first == piece.last:  # without rows it has no row group
-                groups = range(file.num_row_groups)
-            table = read_bounded(piece.path, file, kind, groups, columns)
-            check_rows(table, self.header, kind != BIRTHS)
-            return table
-
-    def _spans(self) -> list[tuple[int, int, int]]:
-        """(generation, least and largest id) of each whole generation that has births."""
+    def _spans(self, near: Collection[int] | None) -> list[tuple[int, int, int]]:
+        """(generation, least and largest id) of each whole generation that has births; of those in
+        the files of the generations ``near``, or of all."""
         whole, spans = self.generations, []
         for piece in self._folder.pieces(BIRTHS):
+            if near is not None and not any(piece.first <= one <= piece.last for one in near):
+                continue
             with self._readable(piece.path, gone_is_damage=False):
-                check_seal(piece.path)
-                about = pq.read_metadata(piece.path)
-                at = about.schema.to_arrow_schema().names.index("id")
-                # a row group a generation; without rows there is none
-                for group in range(about.num_row_groups):
-                    column = about.row_group(group).column(at)
-                    if piece.first + group in whole and column.statistics is not None:
-                        least, largest = column.statistics.min, column.statistics.max
-                        spans.append((piece.first + group, int(least), int(largest)))
+                spans += spans_of(piece, whole)
         return spans
 
     def _summaries(self, path: Path) -> dict[int, dict]:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 from pydantic_core import from_json
 
@@ -314,12 +315,13 @@ def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
     for name in set(table.column_names) & {*_NEVER_NULL, *marks}:
         if table[name].null_count:
             raise ValueError(f"a row without {name}")
-    if "status" in table.column_names and not set(table["status"].to_pylist()) <= set(STATUSES):
-        raise ValueError(f"a status other than {', '.join(STATUSES)}")
-    if "island" in table.column_names and not set(table["island"].to_pylist()) <= set(
-        header.islands
-    ):
-        raise ValueError(f"an island other than {', '.join(header.islands)}")
+    for name, known in (("status", STATUSES), ("island", header.islands)):
+        if name in table.column_names:
+            told = pc.unique(table[name].cast(pa.string())).to_pylist()
+            if not set(told) <= set(known):
+                raise ValueError(
+                    f"{'an' if name == 'island' else 'a'} {name} other than {', '.join(known)}"
+                )
 
 
 def births_table(births: Sequence[Birth], header: Header) -> pa.Table:

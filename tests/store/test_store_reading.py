@@ -1,0 +1,122 @@
+"""What reading a long log costs, held by counting; and pedigrees against an obvious twin."""
+
+from collections import Counter
+
+import naive
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_store_behind import short  # noqa: F401
+from test_store_log import generation_of, writer  # noqa: F401
+
+from evocity.search import archive
+from evocity.store import open_run, seals
+from evocity.store.pedigree import ancestry
+
+
+@pytest.fixture
+def long(writer, short):  # noqa: F811
+    """Path of a run of 39 generations of 6: segments of 16, 16 and 4, and three alone."""
+    for number in range(39):
+        writer.write_generation(*generation_of(number, size=6))
+    writer.update_provenance({"fitness": [{"name": n, "goal": "max"} for n in ("alpha", "beta")]})
+    return writer.path
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Row groups that were read of each file, "births/…", and how often its seal was checked."""
+    read, checked, opened = Counter(), Counter(), {}
+    check, make = seals.check_seal, pq.ParquetFile.__init__
+    groups, one = pq.ParquetFile.read_row_groups, pq.ParquetFile.read_row_group
+
+    def name(path):
+        return f"{path.parent.name}/{path.name}"
+
+    def checking(path):
+        checked[name(path)] += 1
+        check(path)
+
+    def making(self, source, **options):
+        opened[id(self)] = name(source) if hasattr(source, "parent") else "a footer alone"
+        make(self, source, **options)
+
+    def reading(self, numbers, *args, **options):
+        read[opened[id(self)]] += len(list(numbers))
+        return groups(self, numbers, *args, **options)
+
+    def reading_one(self, number, *args, **options):
+        read[opened[id(self)], "looked at"] += 1
+        return one(self, number, *args, **options)
+
+    monkeypatch.setattr(seals, "check_seal", checking)
+    monkeypatch.setattr("evocity.store.tables.check_seal", checking)
+    monkeypatch.setattr(pq.ParquetFile, "__init__", making)
+    monkeypatch.setattr(pq.ParquetFile, "read_row_groups", reading)
+    monkeypatch.setattr(pq.ParquetFile, "read_row_group", reading_one)
+    return read, checked
+
+
+def births_read(read: Counter) -> dict[str, int]:
+    return {key: count for key, count in read.items() if "births" in key}
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        lambda run: run.births(columns=["id", "status"]),
+        lambda run: run.ancestors(233),
+        archive,
+    ],
+    ids=["births", "ancestors", "archive"],
+)
+def test_each_row_group_of_births_is_read_once(long, counted, way):
+    read, checked = counted
+    way(open_run(long))
+    pieces = births_read(read)
+    assert sorted(pieces.values()) == [1, 1, 1, 4, 16, 16]
+    # once to be read, and the last as the end of the run is looked for
+    sealed = [count for name, count in checked.items() if name.startswith("births")]
+    assert sorted(sealed) == [1, 1, 1, 1, 1, 2]
+
+
+def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
+    read, checked = counted
+    assert open_run(long).individuals([8])[0].generation == 1
+    assert births_read(read) == {"births/segment-00000000-00000015.parquet": 1}
+    assert set(checked) <= {
+        "births/segment-00000000-00000015.parquet",
+        "births/generation-00000038.parquet",
+        "membership/generation-00000038.parquet",
+    }
+
+
+def table_of(ids, parents) -> pa.Table:
+    kinds = pa.schema([("id", pa.int64()), ("parents", pa.list_(pa.int64()))])
+    half = len(ids) // 2
+    return pa.concat_tables(
+        pa.table([pa.array(ids[a:b], pa.int64()), pa.array(parents[a:b], kinds[1].type)], kinds)
+        for a, b in ((0, half), (half, len(ids)))
+    )
+
+
+@given(st.integers(0, 2**32), st.integers(0, 30), st.booleans())
+@settings(deadline=None)
+def test_a_pedigree_is_as_walked_one_by_one(seed, count, ordered):
+    """Ids in any order, some twice; parents that are not there, rings of them, and none."""
+    rng = np.random.default_rng(seed)
+    ids = np.arange(count) * 2 if ordered else rng.integers(0, 40, count)
+    parents = [rng.integers(0, 60, rng.integers(4)).tolist() for _ in range(count)]
+    for wanted in (*ids[:3].tolist(), 7, -1, 2**70):
+        marked = ancestry(table_of(ids.tolist(), parents), wanted)
+        expected = naive.ancestry(ids.tolist(), parents, wanted)
+        assert (None if marked is None else marked.tolist()) == expected
+
+
+def test_a_deep_pedigree_is_followed_to_its_end():
+    ids = list(range(3000))
+    marked = ancestry(table_of(ids, [[max(0, one - 1)] for one in ids]), 2999)
+    assert marked.all()
