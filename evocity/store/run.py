@@ -35,6 +35,8 @@ from evocity.store.seals import check_digests, opened
 from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
 from evocity.store.tables import Tables, spans_of
 
+# Bytes of a table up to which its columns are one chunk each: what Arrow's lists may hold.
+_WHOLE = 2**31
 #: A merge may replace a file between the listing and the opening of it.
 _ATTEMPTS = 5
 
@@ -370,6 +372,8 @@ class Run:
         with self._readable(self.path):
             plain = [table.replace_schema_metadata(None) for table in tables]
             joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
+            if columns is not None and joined.nbytes < _WHOLE:
+                joined = joined.combine_chunks()  # thousands of chunks are slow to work on
             return joined.replace_schema_metadata(tables[-1].schema.metadata)
 
     def _spans(self, near: Collection[int] | None) -> list[tuple[int, int, int]]:
