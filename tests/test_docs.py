@@ -221,8 +221,9 @@ def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
 def test_python_blocks_run(page, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
     found = blocks(page, "python")
-    if page.name == "run-folder.md":
+    if page.name in ("run-folder.md", "analysis.md"):
         names = {"folder": str(request.getfixturevalue("small_run"))}
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     else:
         names = {}
     for number, block in enumerate(found):

@@ -5,7 +5,14 @@ notebooks share.
 - `individual`: one birth, with its city, parents, pictures, files
 - `births`: all births as columns; `wanted`: what was wanted of them; `series`: generation by
   generation
-- `condition`: births chosen by "fsi > 2 and crumbs < 4"
+- `asked`, `condition`: which births are meant, by ids, or by "fsi > 2 and crumbs < 4"
+- `compromise`, `clusters`, `likeness`, `spread`: which is the best of many goals, which are alike,
+  which differ most
+- `pedigree`, `credit`: who descends from whom, which operators paid
+- `keeping`: which few to keep, and why
+- `scoring`: measures that the run did not log
+- `comparing`: two runs beside each other
+- `exporting`: CSV, and a zip of chosen births
 - `extras`: libraries that are asked for when they are needed
 """
 

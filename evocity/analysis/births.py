@@ -172,6 +172,32 @@ class Told:
     def _wanted_values(self) -> dict[str, np.ndarray]:
         return {name: self.value(name) for name in self.run.header.measures}
 
+    def losses_by(self, name: str, goal: str | None = None) -> np.ndarray:
+        """Float64 ``(n,)``, lower is better, NaN where there is no value: by one measure, or by a
+        sum of the run's. ``goal``: "max" or "min" in place of the run's own.
+
+        Raises `RunError` for an unknown name, and for a measure of which the run wanted neither
+        more nor less, unless a goal is given.
+        """
+        if goal not in (None, "max", "min"):
+            raise RunError(f"goal = {goal!r}", "max or min", "leave it out for the run's own")
+        sums = sorted({aim.total for aim in self.aims} - {None})
+        if name not in self.run.header.columns:
+            if name in sums and goal is None:
+                return self.losses[:, self.goals.index(name)]
+            raise unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
+        aim = next(one for one in [*self.aims, *self.recorded] if one.name == name)
+        if goal is None and aim.target is not None:
+            return np.abs(self.value(name) - aim.target)
+        goal = goal or aim.goal
+        if goal not in ("max", "min"):
+            raise RunError(
+                f"{self.run.path}: the run wanted neither more nor less of {name} ({aim.wanted})",
+                "a measure with a goal",
+                f'say which: run.best("{name}", goal="max")',
+            )
+        return self.value(name) if goal == "min" else -self.value(name)
+
     # -- who lived ---------------------------------------------------------------------------
 
     @cached_property

@@ -1,7 +1,7 @@
 """`Run`: a run as one asks it the morning after."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING
@@ -9,19 +9,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evocity import store
-from evocity.analysis.births import Told, unknown
+from evocity.analysis.asked import check_count, ids_of
+from evocity.analysis.births import Told
+from evocity.analysis.clusters import labelled, medoids
+from evocity.analysis.compromise import best_compromise, weights_of
 from evocity.analysis.condition import Condition
+from evocity.analysis.credit import credit_of
 from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
+from evocity.analysis.likeness import Likeness
+from evocity.analysis.pedigree import Pedigree, steps_of
 from evocity.analysis.series import series_of
+from evocity.analysis.spread import diversity_of, farthest_first
 from evocity.analysis.wanted import Aim
 from evocity.displayed import Displayed
 from evocity.errors import RunError
 
 if TYPE_CHECKING:
+    import networkx as nx
     import pandas as pd
     import pyarrow as pa
 
+    from evocity.analysis.comparing import Comparison
+    from evocity.analysis.keeping import Keeping
     from evocity.search import Archive
 
 
@@ -42,8 +52,9 @@ class Run(store.Run, Displayed):
     """A run folder, read only; made by `evocity.open_run`. What `evocity.store.Run` has, and more.
 
     What names several births gives a pandas frame of their scores, a birth a row, ``id`` its index;
-    what names one gives an `Individual`. ``len(run)``, ``run[97]``, ``run[-1]``, ``run[10:20]``,
-    ``97 in run`` and iteration go over births by id.
+    what names one gives an `Individual`. Where ``of`` asks which births, it takes ids, individuals,
+    such a frame, or a condition, see `where`. ``len(run)``, ``run[97]``, ``run[-1]``,
+    ``run[10:20]``, ``97 in run`` and iteration go over births by id.
 
     Of a run that goes on, all of one object tells of the generations that were whole when it was
     first asked, until `refresh`. All methods raise `RunError` on damage, and where there is no
@@ -133,7 +144,11 @@ class Run(store.Run, Displayed):
         names = [name for name in told.columns if name not in ("id", "lived")]
         columns = {name: told.column(name)[rows] for name in names} | more
         pandas = library("pandas", "a table of births")
-        return pandas.DataFrame(columns, pandas.Index(told.ids[rows], name="id"))
+        index = pandas.Index(told.ids[rows], name="id")
+        for name, column in columns.items():
+            if column.dtype == object:  # text, of no births too
+                columns[name] = pandas.Series(column, index, dtype="str")
+        return pandas.DataFrame(columns, index)
 
     def where(self, condition: str) -> "pd.DataFrame":
         """The `scores` of the births that meet a ``condition``: "fsi > 2 and crumbs < 4", "operator
@@ -182,7 +197,7 @@ class Run(store.Run, Displayed):
         Raises `RunError` for an unknown measure, for one without a goal, and if nobody qualifies.
         """
         told = self.told
-        losses = self._losses_by(measure, goal)
+        losses = told.losses_by(measure, goal)
         rows = np.flatnonzero(told.feasible & np.isfinite(losses) & (told.alive | (not alive)))
         if not len(rows):
             raise RunError(
@@ -192,17 +207,6 @@ class Run(store.Run, Displayed):
             )
         return self[int(told.ids[rows[np.argmin(losses[rows])]])]
 
-    def _losses_by(self, measure: str, goal: str | None) -> np.ndarray:
-        """What a ``measure`` or a sum is of each birth, lower is better."""
-        told = self.told
-        if measure in self.header.columns:
-            aims = {aim.name: aim for aim in [*told.aims, *told.recorded]}
-            return _losses(aims[measure], told.value(measure), goal, self)
-        sums = {aim.total for aim in told.aims} - {None}
-        if measure in sums and goal is None:
-            return told.losses[:, told.goals.index(measure)]
-        raise unknown(measure, [*self.header.columns, *sorted(sums)], str(self.path))
-
     @cached_property
     def archive(self) -> "Archive":
         """Of all births those that no other ever dominated, the dead among them; of a run of
@@ -211,20 +215,218 @@ class Run(store.Run, Displayed):
 
         return archive(self, self.told.last)
 
+    def compromise(
+        self, weights: Mapping[str, float] | None = None, of: object = None
+    ) -> Individual:
+        """The best compromise of the archive, or ``of`` these births: the one that is least behind,
+        in the goal where it is farthest behind the best of them (achievement scalarisation after
+        Wierzbicki 1980). ``weights``: how much goals count, by name; 1 unless told, 0 for not.
 
-def _losses(aim: Aim, values: np.ndarray, goal: str | None, run: Run) -> np.ndarray:
-    if goal not in (None, "max", "min"):
-        raise RunError(f"goal = {goal!r}", "max or min", "leave it out for the run's own")
-    if goal is None and aim.target is not None:
-        return np.abs(values - aim.target)
-    goal = goal or aim.goal
-    if goal not in ("max", "min"):
-        raise RunError(
-            f"{run.path}: the run wanted neither more nor less of {aim.name} ({aim.wanted})",
-            "a measure with a goal",
-            f'say which: run.best("{aim.name}", goal="max")',
-        )
-    return values if goal == "min" else -values
+        Raises `EvocityError` for weights that are none, `RunError` if there is no birth.
+        """
+        told = self.told
+        ids = self._ids(of)
+        rows = told.rows(ids)
+        rows = rows[told.feasible[rows]]
+        if not len(rows):
+            raise RunError(
+                f"{self.path}: none of {len(ids)} births keeps the constraints",
+                "one at least",
+                "see why: run.scores, or evocity status",
+            )
+        heavy = weights_of(weights, told.goals)
+        return self[int(told.ids[rows[best_compromise(told.losses[rows], heavy)]])]
+
+    def keep(self, n: int = 5) -> "Keeping":
+        """The ``n`` births of the archive that are worth keeping, or as many as there are, dead
+        ones among them: the compromise, the best by each goal, one of each kind of look. Of each
+        ``individual``, ``role``, ``why`` and what it ``gave_up``; ``print`` tells all in lines."""
+        from evocity.analysis.keeping import kept_of
+
+        check_count("n", n, n)
+        ids = self.archive.ids
+        check_count("n", min(n, len(ids)), len(ids))
+        return kept_of(self.told, ids, self._likeness, n)
+
+    # -- who is like whom --------------------------------------------------------------------
+
+    @cached_property
+    def _likeness(self) -> Likeness:
+        return Likeness(self.told)
+
+    def _ids(self, of: object) -> np.ndarray:
+        """The births that ``of`` names: one or many ids or individuals, a frame, a condition; None
+        for the archive."""
+        if isinstance(of, str):
+            return self.told.ids[self._kept(of)]
+        return ids_of(self.archive.ids if of is None else of, self.told)
+
+    def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
+        """The `scores` of the archive, or ``of`` these births, in ``k`` groups of like ones:
+        ``cluster``, their number from 0, and ``medoid``, whether it is the one in the middle.
+
+        by : "looks", the share of the map that differs by more than a storey; "scores", losses in
+            units of their ranges; "kin", the share of the map with other stones.
+
+        Raises `EvocityError` for a ``k`` that is none, or more births than can be compared.
+        """
+        ids = self._ids(of)
+        check_count("k", k, len(ids))
+        distances = self._likeness.matrix(ids, by)
+        chosen = medoids(distances, k)
+        medoid = np.isin(np.arange(len(ids)), chosen)
+        labels = labelled(distances, chosen)
+        return self.frame(self.told.rows(ids), cluster=labels, medoid=medoid)
+
+    def nearest(self, one: int | Individual, n: int = 1, by: str = "looks", of: object = None):
+        """The birth of the archive, or ``of`` these, that is most like ``one``, other than itself:
+        an `Individual`; for ``n`` above 1 their `scores` and ``distance``, the nearest first.
+        ``by`` as `clusters` has it."""
+        (one,) = ids_of(one, self.told)
+        ids = self._ids(of)
+        ids = ids[ids != one]
+        check_count("n", n, len(ids))
+        distances = self._likeness.from_one(int(one), ids, by)
+        order = np.lexsort((ids, distances))[:n]
+        if n == 1:
+            return self[int(ids[order[0]])]
+        return self.frame(self.told.rows(ids[order]), distance=distances[order])
+
+    def most_different(self, n: int, of: object = None, by: str = "looks") -> "pd.DataFrame":
+        """The `scores` of ``n`` of the archive, or ``of`` these births: the two that are farthest
+        apart, then each time the one farthest from all before it. ``by`` as `clusters` has it."""
+        ids = self._ids(of)
+        check_count("n", n, len(ids))
+        rows = farthest_first(self._likeness.matrix(ids, by), n)
+        return self.frame(self.told.rows(ids[rows]))
+
+    def diversity(self, by: str = "scores", generations: int = 50) -> "pd.DataFrame":
+        """How far two of the living are from each other in the mean, ``apart``, in so many
+        ``generations`` evenly from the first to the last, index ``generation``. ``by`` as
+        `clusters` has it; by looks all of the living are decoded."""
+        check_count("generations", generations, generations)
+        pandas = library("pandas", "a table of generations")
+        numbers, apart = diversity_of(self.told, self._likeness, by, generations)
+        return pandas.DataFrame({"apart": apart}, pandas.Index(numbers, name="generation"))
+
+    # -- who came of what --------------------------------------------------------------------
+
+    def survivors(self, n: int | None = None) -> "pd.DataFrame":
+        """The `scores` of the births that lived in a generation at least, or of the first ``n`` of
+        them, with ``lived``, in how many; longest first, of equal ones the first born."""
+        lived = self.told.lived
+        rows = np.lexsort((self.told.ids, -lived))[: np.count_nonzero(lived)]
+        if n is not None:
+            check_count("n", n, n)
+            rows = rows[:n]
+        return self.frame(rows, lived=lived[rows])
+
+    @cached_property
+    def _pedigree(self) -> Pedigree:
+        return Pedigree(self.told)
+
+    def credit(self) -> "pd.DataFrame":
+        """Which operators paid, a row each, index ``operator``: ``births``; ``failed`` of them;
+        ``survived``, who lived in a generation at least; ``entered``, whom none born until then
+        dominated; ``ancestors``, its share of all from whom the living descend, 0…1, the living
+        among them; ``seconds``, the mean of a birth."""
+        pandas = library("pandas", "a table of operators")
+        names, columns = credit_of(self.told, self._pedigree)
+        return pandas.DataFrame(columns, pandas.Index(names, name="operator"))
+
+    def lineage(self, one: int | Individual, generations: int | None = None) -> "nx.DiGraph":
+        """From whom ``one`` descends, as a graph of networkx: nodes are ids, with what `scores`
+        tells of each; edges lead from parent to child. ``generations``: so many steps back; all the
+        way to the source cities unless it is told."""
+        networkx = library("networkx", "a lineage")
+        told = self.told
+        rows = told.rows(ids_of(one, told))
+        rows = self._pedigree.ancestors(rows, steps_of(generations))
+        names = [name for name in told.columns if name not in ("id", "lived")]
+        columns = [told.column(name)[rows].tolist() for name in names]
+        about = (dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True))
+        graph = networkx.DiGraph()
+        graph.add_nodes_from(zip(told.ids[rows].tolist(), about, strict=True))
+        parents, children = self._pedigree.edges(rows)
+        graph.add_edges_from(zip(parents.tolist(), children.tolist(), strict=True))
+        return graph
+
+    def ancestry(self, which: object) -> "dict[str, float] | pd.DataFrame":
+        """Source city -> share of the map that is its stone, of one birth; of several, named by
+        ids or a frame, a frame with a row each and a column a city."""
+        if isinstance(which, Integral | Individual):
+            return Individual(self.told, getattr(which, "id", which)).ancestry()
+        pandas = library("pandas", "a table of shares")
+        ids = self._ids(which)
+        births = self.individuals(ids.tolist())
+        shares = [np.nan if one.genome is None else one.genome.shares for one in births]
+        found = np.empty((len(ids), len(self.header.cities)))
+        for row, one in zip(found, shares, strict=True):
+            row[:] = one
+        index = pandas.Index(ids, name="id")
+        return pandas.DataFrame(found, index, list(self.header.cities))
+
+    # -- what the night did not ask ----------------------------------------------------------
+
+    def score(
+        self,
+        ids: object,
+        measures: object,
+        workers: int | None = None,
+        timeout: float = 60.0,
+    ) -> "pd.DataFrame":
+        """Measures that the run did not log, of these births (ids, individuals, a frame), index
+        ``id``: a column each, NaN where it has no value, and ``error``, which says why.
+
+        measures : names, files NAME.py, which are executed, or measures; one or a list.
+        workers : processes, one a core unless told; 0 measures here, without a deadline.
+        timeout : seconds, of all measures of one birth.
+
+        What was measured once is kept in the user's cache, ``evocity/scores`` in $XDG_CACHE_HOME or
+        ~/.cache, never in the run. Raises `FitnessError` for an unknown measure.
+        """
+        from evocity.analysis.scoring import measures_of, scored
+
+        pandas = library("pandas", "a table of scores")
+        asked, ids = measures_of(measures), self._ids(ids)
+        values, reasons = scored(self, ids, asked, workers, timeout)
+        columns = {one.name: column for one, column in zip(asked, values.T, strict=True)}
+        table = pandas.DataFrame(columns, pandas.Index(ids, name="id"))
+        table["error"] = pandas.Series(reasons, table.index, dtype=object)
+        return table
+
+    # -- files -------------------------------------------------------------------------------
+
+    def to_csv(self, path: str | os.PathLike, form: str = "plain", of: object = None) -> None:
+        """Write the scores of all births, or ``of`` these, as CSV. ``form``: "plain"; or
+        "design-explorer", with ``in:`` (generation, operator, share of each city), ``out:``
+        (measures) and ``img``, a picture each in the folder NAME-pictures beside it, of the archive
+        unless ``of`` says otherwise. Nothing is left half-written."""
+        from evocity.analysis.exporting import write_csv
+
+        every = self.told.ids if of is None and form == "plain" else self._ids(of)
+        write_csv(self.told, every, path, form)
+
+    def save(self, which: object, path: str | os.PathLike) -> None:
+        """Write births, named by ids or a frame, into a ``path`` that ends in .zip: of each its map
+        as GeoTIFF, a picture, its genome, its scene; their scores; whom to thank."""
+        from evocity.analysis.exporting import write_zip
+
+        write_zip([self[int(one)] for one in self._ids(which)], path)
+
+    def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
+        """This run beside an ``other``: frames ``recipes``, what differs in them; ``hypervolume``
+        by what both want; ``fronts``, who dominates whom; ``print`` tells it in sentences."""
+        from evocity.analysis.comparing import Comparison, Side
+
+        other = other if isinstance(other, Run) else open_run(other)
+        names = [run.path.resolve().name for run in (self, other)]
+        if names[0] == names[1]:
+            names = [str(self.path), str(other.path)]
+        if names[0] == names[1]:
+            names[1] += " (2)"
+        sides = zip(names, (self, other), strict=True)
+        return Comparison(*(Side(name, run.told, run.archive.ids) for name, run in sides))
 
 
 __all__ = ["Run", "open_run"]

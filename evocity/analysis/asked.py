@@ -1,0 +1,39 @@
+"""What is asked for: which births, and how many."""
+
+from collections.abc import Iterable
+from numbers import Integral
+
+import numpy as np
+
+from evocity.analysis.births import Told
+from evocity.errors import EvocityError, RunError, shown
+
+
+def ids_of(which: object, told: Told) -> np.ndarray:
+    """Int64: the ids that are asked for by ``which``: an id or an individual, many of them, or a
+    frame of births. Raises `RunError` for one that is none of the run's."""
+    if isinstance(which, Integral) or hasattr(which, "birth"):
+        which = [which]
+    index = getattr(which, "index", None)
+    listed = which if index is None or callable(index) else index  # of a pandas frame
+    if not isinstance(listed, Iterable) or isinstance(listed, str):
+        raise RunError(
+            f"{told.run.path}: births {shown(which)}",
+            "ids, individuals, or a frame of births",
+            "give for example run.archive.ids",
+        )
+    return told.ids[told.rows([getattr(one, "id", one) for one in listed])]
+
+
+def check_count(name: str, count: object, most: int) -> None:
+    """Raise `EvocityError` unless ``count`` is a whole number from 1 to ``most``."""
+    whole = isinstance(count, Integral) and not isinstance(count, bool)
+    if not whole or not 1 <= count <= most:
+        raise EvocityError(
+            f"{name} = {count!r} of {most} births" if whole else f"{name} = {count!r}",
+            f"a whole number from 1 to {most}" if most else "births to choose from",
+            "choose a smaller one, or name other births with of=" if most else "name births: of=",
+        )
+
+
+__all__ = ["check_count", "ids_of"]

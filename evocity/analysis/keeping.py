@@ -1,0 +1,151 @@
+"""Which few to keep, and why: the compromise, the extremes, one of each kind."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evocity.analysis.births import Told
+from evocity.analysis.clusters import labelled, medoids
+from evocity.analysis.compromise import best_compromise
+from evocity.analysis.extras import library
+from evocity.analysis.individual import Individual
+from evocity.analysis.likeness import Likeness
+from evocity.search.fronts import Scale
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: So many of the archive are compared by looks, at most.
+MOST_COMPARED = 320
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A birth worth keeping. ``role``: "compromise", "best NAME", "one of its kind"; ``why``: in a
+    sentence or two; ``gave_up``: in which goal it is farthest behind the best, and how far."""
+
+    individual: Individual
+    role: str
+    why: str
+    gave_up: str
+
+    def __str__(self) -> str:
+        return f"{self.individual.id}, {self.role}. {self.why} {self.gave_up}".rstrip()
+
+
+class Keeping(list[Kept]):
+    """A few births worth keeping; ``str()`` tells each in a line."""
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self))
+
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """A row each, index ``id``: role, why, gave_up, and the measures."""
+        pandas = library("pandas", "a table of births")
+        rows = [
+            {"role": one.role, "why": one.why, "gave_up": one.gave_up} | one.individual.scores
+            for one in self
+        ]
+        return pandas.DataFrame(rows, pandas.Index([k.individual.id for k in self], name="id"))
+
+
+def kept_of(told: Told, ids: np.ndarray, likeness: Likeness, count: int) -> Keeping:
+    """``count`` of the births ``ids``, which are an archive, or as many as there are: the best
+    compromise; the best by each goal; for the rest those in the middle of the largest groups of
+    births that look alike, of which none is among them yet. At least one birth, all measured."""
+    choice = _Choice(told, ids)
+    choice.take(best_compromise(choice.losses, np.ones(len(told.goals))), "compromise")
+    for column, goal in enumerate(told.goals):
+        if len(choice.roles) < count:
+            choice.take(choice.best(column), f"best {goal}")
+    if len(choice.roles) < min(count, len(ids)):
+        for row, why in _kinds(choice, likeness, count):
+            if len(choice.roles) < count:
+                choice.take(row, "one of its kind", why)
+    return Keeping(choice.told_of(row) for row in choice.roles)
+
+
+def _kinds(choice: "_Choice", likeness: Likeness, count: int) -> Iterator[tuple[int, str]]:
+    """Rows that stand for those that look like them, the largest group first, and then those that
+    are farthest from all others; why each does."""
+    own = np.fromiter(choice.roles, np.intp)
+    rest = np.setdiff1d(np.arange(len(choice.ids)), own)
+    rows = np.concatenate([own, rest[: max(0, MOST_COMPARED - len(own))]])
+    matrix = likeness.matrix(choice.ids[rows], "looks")
+    middle = medoids(matrix, min(count, len(rows)))
+    labels = labelled(matrix, middle)
+    sizes = np.bincount(labels, minlength=len(middle))
+    taken = set(labels[: len(own)].tolist())
+    for group in np.argsort(-sizes, kind="stable").tolist():
+        if group not in taken:
+            alike = f"{sizes[group]} of {len(rows)} in the archive look most like it"
+            yield int(rows[middle[group]]), f"{alike}, itself among them."
+    while True:
+        near = matrix[:, np.isin(rows, list(choice.roles))].min(axis=1)
+        near[np.isin(rows, list(choice.roles))] = -1
+        if near.max() < 0:
+            return
+        row = int(near.argmax())
+        yield int(rows[row]), f"It differs in {near[row]:.0%} of the map from all named before."
+
+
+class _Choice:
+    """Those chosen so far of the births ``ids``: row to role and reason."""
+
+    def __init__(self, told: Told, ids: np.ndarray):
+        self.told, self.ids = told, ids
+        self.losses = told.losses[told.rows(ids)]
+        self.scaled = Scale(self.losses)(self.losses)
+        self.roles: dict[int, tuple[list[str], str]] = {}
+        self._aims = {aim.name: aim for aim in told.aims}
+
+    def best(self, column: int) -> int:
+        """The row that is best by one goal; of equal ones the best by the sum of all."""
+        return int(np.lexsort((self.scaled.sum(axis=1), self.losses[:, column]))[0])
+
+    def take(self, row: int, role: str, why: str = "") -> None:
+        """Choose a ``row`` in a ``role``, one more if it is chosen already."""
+        self.roles.setdefault(row, ([], why))[0].append(role)
+
+    def value(self, row: int, column: int) -> str:
+        """What a birth has of a goal, with its unit; of a sum its loss."""
+        goal = self.told.goals[column]
+        if goal in self._aims and self._aims[goal].total is None:
+            value = self.told.value(goal)[self.told.rows(self.ids[row : row + 1])][0]
+            return f"{value:.3g} {self._aims[goal].unit}".rstrip()
+        return f"a loss of {self.losses[row, column]:.3g}"
+
+    def told_of(self, row: int) -> Kept:
+        roles, why = self.roles[row]
+        one = Individual(self.told, int(self.ids[row]))
+        goals, sentences = self.told.goals, []
+        if "compromise" in roles:
+            worst = int(self.scaled[row].argmax())
+            sentences.append(
+                f"Of the {len(self.ids)} in the archive it is nearest to the best of all goals at "
+                f"once: farthest behind in {goals[worst]}, by {self.scaled[row, worst]:.0%} of the "
+                "range."
+            )
+        best = [goal for goal in goals if f"best {goal}" in roles]
+        if best:
+            told = ", ".join(f"{goal} ({self.value(row, goals.index(goal))})" for goal in best)
+            sentences.append(f"None in the archive is better by {told}.")
+        sentences += [why] if why else []
+        if not one.alive:
+            sentences.append("It does not live any more.")
+        return Kept(one, ", ".join(roles), " ".join(sentences), self._gave_up(row))
+
+    def _gave_up(self, row: int) -> str:
+        worst = int(self.scaled[row].argmax())
+        if self.scaled[row, worst] <= 0:
+            return "It gave up nothing."
+        goal, best = self.told.goals[worst], self.best(worst)
+        return (
+            f"It gave up {goal}: {self.value(row, worst)}, the best has {self.value(best, worst)}."
+        )
+
+
+__all__ = ["Keeping", "Kept", "kept_of"]

@@ -1,0 +1,356 @@
+"""A run as one asks it: old, resumed, damaged, growing, empty ones."""
+
+import csv
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import written
+
+import evocity
+from evocity.analysis import scoring
+from evocity.analysis.likeness import Likeness
+from evocity.coding.decoded import decoded
+from evocity.errors import EvocityError, FitnessError, RunError
+from evocity.search.looks import look_of
+
+OLD = sorted((Path(__file__).parent.parent / "old").glob("run-[0-9]"))
+
+
+def naive_ancestors(run, one: int) -> set[int]:
+    found = {one}
+    for parent in run.individuals([one])[0].parents:
+        found |= naive_ancestors(run, parent)
+    return found
+
+
+# -- what there is ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", OLD, ids=lambda path: path.name)
+def test_runs_of_older_releases_are_asked_alike(path):
+    run = evocity.open_run(path)
+    assert len(run) == len(list(run)) == len(run.scores) == 24
+    assert (run[-1].id, run[23]) == (23, run[-1])
+    assert [one.id for one in run[3:5]] == [3, 4]
+    assert 7 in run
+    assert 24 not in run
+    assert run[5] in run
+    assert list(run.scores.columns[-len(run.header.columns) :]) == list(run.header.columns)
+    assert run.series["living"].tolist()[-1] == len(run.members(3))
+    assert run.compromise().id in run.archive.ids
+    assert set(run.front().index) <= set(run.where("alive").index)
+    for aim in run.aims:
+        if aim.goal != "bounds":
+            assert run.best(aim.name).feasible
+    for one in (0, 11, 23):
+        assert set(run.lineage(one)) == naive_ancestors(run, one)
+        assert sum(run.ancestry(one).values()) == pytest.approx(1)
+    assert run.credit()["births"].sum() == 24
+    assert set(run.clusters(2, by="scores")["cluster"]) == {0, 1}
+
+
+def test_births_are_chosen_by_a_condition(run):
+    table = run.births(columns=["parents", "id"], where="operator == 'mutation' and alive")
+    assert table.column_names == ["parents", "id"]
+    assert table["id"].to_pylist() == run.where("operator == 'mutation' and alive").index.tolist()
+    assert run.births(1, where="id >= 0")["generation"].to_pylist() == [1] * 8
+    assert "genome" in run.births(where="alive").column_names
+    with pytest.raises(RunError, match="no column"):
+        run.births(columns=["nothing"], where="alive")
+
+
+def test_an_individual_tells_what_the_log_does(run):
+    one = run[9]
+    (birth,) = run.individuals([9])
+    assert (one.generation, one.operator, one.status) == (1, birth.operator, birth.status)
+    assert one.scores == birth.values
+    assert one.genome == birth.genome
+    assert tuple(parent.id for parent in one.parents) == birth.parents
+    assert one.made == birth.made
+    assert one.losses["crumbs"] == birth.values["crumbs"]
+    assert one.losses["alignment"] == -birth.values["alignment"]
+    assert np.array_equal(one.city.heights, evocity.decode(birth.genome).city.heights)
+    living = [set(run.members(g)["id"].to_pylist()) for g in run.generations]
+    assert one.lived == sum(9 in ids for ids in living)
+    assert one.alive == (9 in living[-1])
+    assert one.picture(zoom=8).size[0] >= 512 > one.picture().size[0]
+    assert one.ancestry_picture().size[0] >= 64
+    assert one.scene().measures == one.scores
+
+
+@pytest.mark.parametrize("name", ["a.parquet", "a.tif", "a.npy", "a.png", "a.gpkg", "a.city.json"])
+def test_an_individual_becomes_a_file(run, tmp_path, name):
+    run[9].save(tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 0
+
+
+def test_a_file_of_no_kind_is_refused(run, tmp_path):
+    with pytest.raises(EvocityError, match=r"nothing is written as \.doc"):
+        run[9].save(tmp_path / "a.doc")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("which", [10**6, -(10**6), 1.5, "9", None, True])
+def test_what_is_no_birth_is_refused(run, which):
+    with pytest.raises(RunError):
+        run[which]
+    assert which not in run
+
+
+def test_questions_without_an_answer_are_refused(run):
+    for ask in (
+        lambda: run.best("nothing"),
+        lambda: run.best("gsi"),  # recorded, so nothing was wanted of it
+        lambda: run.best("gsi", "most"),
+        lambda: run.clusters(0),
+        lambda: run.clusters(99),
+        lambda: run.clusters(2, by="smell"),
+        lambda: run.nearest(9, 999),
+        lambda: run.nearest(9, of=[]),
+        lambda: run.front(99),
+        lambda: run.survivors(0),
+        lambda: run.lineage(9, -1),
+        lambda: run.most_different(2, of=[1, 10**9]),
+        lambda: run.compromise({"gsi": 1}),
+        lambda: run.score(9, "nothing"),
+        lambda: run.score(9, []),
+        lambda: run.score(9, "gsi", workers=-1),
+        lambda: run.score(9, "gsi", timeout=0),
+    ):
+        with pytest.raises(EvocityError) as caught:
+            ask()
+        assert caught.value.expected
+        assert caught.value.remedy
+    assert run.best("gsi", "max").scores["gsi"] == run.where("feasible")["gsi"].max()
+
+
+@pytest.mark.parametrize(("name", "ask"), [("pandas", "scores"), ("networkx", "lineage")])
+def test_a_library_that_is_not_there_is_named(run, monkeypatch, name, ask):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(EvocityError, match=name) as caught:
+        _ = run.scores if ask == "scores" else run.lineage(9)
+    assert "evocity[notebook]" in caught.value.remedy
+    assert run.best("alignment").picture()  # needs neither
+
+
+# -- who is like whom ------------------------------------------------------------------------
+
+
+def test_looks_differ_by_the_share_of_cells(run):
+    ids = run.archive.ids[:4]
+    found = Likeness(run.told).matrix(ids, "looks")
+    looks = [look_of(decoded(run.genome(int(one))).city).astype(int) for one in ids]
+    expected = [[np.mean(np.abs(a - b) > 30) for b in looks] for a in looks]
+    assert found == pytest.approx(np.array(expected))
+
+
+def test_a_copy_is_the_next_of_kin(run):
+    ids = run.told.ids
+    apart = Likeness(run.told).from_one(9, ids, "kin")
+    assert apart[9] == 0
+    assert ((apart >= 0) & (apart <= 1)).all()
+    assert apart[0] == pytest.approx(1 - run.ancestry(9).get("left", 0))  # stones stay in place
+    assert run.nearest(9, 3, by="kin", of=ids)["distance"].is_monotonic_increasing
+
+
+# -- resumed, growing, empty, damaged --------------------------------------------------------
+
+
+def test_lineage_of_a_resumed_run_with_islands_reaches_the_sources(archipelago):
+    run = evocity.open_run(archipelago)
+    assert any(event["event"] == "resume" for event in run.events())
+    for one in run:
+        graph = run.lineage(one)
+        assert set(graph) == naive_ancestors(run, one.id)
+        begins = {node for node, count in graph.in_degree() if not count}
+        assert {graph.nodes[node]["operator"] for node in begins} == {"source"}
+        assert sorted(graph.predecessors(one.id)) == sorted({p.id for p in one.parents})
+    again = evocity.replay(run, sorted(run.lineage(run[-1])), trust=True)
+    assert all(one.same for one in again)
+    assert set(run.scores["island"]) == {"towers", "crowd"}
+    ids, ranks = run.told.ranked()
+    assert len(set(ids.tolist())) == len(ids)
+    assert set(run.front().index) == set(ids[ranks == 0].tolist())
+
+
+def test_a_run_that_goes_on_is_one_until_it_is_refreshed(night, tmp_path):
+    path = shutil.copytree(night, tmp_path / "run")
+    run = evocity.open_run(path)
+    before = run.scores
+    with evocity.Search.resume(path, generations=4, workers=0, trust=True) as search:
+        list(search)
+    assert run.generations == range(4)
+    assert run.archive.births["generation"].to_numpy().max() <= 3
+    assert run.scores.equals(before)
+    assert len(run.series) == 4
+    assert run.refresh() is run
+    assert (run.generations, len(run)) == (range(5), len(before) + 8)
+
+
+def test_an_empty_run_has_no_births(tmp_path):
+    run = evocity.open_run(written(tmp_path / "run", [], []))
+    assert (len(run), list(run), 0 in run) == (0, [], False)
+    for ask in (lambda: run.scores, lambda: run.archive, lambda: run[0], lambda: run.series):
+        with pytest.raises(RunError, match="no whole generation"):
+            ask()
+
+
+@pytest.mark.parametrize(
+    ("births", "members", "ask", "told"),
+    [
+        ([[{"id": 0}, {"id": 0}]], [[0]], "scores", "stands there twice"),
+        ([[{"id": 0}, {"id": 1}]], [[7]], "scores", "no individual 7"),
+        ([[{"id": 0}], [{"id": 1, "parents": (9,)}]], [[0], [1]], "credit", "no individual 9"),
+        ([[{"id": 0, "parents": (0,)}]], [[0]], "credit", "a later one"),
+    ],
+)
+def test_a_log_that_cannot_be_is_damaged(tmp_path, births, members, ask, told):
+    run = evocity.open_run(written(tmp_path / "run", births, members))
+    with pytest.raises(RunError, match=told):
+        _ = run.credit() if ask == "credit" else run.scores
+
+
+def test_a_damaged_end_is_left_out(night, tmp_path):
+    path = shutil.copytree(night, tmp_path / "run")
+    last = path / "births" / "generation-00000003.parquet"
+    last.write_bytes(last.read_bytes()[:-100])
+    run = evocity.open_run(path)
+    assert run.generations == range(3)
+    assert run.scores["generation"].max() == 2
+    assert run.damaged
+
+
+def test_a_measure_named_as_a_column_keeps_its_values(tmp_path):
+    wanted = [{"name": "seconds", "goal": "min"}]
+    births = [[{"id": 0, "values": {"seconds": 4.0}}]]
+    run = evocity.open_run(written(tmp_path / "run", births, [[0]], wanted))
+    row = run.scores.loc[0]
+    assert (row["seconds"], row["fitness.seconds"]) == (0.5, 4.0)
+    assert run.where("fitness.seconds > 1 and seconds < 1").index.tolist() == [0]
+
+
+# -- measures of afterwards ------------------------------------------------------------------
+
+OWN = """
+import evocity
+
+@evocity.fitness(goal="max")
+def odd(city):
+    if city.heights.max() > 15:
+        raise ValueError("too high")
+    return float(city.heights.max())
+"""
+
+
+def test_measures_of_afterwards(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "odd.py").write_text(OWN)
+    before = sorted(path.stat().st_mtime_ns for path in run.path.rglob("*"))
+    ids = run.archive.ids[:4]
+    found = run.score(ids, ["gsi", "integrity", str(tmp_path / "odd.py")], workers=0)
+    assert found.index.tolist() == ids.tolist()
+    assert found["gsi"].tolist() == pytest.approx(run.scores.loc[ids, "gsi"].tolist())
+    for one, row in found.iterrows():
+        high = run[int(one)].city.heights.max()
+        assert ("too high" in str(row["error"])) == bool(high > 15) == bool(np.isnan(row["odd"]))
+    assert before == sorted(path.stat().st_mtime_ns for path in run.path.rglob("*"))
+
+    monkeypatch.setattr(scoring, "Here", None)  # what is known is not measured again
+    again = evocity.open_run(run.path).score(ids, ["gsi", "integrity"], workers=0)
+    assert again["integrity"].tolist() == found["integrity"].tolist()
+    for path in (tmp_path / "cache").rglob("*.json"):
+        path.write_text('{"a": [1]')
+    with pytest.raises(TypeError):  # a cache that is damaged is none
+        run.score(ids, "gsi", workers=0)
+
+
+def test_measures_of_afterwards_by_workers(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    here = run.score([9, 10], "integrity", workers=0)
+    shutil.rmtree(tmp_path / "cache")
+    there = run.score([9, 10], "integrity", workers=1)
+    assert there.equals(here)
+
+
+def test_an_unknown_measure_is_refused(run):
+    with pytest.raises(FitnessError, match="no measure is called"):
+        run.score(9, "gsj")
+
+
+# -- which to keep, and files ----------------------------------------------------------------
+
+
+def test_those_worth_keeping_have_reasons_in_their_numbers(run):
+    kept = run.keep()
+    ids = [one.individual.id for one in kept]
+    assert len(ids) == len(set(ids)) == min(5, len(run.archive))
+    assert set(ids) <= set(run.archive.ids)
+    assert kept[0].individual == run.compromise()
+    assert kept[0].role.startswith("compromise")
+    goals = run.told.goals
+    losses = run.told.losses[run.told.rows(run.archive.ids)]
+    for one in kept:
+        assert one.why
+        for goal in goals:
+            if f"best {goal}" in one.role:
+                least = losses[:, goals.index(goal)].min()
+                assert one.individual.losses[goal] == least
+        assert ("not live" in one.why) == (not one.individual.alive)
+    assert kept.frame.index.tolist() == ids
+    assert len(str(kept).splitlines()) == len(kept)
+    assert [one.individual.id for one in run.keep(1)] == ids[:1]
+    assert len(run.keep(10**6)) == len(run.archive)
+
+
+def test_scores_become_csv(run, tmp_path):
+    run.to_csv(tmp_path / "scores.csv")
+    with open(tmp_path / "scores.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["id"]) for row in rows] == run.told.ids.tolist()
+    assert [float(row["alignment"]) for row in rows] == run.scores["alignment"].tolist()
+    run.to_csv(tmp_path / "explored.csv", form="design-explorer")
+    with open(tmp_path / "explored.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["in:id"]) for row in rows] == run.archive.ids.tolist()
+    assert all((tmp_path / row["img"]).is_file() for row in rows)
+    assert all(float(row["out:crumbs"]) >= 0 for row in rows)
+    shares = [sum(float(row[f"in:{city}"]) for city in run.header.cities) for row in rows]
+    assert shares == pytest.approx([1] * len(rows))
+    before = sorted(tmp_path.iterdir())
+    for fault in (
+        lambda: run.to_csv(tmp_path / "explored.csv", form="design-explorer"),
+        lambda: run.to_csv(tmp_path / "other.csv", form="excel"),
+        lambda: run.to_csv(tmp_path / "nowhere" / "other.csv"),
+    ):
+        with pytest.raises(RunError):
+            fault()
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_no_text_in_a_table_is_a_formula(tmp_path):
+    births = [[{"id": 0, "operator": "=1+1"}]]
+    run = evocity.open_run(written(tmp_path / "run", births, [[0]]))
+    run.to_csv(tmp_path / "scores.csv")
+    assert ",'=1+1," in (tmp_path / "scores.csv").read_text()
+
+
+def test_chosen_births_become_a_zip(run, tmp_path):
+    run.save([9, 3], tmp_path / "chosen.zip")
+    with zipfile.ZipFile(tmp_path / "chosen.zip") as file:
+        names = set(file.namelist())
+        assert len(file.read("scores.csv").splitlines()) == 3
+        file.extract("9/genome.parquet", tmp_path)
+    files = {"map.tif", "picture.png", "genome.parquet", "scene.glb"}
+    assert names == {f"{one}/{name}" for one in (9, 3) for name in files} | {
+        "scores.csv",
+        "ATTRIBUTION.txt",
+    }
+    assert evocity.read_genome(tmp_path / "9" / "genome.parquet") == run[9].genome
+    for which, name in (([9], "chosen.rar"), ([], "none.zip"), ([9], "nowhere/a.zip")):
+        with pytest.raises(EvocityError):
+            run.save(which, tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {"chosen.zip", "9"}
