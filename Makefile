@@ -21,6 +21,7 @@ demo: .venv/installed  ## breed Lyon x Montpellier for a minute or two; leaves a
 test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tests, in under ten minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/python tests/compiled.py
 	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile
 
 test-long: .venv/installed-dev  ## the tests that take more than ten seconds each

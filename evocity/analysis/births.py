@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
+from evocity.columns import array_of
 from evocity.errors import RunError, near_miss
 from evocity.fitness import Aims
 from evocity.search.fronts import ranks_of
@@ -50,7 +51,7 @@ class Told:
         columns += ["island"] if header.islands else []
         columns += [f"fitness.{name}" for name in header.columns]
         table = self.read(columns)
-        ids = table["id"].to_numpy()
+        ids = array_of(table["id"])
         if (np.diff(ids) <= 0).any():
             raise RunError(
                 f"{self.run.path}: the births are damaged: one stands there twice",
@@ -63,22 +64,22 @@ class Told:
         """``columns`` of the log, of all births by id, and their generation and id."""
         table = Run.births(self.run, columns=list(dict.fromkeys(["generation", "id", *columns])))
         table = table.replace_schema_metadata(None)
-        born = table["generation"].to_numpy()
+        born = array_of(table["generation"])
         if (born > self.last).any():  # it may go on
             table = table.filter(born <= self.last)
-        if (np.diff(table["id"].to_numpy()) < 0).any():
+        if (np.diff(array_of(table["id"])) < 0).any():
             table = table.sort_by("id")
         return table
 
     @cached_property
     def ids(self) -> np.ndarray:
         """Int64 ``(n,)``, rising."""
-        return self._table["id"].to_numpy()
+        return array_of(self._table["id"])
 
     @cached_property
     def generation(self) -> np.ndarray:
         """Int32 ``(n,)``: when each was born."""
-        return self._table["generation"].to_numpy()
+        return array_of(self._table["generation"])
 
     @cached_property
     def operator(self) -> np.ndarray:
@@ -98,10 +99,12 @@ class Told:
     @cached_property
     def seconds(self) -> np.ndarray:
         """Float64 ``(n,)``: what each took one worker."""
-        return self._table["seconds"].to_numpy()
+        return array_of(self._table["seconds"])
 
     def _words(self, name: str) -> np.ndarray:
-        return self._table[name].cast("string").to_numpy(zero_copy_only=False)
+        words = self._table[name].cast("string").combine_chunks()
+        words = words.dictionary_encode(null_encoding="encode")
+        return np.array(words.dictionary.to_pylist(), object)[array_of(words.indices)]
 
     @cached_property
     def values(self) -> np.ndarray:
@@ -109,7 +112,7 @@ class Told:
         names = [f"fitness.{name}" for name in self.run.header.columns]
         found = np.empty((len(self), len(names)))
         for column, name in zip(found.T, names, strict=True):
-            column[:] = self._table[name].to_numpy(zero_copy_only=False)
+            column[:] = array_of(self._table[name])
         return found
 
     def value(self, name: str) -> np.ndarray:
@@ -204,7 +207,7 @@ class Told:
     def members(self) -> "pa.Table":
         """Who lived in each generation, Arrow, see `evocity.store.Run.members`."""
         table = self.run.members()
-        born = table["generation"].to_numpy()
+        born = array_of(table["generation"])
         return table.filter(born <= self.last) if (born > self.last).any() else table
 
     @cached_property
@@ -212,7 +215,7 @@ class Told:
         """Of each that lived in each generation its number, and the row of the birth; once where
         it lived on several islands."""
         names = ("generation", "id")
-        born, ids = (self.members[name].to_numpy() for name in names)
+        born, ids = (array_of(self.members[name]) for name in names)
         if self.run.header.islands:
             born, ids = np.unique(np.column_stack([born, ids]), axis=0).T
         return born, self.rows(ids)
@@ -226,7 +229,7 @@ class Told:
     def alive(self) -> np.ndarray:
         """Bool ``(n,)``: it lives in the last generation."""
         found = np.zeros(len(self), bool)
-        found[self.rows(self.run.members(self.last)["id"].to_numpy())] = True
+        found[self.rows(array_of(self.run.members(self.last)["id"]))] = True
         return found
 
     def check_generation(self, generation: int) -> None:
@@ -245,9 +248,9 @@ class Told:
         generation = self.last if generation is None else generation
         self.check_generation(generation)
         table = self.run.members(generation)
-        ids, ranks = table["id"].to_numpy(), table["rank"].to_numpy()
+        ids, ranks = array_of(table["id"]), array_of(table["rank"])
         if not self.run.header.islands:
-            order = np.argsort(table["slot"].to_numpy(), kind="stable")
+            order = np.argsort(array_of(table["slot"]), kind="stable")
             return ids[order], ranks[order]
         once = np.unique(ids)
         ranks = self._ranks(once, ids, ranks)

@@ -107,13 +107,13 @@ def _drawn(run, sample: int | None, seed: int) -> list[int]:
 
 
 def _noted(one) -> dict:
-    from evocity.search.repeating import told
+    from evocity.search.differing import told
 
     return {"id": one.id, "same": one.same, "differs": told(one.differs), "reason": one.reason}
 
 
 def _words(one) -> str:
-    from evocity.search.repeating import in_words
+    from evocity.search.differing import in_words
 
     if one.same is None:
         return f"cannot be told: {one.reason}"

@@ -108,9 +108,8 @@ def _commands_told():
     again."""
     from evocity.search import Observer
     from evocity.search.commands import DONE, REFUSED, command_of
+    from evocity.search.differing import DIFFERS, in_words
     from evocity.search.notifying import NOTIFIED
-    from evocity.search.rechecking import DIFFERS
-    from evocity.search.repeating import in_words
 
     class Told(Observer):
         differed = False

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pyproj import CRS
-from pyproj.exceptions import ProjError
 
 from evocity.citymap import MAX_PIXELS
 from evocity.columns import array_of
@@ -116,9 +114,13 @@ def _check_size(file: pq.FileMetaData, about: Mapping) -> None:
 @lru_cache(maxsize=64)
 def _check_system(crs: str | None) -> None:
     """Raise `GenomeError` for a reference system that nobody can find a place by."""
+    if crs is None:
+        return
+    from pyproj import CRS
+    from pyproj.exceptions import ProjError
+
     try:
-        if crs is not None:
-            CRS.from_user_input(crs if _CODE_OR_WKT.match(crs) else None)
+        CRS.from_user_input(crs if _CODE_OR_WKT.match(crs) else None)
     except (ProjError, TypeError):
         raise GenomeError(
             f"crs = {shown(crs)}",

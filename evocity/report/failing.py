@@ -4,9 +4,8 @@ what was not the same once more."""
 from collections import Counter
 from dataclasses import dataclass
 
+from evocity.search.differing import DIFFERS, in_words
 from evocity.search.evaluator import UNRECORDED
-from evocity.search.rechecking import DIFFERS
-from evocity.search.repeating import in_words
 from evocity.store import STATUSES, Run
 
 #: Fewer different genomes than this share of the births are worth a word.

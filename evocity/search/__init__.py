@@ -25,7 +25,7 @@
 - `rereading`, `resuming`, `keeping`: what a run was prepared with; taking it up again, with the
   files of the user's own that it kept
 - `replaying`, `repeating`: how births of a run came about; whether they are the same once more;
-  `rechecking`: a few are replayed while the search goes on
+  `differing`: what differs; `rechecking`: a few are replayed while the search goes on
 - `refinement`: one individual made better by an optimiser, by itself or as a step of a search
 - `toolbox`: DEAP's own algorithms on city genomes
 - `judging`: what a log tells of births: values, losses, constraints

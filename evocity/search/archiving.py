@@ -53,7 +53,7 @@ class Archive(Displayed):
     @property
     def ids(self) -> np.ndarray:
         """Int64: those of its births, in their order."""
-        return self.births["id"].to_numpy()
+        return array_of(self.births["id"])
 
 
 def archive(run: Run, last: int | None = None) -> Archive:
@@ -78,7 +78,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
     # a run may go on meanwhile: the generation is settled before anything of it is read
     last = len(run.generations) - 1 if last is None else last
     births = measured(run, aims.bounds)
-    births = births.filter(pc.less_equal(births["generation"], last))
+    births = births.filter(column_of(array_of(births["generation"]) <= last))
     living = array_of(pc.is_in(births["id"], value_set=run.members(last)["id"]))
     first = array_of(pc.equal(births["generation"], pc.min(births["generation"])))
     chosen = np.empty(0, np.intp)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from evocity.columns import array_of, column_of
 from evocity.errors import RecipeError, RunError
@@ -84,7 +83,7 @@ def binned(
         )
     last = len(run.generations) - 1 if last is None else last
     births = measured(run, aims.bounds, grid.descriptors)
-    births = births.filter(pc.less_equal(births["generation"], last)).combine_chunks()
+    births = births.filter(column_of(array_of(births["generation"]) <= last)).combine_chunks()
     losses, kept = judged(births, aims)
     losses = losses[:, aims.names.index(goal) if goal else 0]
     cells = grid.cells(_values(births, grid.descriptors))

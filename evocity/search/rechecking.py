@@ -13,14 +13,12 @@ import numpy as np
 
 from evocity.search.births import LOST, Born, coming
 from evocity.search.breeding import Plan
+from evocity.search.differing import DIFFERS, differences, told
 from evocity.search.evaluation import Engine
 from evocity.search.preparation import Prepared
-from evocity.search.repeating import differences, told
 
 #: The share of births that is replayed.
 RATE = 0.001
-#: The event that tells of one that was another the second time.
-DIFFERS = "differs"
 
 
 class Rechecking:

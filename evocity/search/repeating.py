@@ -1,6 +1,5 @@
 """Births of a run bred and measured once more: whether they are the same, bit for bit."""
 
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -13,6 +12,7 @@ from evocity.search.beginning import Crew, pool_of, sides_of
 from evocity.search.births import LOST, Born, bred, coming
 from evocity.search.breeding import Plan
 from evocity.search.compiling import compile_once, needed
+from evocity.search.differing import differences
 from evocity.search.evaluation import Engine
 from evocity.search.preparation import Prepared
 from evocity.search.replaying import plans_of
@@ -79,49 +79,6 @@ def replay(
 def _strange(ids: Sequence[int], known: set[int]) -> list[int]:
     """Those of the ``ids`` that are none."""
     return [one for one in ids if isinstance(one, bool) or one not in known]
-
-
-def differences(then: Birth, now: Birth) -> dict[str, dict]:
-    """In which columns one birth differs from another, bit for bit, see `Replayed`."""
-    pairs = {
-        "parents": (list(then.parents), list(now.parents)),
-        "operator": (then.operator, now.operator),
-        "status": (then.status, now.status),
-        "genome": (_digest(then), _digest(now)),
-    }
-    names = dict.fromkeys([*then.values, *now.values])
-    pairs |= {f"fitness.{name}": (then.values.get(name), now.values.get(name)) for name in names}
-    return {
-        column: {"then": before, "now": after}
-        for column, (before, after) in pairs.items()
-        if _bits(before) != _bits(after)
-    }
-
-
-def told(differs: Mapping[str, Mapping]) -> dict[str, dict]:
-    """What `differences` found, for JSON, which has no infinity and no NaN."""
-    return {
-        column: {when: _finite(value) for when, value in pair.items()}
-        for column, pair in differs.items()
-    }
-
-
-def in_words(differs: Mapping[str, Mapping]) -> str:
-    """The same for people."""
-    return "; ".join(f"{key} was {one['then']}, is {one['now']}" for key, one in differs.items())
-
-
-def _finite(value):
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _digest(birth: Birth) -> str | None:
-    return None if birth.genome is None else birth.genome.digest
-
-
-def _bits(value):
-    """Of a number what tells all its bits: 0.0 is not -0.0, NaN is NaN."""
-    return value.hex() if isinstance(value, float) else value
 
 
 def _replayed(run: Run, prepared: Prepared, ids: list[int], workers: int) -> Iterator[Replayed]:
@@ -199,4 +156,4 @@ def _prepared_then(run: Run, number: int, accept_changes: bool, trust: bool) -> 
     return read_again(then, asked, accept_changes, trust)[0]
 
 
-__all__ = ["Replayed", "differences", "in_words", "replay", "told"]
+__all__ = ["Replayed", "replay"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import written
+from written_runs import written
 
 import evocity
 from evocity.analysis import scoring

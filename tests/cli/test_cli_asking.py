@@ -8,14 +8,17 @@ from cli_tools import call, refused, write_recipe
 from evocity.store import open_run
 
 
-@pytest.fixture
-def ended(tmp_path):
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory):
     """A run that is finished."""
-    call("run", write_recipe(tmp_path), "--out", tmp_path / "run")
-    return tmp_path / "run"
+    folder = tmp_path_factory.mktemp("ended")
+    call("run", write_recipe(folder), "--out", folder / "run")
+    return folder / "run"
 
 
-def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(ended):
+def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
+    ended = tmp_path / "run"
+    call("run", write_recipe(tmp_path), "--out", ended)
     assert "once it goes on: evocity resume" in call("pick", ended, 2, 4, "--share", 1).output
     assert "weights: mutation 0" in call("reweight", ended, "mutation=0").output
     told = json.loads(call("status", ended, "--json").stdout)

@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_tools import AT_2_M, PLAIN, write_recipe, write_town
+from cli_tools import AT_2_M, PLAIN, call, write_recipe, write_town
+
+from evocity.store import open_run
 
 EVOCITY = (sys.executable, "-m", "evocity")
 OLD = Path(__file__).parent.parent / "old" / "run-6"
@@ -32,32 +34,40 @@ def test_help_loads_nothing_heavy():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_commands_that_list_load_no_more_than_they_tell():
-    """Each brings what it needs, and nothing that reads files, compiles or searches: a second that
-    whoever asks would wait for."""
-    words = [
-        ["cities"],
-        ["operators", "list"],
-        ["fitness", "list"],
-        ["status", str(OLD)],
-    ]
+READING = {"rasterio", "pyogrio", "osmium", "shapely", "PIL", "pandas", "evocity.io.writing"}
+COMPUTING = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage", "scipy.sparse"}
+
+
+@pytest.mark.parametrize(
+    "commands",
+    [
+        {
+            ("cities",): {"numpy", "scipy", "pyarrow", "pydantic"},
+            ("operators", "list"): {"evocity.search", "evocity.fitness"},
+            ("fitness", "list"): {"evocity.search"},
+        },
+        {("status", str(OLD)): {"evocity.search.engine", "evocity.operators"}},
+    ],
+    ids=["lists", "status"],
+)
+def test_commands_that_list_load_no_more_than_they_tell(commands):
+    """Nothing that reads maps or compiles, and of the others no more than said: a second that
+    whoever asks would wait for. One after the other in a process."""
     program = (
         "import sys\n"
         "from evocity.cli import main\n"
-        f"for words in {words!r}:\n"
+        f"for words in {list(commands)!r}:\n"
         "    main(words, prog_name='evocity', standalone_mode=False)\n"
         "    print('loaded', *sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = [line.split() for line in done.stdout.splitlines() if line.startswith("loaded ")]
-    cities, operators, fitness, status = (set(line) for line in lines)
-    reading = {"rasterio", "pyogrio", "osmium", "shapely", "PIL", "evocity.io.writing"}
-    computing = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage", "scipy.sparse"}
-    assert not cities & (reading | computing | {"numpy", "scipy", "pyarrow", "pydantic"})
-    assert not operators & (reading | computing | {"pandas", "evocity.search", "evocity.fitness"})
-    assert not fitness & (reading | computing | {"pandas", "evocity.search"})
-    assert not status & (computing | {"rasterio", "pyogrio", "osmium", "evocity.search.engine"})
+    loaded = dict(zip(commands, map(set, lines), strict=True))
+    heavy = {
+        words: found & (READING | COMPUTING | commands[words]) for words, found in loaded.items()
+    }
+    assert heavy == {words: set() for words in commands}
 
 
 def test_a_bad_input_ends_a_process_with_2_and_one_message(tmp_path):
@@ -114,12 +124,11 @@ def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
         f"see what it has with: evocity report {folder}"
     )
     assert "Traceback" not in err
-    before = json.loads(process("status", tmp_path / "run", "--json").stdout)
+    last = open_run(folder).events()[-1]
+    assert (last["event"], last["reason"]) == ("stop", "interrupted")
+    before = json.loads(call("status", folder, "--json").stdout)
     assert (before["finished"], before["running"]) == (False, False)
-    done = process("report", tmp_path / "run")
-    assert done.stdout == f"report: {tmp_path / 'run' / 'report.html'}\n", done.stderr
-    more = str(before["generation"] + 1)
-    done = process("resume", tmp_path / "run", "--generations", more)
-    assert done.returncode == 0, done.stderr
-    after = json.loads(process("status", tmp_path / "run", "--json").stdout)
+    assert call("report", folder).stdout == f"report: {folder / 'report.html'}\n"
+    call("resume", folder, "--generations", before["generation"] + 1)
+    after = json.loads(call("status", folder, "--json").stdout)
     assert (after["generation"], after["finished"]) == (before["generation"] + 1, True)

@@ -151,7 +151,7 @@ def test_range_blocks_whose_windows_are_empty_find_nothing(town):
         assert genome.uniform.all()
 
 
-@pytest.mark.parametrize("block", [16, 32])
+@pytest.mark.parametrize("block", [16, pytest.param(32, marks=pytest.mark.long)])
 def test_large_blocks(block):
     rng = np.random.default_rng(block)
     side = 3 * block

@@ -1,9 +1,9 @@
 """A process that has everything loaded and forks another for each run, so that many can be killed.
 
-It reads one JSON document a line from its standard input: a ``recipe`` (path) or None to resume,
-``out``, ``workers``, ``die`` (a number: kill the run at so many-th deed in its folder) or None. It
-answers with the run's process id, and, when that ended, with its exit code on a line of its own.
-A run's exit code is 0, or 3 after a `RunError`, whose text goes to ``told``.
+It reads one JSON document a line from its standard input. A ``recipe`` (path) or None to resume,
+``out``, ``workers``, ``die`` (a number: kill the run at so many-th deed in its folder) or None: a
+run, of which it answers the process id. ``wait``, such an id: answered with the run's exit code,
+once it ended: 0, or 3 after a `RunError`, whose text goes to the file ``told``, a dash and the id.
 """
 
 import json
@@ -22,11 +22,13 @@ def main() -> None:
     print("ready", flush=True)
     for line in sys.stdin:
         asked = json.loads(line)
+        if "wait" in asked:
+            print(os.waitstatus_to_exitcode(os.waitpid(asked["wait"], 0)[1]), flush=True)
+            continue
         child = os.fork()
         if child == 0:
             os._exit(_run(**asked))
         print(child, flush=True)
-        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 
 
 def _run(recipe, out, workers, die, told) -> int:
@@ -47,7 +49,7 @@ def _run(recipe, out, workers, die, told) -> int:
             for _ in search:
                 pass
     except RunError as error:
-        Path(told).write_text(str(error))
+        Path(f"{told}-{os.getpid()}").write_text(str(error))
         return 3
     return 0
 

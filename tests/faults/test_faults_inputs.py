@@ -39,36 +39,49 @@ def test_every_format_is_damaged(files):
     assert set(SHARES) == set(files)
 
 
-def test_whole_files_are_read(files, tmp_path):
-    jobs = [
-        {"kind": kind, "path": str(_whole(path, tmp_path / f"{kind}-{path.name}"))}
-        for kind, paths in files.items()
-        for path in paths
-        if kind != "report"
-    ]
-    for job, told in zip(jobs, outcomes(jobs, tmp_path / "work"), strict=True):
-        assert told["outcome"] == "read", (job, told)
-        assert told["made"] == [], job
+@pytest.fixture(scope="module")
+def told(files, tmp_path_factory):
+    """Jobs and their outcomes, of whole files, damaged ones and bombs: read in one go, for each
+    process that reads loads all readers first."""
+    folder = tmp_path_factory.mktemp("told")
+    jobs = {
+        "whole": [
+            {"kind": kind, "path": str(_whole(path, folder / f"{kind}-{path.name}"))}
+            for kind, paths in files.items()
+            for path in paths
+            if kind != "report"
+        ],
+        "damaged": fuzzed(files, folder, 300, seed=1),
+        "bombs": bombs(folder / "bombs", files, long=False),
+    }
+    found = iter(outcomes([job for several in jobs.values() for job in several], folder / "work"))
+    return {name: [(job, next(found)) for job in several] for name, several in jobs.items()}
 
 
-def test_damaged_inputs(files, tmp_path):
-    check(fuzzed(files, tmp_path, 300, seed=1), tmp_path)
+def test_whole_files_are_read(told):
+    for job, one in told["whole"]:
+        assert one["outcome"] == "read", (job, one)
+        assert one["made"] == [], job
+
+
+def test_damaged_inputs(told):
+    check(told["damaged"])
 
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_2500_damaged_inputs(files, tmp_path):
-    check(fuzzed(files, tmp_path, 2500, seed=2), tmp_path)
+    check(read(fuzzed(files, tmp_path, 2500, seed=2), tmp_path))
 
 
-def test_bombs(files, tmp_path):
-    check(bombs(tmp_path / "bombs", files, long=False), tmp_path)
+def test_bombs(told):
+    check(told["bombs"])
 
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_large_bombs(files, tmp_path):
-    check(bombs(tmp_path / "bombs", files, long=True), tmp_path)
+    check(read(bombs(tmp_path / "bombs", files, long=True), tmp_path))
 
 
 def fuzzed(files, folder: Path, count: int, seed: int) -> list[dict]:
@@ -115,19 +128,19 @@ def _whole(path: Path, place: Path) -> Path:
     return fuzz_seeds.copied(path, place, path.read_bytes())
 
 
-def check(jobs: list[dict], folder: Path) -> None:
-    """Read all inputs; list each that is not told as it should be."""
-    found = outcomes(jobs, folder / "work")
-    wrong = [
-        f"{job['kind']} {job['name']}: {fault}"
-        for job, told in zip(jobs, found, strict=True)
-        for fault in _faults(told)
-    ]
+def read(jobs: list[dict], folder: Path) -> list[tuple[dict, dict]]:
+    return list(zip(jobs, outcomes(jobs, folder / "work"), strict=True))
+
+
+def check(told: list[tuple[dict, dict]]) -> None:
+    """List each input that was not told as it should be."""
+    found = [one for _, one in told]
+    wrong = [f"{job['kind']} {job['name']}: {fault}" for job, one in told for fault in _faults(one)]
     counted = Counter(told["outcome"] for told in found)
     slowest, largest = max(one["seconds"] for one in found), max(one["mib"] for one in found)
     longest = max(len(one["message"].encode()) for one in found)
     print(
-        f"{len(jobs)} inputs: {dict(counted)}; slowest {slowest:.1f} s, largest {largest:.0f} MiB, "
+        f"{len(told)} inputs: {dict(counted)}; slowest {slowest:.1f} s, largest {largest:.0f} MiB, "
         f"longest message {longest} bytes"
     )
     assert not wrong, f"{len(wrong)} wrong:\n" + "\n".join(wrong[:40])

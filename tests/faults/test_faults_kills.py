@@ -44,7 +44,8 @@ class Host:
     """`faults_host` in a process of its own."""
 
     def __init__(self, folder: Path):
-        self._told = folder / "told"
+        self._told, self._running = folder / "told", set()
+        self._asked = self._answered = 0
         path = Path(__file__).with_name("faults_host.py")
         self._process = subprocess.Popen(
             [sys.executable, path],
@@ -58,17 +59,36 @@ class Host:
     def begin(self, out: Path, recipe=None, workers=0, die=None) -> int:
         """Begin or resume a run; the id of its process."""
         asked = {"recipe": recipe and str(recipe), "out": str(out), "workers": workers, "die": die}
-        self._process.stdin.write(json.dumps(asked | {"told": str(self._told)}) + "\n")
+        pid = self._ask(asked | {"told": str(self._told)})
+        self._running.add(pid)
+        return pid
+
+    def ended(self, pid: int) -> int:
+        """The exit code of a run, once it ended."""
+        code = self._ask({"wait": pid})
+        self._running.remove(pid)
+        return code
+
+    def told(self, pid: int) -> str:
+        """What a run that ended with 3 told."""
+        return Path(f"{self._told}-{pid}").read_text()
+
+    def _ask(self, asked: dict) -> int:
+        self._asked += 1
+        self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()
-        return int(self._process.stdout.readline())
+        while True:  # a test that failed may have left an answer
+            self._answered += 1
+            answer = int(self._process.stdout.readline())
+            if self._answered == self._asked:
+                return answer
 
-    def ended(self) -> int:
-        """The exit code of the run, once it ended."""
-        return int(self._process.stdout.readline())
-
-    @property
-    def told(self) -> str:
-        return self._told.read_text()
+    def end_all(self) -> None:
+        """Kill what a test that failed left behind."""
+        for pid in self._running:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._running.clear()
 
     def close(self) -> None:
         self._process.stdin.close()
@@ -76,18 +96,18 @@ class Host:
         self._process.stdout.close()
 
 
+@pytest.fixture(scope="module")
+def the_host(tmp_path_factory):
+    host = Host(tmp_path_factory.mktemp("host"))
+    yield host
+    host.close()
+
+
 @pytest.fixture
-def hosts(tmp_path):
-    """Function that starts a host."""
-    made = []
-
-    def one() -> Host:
-        made.append(Host(tmp_path))
-        return made[-1]
-
-    yield one
-    for host in made:
-        host.close()
+def host(the_host):
+    """One for all tests here, for it loads everything first; each test's runs end with it."""
+    yield the_host
+    the_host.end_all()
 
 
 def rows(path) -> list[dict]:
@@ -131,12 +151,12 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
     while True:
         pid = begun_or_resumed(host, recipe, out, workers=workers)
         if done == kills:
-            assert host.ended() == 0
+            assert host.ended(pid) == 0
             return done
         time.sleep(float(rng.uniform(0.02, 0.8 if workers == 0 else 3.0)))
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-        if host.ended() == 0:
+        if host.ended(pid) == 0:
             return done
         done += 1
         if out.exists():
@@ -153,10 +173,10 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
     ],
 )
 def test_killed_at_random_moments_it_goes_on_to_the_same_births(
-    hosts, tmp_path, uninterrupted, kills, workers, generations
+    host, tmp_path, uninterrupted, kills, workers, generations
 ):
     rng = np.random.default_rng(kills + workers)
-    done = killed_at_random(hosts(), tmp_path, rng, kills, workers, generations)
+    done = killed_at_random(host, tmp_path, rng, kills, workers, generations)
     assert done >= kills / 2
     assert rows(tmp_path / "run") == uninterrupted(generations, SLOW)
 
@@ -169,24 +189,23 @@ def killed_before_each(host, folder, recipe, deeds) -> set[int]:
         place = folder / f"deed-{deed}"
         place.mkdir()
         out = place / "run"
-        host.begin(out, recipe, die=int(deed))
-        if host.ended() == 0:
+        if host.ended(host.begin(out, recipe, die=int(deed))) == 0:
             beyond.add(deed)
             continue
         if out.exists():
             open_run(out).status()
-        begun_or_resumed(host, recipe, out)
-        assert host.ended() == 0, host.told
+        pid = begun_or_resumed(host, recipe, out)
+        assert host.ended(pid) == 0, host.told(pid)
         assert [one.name for one in place.iterdir()] == ["run"], f"left by deed {deed}"
     return beyond
 
 
 @pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 9])
 def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
-    hosts, tmp_path, uninterrupted, share
+    host, tmp_path, uninterrupted, share
 ):
     """The moments between two openings, renames and removals of files; segments of two too."""
-    recipe, host, deed = write_toy(tmp_path, generations=3), hosts(), 0
+    recipe, deed = write_toy(tmp_path, generations=3), 0
     while not killed_before_each(host, tmp_path, recipe, [deed]):
         assert rows(tmp_path / f"deed-{deed}" / "run") == uninterrupted(3)
         deed += share
@@ -197,10 +216,9 @@ def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
 
 
 @linux
-def test_workers_killed_or_stopped_in_a_run_cost_no_birth(hosts, tmp_path, uninterrupted):
+def test_workers_killed_or_stopped_in_a_run_cost_no_birth(host, tmp_path, uninterrupted):
     """One, all and what starts them killed; then one stopped beyond its deadline, then all."""
     recipe, out = write_toy(tmp_path, SLOW, generations=22, timeout=1.0), tmp_path / "run"
-    host = hosts()
     pid = host.begin(out, recipe, workers=2)
 
     def family() -> tuple[int, list[int]]:
@@ -238,28 +256,29 @@ def test_workers_killed_or_stopped_in_a_run_cost_no_birth(hosts, tmp_path, unint
             for one in stopped:
                 os.kill(one, signal.SIGCONT)
         until_more()
-    assert host.ended() == 0
+    assert host.ended(pid) == 0
     assert rows(out) == uninterrupted(22, SLOW)
     told = [one["reason"] for one in open_run(out).events() if one["event"] == "retry"]
     assert any("killed" in reason for reason in told)
     assert any("stopped" in reason for reason in told)
 
 
-def test_of_four_that_resume_at_once_one_runs(hosts, tmp_path, uninterrupted):
+def test_of_four_that_resume_at_once_one_runs(host, tmp_path, uninterrupted):
     recipe, out = write_toy(tmp_path, SLOW, generations=12), tmp_path / "run"
-    first = hosts()
-    pid = first.begin(out, recipe)
+    pid = host.begin(out, recipe)
     until = time.monotonic() + 60
     while not out.exists() or len(open_run(out).generations) < 2:
         assert time.monotonic() < until
         time.sleep(0.02)
     os.kill(pid, signal.SIGKILL)
-    assert first.ended() == -signal.SIGKILL
-    others = [first, *(hosts() for _ in range(3))]
-    for host in others:
-        host.begin(out)
-    assert sorted(host.ended() for host in others) == [0, 3, 3, 3]
-    assert "is being written by another process" in first.told
+    assert host.ended(pid) == -signal.SIGKILL
+    ends = {pid: host.ended(pid) for pid in [host.begin(out) for _ in range(4)]}
+    assert sorted(ends.values()) == [0, 3, 3, 3]
+    assert all(
+        "is being written by another process" in host.told(pid)
+        for pid, end in ends.items()
+        if end == 3
+    )
     assert rows(out) == uninterrupted(12, SLOW)
 
 

@@ -63,8 +63,9 @@ def whole(tmp_path_factory):
         return bred(tmp_path_factory.mktemp("whole"))
 
 
-def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path):
-    """300 bits, drawn from all bytes of births, membership and sources, footers too."""
+@pytest.mark.parametrize("count", [100, pytest.param(300, marks=pytest.mark.long)])
+def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path, count):
+    """Bits drawn from all bytes of births, membership and sources, footers too."""
     expected = all_that_is_read(whole)
     files = [
         path
@@ -75,7 +76,7 @@ def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path):
     rng, copy = np.random.default_rng(5), tmp_path / "copy"
     shutil.copytree(whole, copy)
     silent, told = [], 0
-    for _ in range(300):
+    for _ in range(count):
         at = int(rng.choice(len(files), p=sizes / sizes.sum()))
         path = copy / files[at].relative_to(whole)
         bit = int(rng.integers(int(sizes[at]) * 8))
@@ -91,7 +92,7 @@ def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path):
             told += bool(open_run(copy).damaged)
         flipped(path, bit)
     assert silent == []
-    assert told > 250
+    assert told > 5 / 6 * count
     assert all_that_is_read(copy) == expected
 
 

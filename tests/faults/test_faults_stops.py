@@ -25,9 +25,9 @@ main(prog_name="evocity")
 """
 
 
-def begun(folder, **settings):
+def begun(folder, workers, **settings):
     """`evocity run` in a process of its own, once its first generation is written."""
-    recipe = write_toy(folder, generations=400, workers=1, **settings)
+    recipe = write_toy(folder, generations=400, workers=workers, **settings)
     words = [sys.executable, "-c", _HEARS_ALL, "run", str(recipe), "--out", str(folder / "run")]
     run = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
@@ -38,30 +38,34 @@ def begun(folder, **settings):
     return run
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 130)]
-)
-def test_a_signal_ends_a_run_that_goes_on_later(tmp_path, number, code):
-    run = begun(tmp_path)
+def stopped_by(run, number: int, code: int, folder) -> None:
+    """Send a signal: the run ends with ``code``, tells it, and leaves an event."""
     run.send_signal(number)
     _, told = run.communicate(timeout=60)
     assert run.returncode == code
     assert "Go on with: evocity resume" in told
     assert "Traceback" not in told
-    opened = open_run(tmp_path / "run")
-    last = opened.events()[-1]
-    reason = "interrupted" if number == signal.SIGINT else signal.Signals(number).name
-    assert (last["event"], last["reason"]) == ("stop", reason)
-    whole = len(opened.generations)
-    with Search.resume(tmp_path / "run", generations=whole, workers=0) as search:
+    last = [one for one in open_run(folder).events() if one["event"] == "stop"][-1]
+    assert last["reason"] == signal.Signals(number).name
+
+
+def goes_on(folder) -> None:
+    whole = len(open_run(folder).generations)
+    with Search.resume(folder, generations=whole, workers=0) as search:
         assert [generation.number for generation in search] == [whole]
 
 
-def test_a_signal_is_told_to_the_user_by_a_command(tmp_path):
+# SIGINT: tests/cli/test_cli_process.py
+def test_a_terminal_that_is_closed_ends_a_run_that_goes_on_later(tmp_path):
+    stopped_by(begun(tmp_path, workers=0), signal.SIGHUP, 129, tmp_path / "run")
+    goes_on(tmp_path / "run")
+
+
+def test_a_signal_ends_a_run_with_workers_and_the_user_is_told_by_a_command(tmp_path):
     ask = f"{sys.executable} -c 'import sys; open(sys.argv[1], chr(119)).write(sys.argv[2])'"
-    run = begun(tmp_path, recipe=f'[notify]\non_end = "{ask} {tmp_path}/told {{reason}}"\n')
-    run.send_signal(signal.SIGTERM)
-    run.communicate(timeout=60)
-    assert run.returncode == 143
+    note = f'[notify]\non_end = "{ask} {tmp_path}/told {{reason}}"\n'
+    run = begun(tmp_path, workers=1, recipe=note)
+    stopped_by(run, signal.SIGTERM, 143, tmp_path / "run")
     assert (tmp_path / "told").read_text() == "SIGTERM"
     assert [one["code"] for one in open_run(tmp_path / "run").events()[-1:]] == [0]
+    goes_on(tmp_path / "run")

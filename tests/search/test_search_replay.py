@@ -15,7 +15,7 @@ from test_search_run import run
 import evocity
 from evocity.errors import RunError
 from evocity.search import Search
-from evocity.search.repeating import differences
+from evocity.search.differing import differences
 from evocity.store import Birth, open_run
 
 GSI = '[[fitness]]\nname = "gsi"\nweight = 20.0\nobjective = "form"\ntarget = 0.3\n'

@@ -1,0 +1,56 @@
+"""What tells that a birth was another the second time: columns, both values of each."""
+
+import math
+from collections.abc import Mapping
+
+from evocity.store import Birth
+
+#: The event of a search that tells of such a birth.
+DIFFERS = "differs"
+
+
+def differences(then: Birth, now: Birth) -> dict[str, dict]:
+    """In which columns one birth differs from another, bit for bit: column -> {"then", "now"}, see
+    `evocity.search.repeating.Replayed`."""
+    pairs = {
+        "parents": (list(then.parents), list(now.parents)),
+        "operator": (then.operator, now.operator),
+        "status": (then.status, now.status),
+        "genome": (_digest(then), _digest(now)),
+    }
+    names = dict.fromkeys([*then.values, *now.values])
+    pairs |= {f"fitness.{name}": (then.values.get(name), now.values.get(name)) for name in names}
+    return {
+        column: {"then": before, "now": after}
+        for column, (before, after) in pairs.items()
+        if _bits(before) != _bits(after)
+    }
+
+
+def told(differs: Mapping[str, Mapping]) -> dict[str, dict]:
+    """What `differences` found, for JSON, which has no infinity and no NaN."""
+    return {
+        column: {when: _finite(value) for when, value in pair.items()}
+        for column, pair in differs.items()
+    }
+
+
+def in_words(differs: Mapping[str, Mapping]) -> str:
+    """The same for people."""
+    return "; ".join(f"{key} was {one['then']}, is {one['now']}" for key, one in differs.items())
+
+
+def _finite(value):
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _digest(birth: Birth) -> str | None:
+    return None if birth.genome is None else birth.genome.digest
+
+
+def _bits(value):
+    """Of a number what tells all its bits: 0.0 is not -0.0, NaN is NaN."""
+    return value.hex() if isinstance(value, float) else value
+
+
+__all__ = ["DIFFERS", "differences", "in_words", "told"]
