@@ -21,8 +21,8 @@ LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=(?:#[^)\s]*)?\))")
 PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.M)
 
 GUIDES = (
-    *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "pictures"),
-    *("scenes", "classes", "autosimilarity", "cluster"),
+    *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
+    *("analysis", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
 )
 WORDS = ("glossary", "papers")
 PROJECT = (

@@ -278,7 +278,9 @@ class Run(store.Run, Displayed):
         labels = labelled(distances, chosen)
         return self.frame(self.told.rows(ids), cluster=labels, medoid=medoid)
 
-    def nearest(self, one: int | Individual, n: int = 1, by: str = "looks", of: object = None):
+    def nearest(
+        self, one: int | Individual, n: int = 1, by: str = "looks", of: object = None
+    ) -> "Individual | pd.DataFrame":
         """The birth of the archive, or ``of`` these, that is most like ``one``, other than itself:
         an `Individual`; for ``n`` above 1 their `scores` and ``distance``, the nearest first.
         ``by`` as `clusters` has it."""

@@ -33,14 +33,15 @@ def naive_ancestors(run, one: int) -> set[int]:
 @pytest.mark.parametrize("path", OLD, ids=lambda path: path.name)
 def test_runs_of_older_releases_are_asked_alike(path):
     run = evocity.open_run(path)
-    assert len(run) == len(list(run)) == len(run.scores) == 24
-    assert (run[-1].id, run[23]) == (23, run[-1])
+    assert len(run) == len(list(run)) == len(run.scores)
+    assert len(run) == {"run-7": 36}.get(path.name, 24)
+    assert (run[-1].id, run[len(run) - 1]) == (len(run) - 1, run[-1])
     assert [one.id for one in run[3:5]] == [3, 4]
     assert 7 in run
-    assert 24 not in run
+    assert len(run) not in run
     assert run[5] in run
     assert list(run.scores.columns[-len(run.header.columns) :]) == list(run.header.columns)
-    assert run.series["living"].tolist()[-1] == len(run.members(3))
+    assert run.series["living"].tolist()[-1] == len(set(run.members(3)["id"].to_pylist()))
     assert run.compromise().id in run.archive.ids
     assert set(run.front().index) <= set(run.where("alive").index)
     for aim in run.aims:
