@@ -51,7 +51,7 @@ def test_runs_of_older_releases_are_asked_alike(path):
         assert set(run.lineage(one)) == naive_ancestors(run, one)
         assert sum(run.ancestry(one).values()) == pytest.approx(1)
     assert run.credit()["births"].sum() == len(run)
-    assert set(run.clusters(2, by="scores")["cluster"]) == {0, 1}
+    assert set(run.clusters(2, by="scores", of=run.where("feasible"))["cluster"]) == {0, 1}
 
 
 def test_births_are_chosen_by_a_condition(run):
