@@ -23,7 +23,8 @@ from evocity.search.algorithms import algorithms
 from evocity.search.algorithms.algorithm import First
 from evocity.search.individual import Individual
 from evocity.store import open_run
-from evocity.store.schema import Member, births_of, births_table, membership_table
+from evocity.store.membership import Member, membership_table
+from evocity.store.schema import births_of, births_table
 
 SIZES, GOALS = (48, 200, 1000), (2, 3, 4, 5, 6)
 

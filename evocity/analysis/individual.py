@@ -118,7 +118,7 @@ class Individual(Displayed):
     @cached_property
     def birth(self) -> Birth:
         """Its row of the log."""
-        return self.run.individuals([self.id])[0]
+        return self.run.individuals([self.id], rebred=False)[0]
 
     @property
     def error(self) -> str | None:
@@ -135,11 +135,11 @@ class Individual(Displayed):
         """Those it was bred from; none of a source city."""
         return [Individual(self.told, one) for one in self.birth.parents]
 
-    @property
+    @cached_property
     def genome(self) -> Genome:
         """Raises `RunError` if it was never bred."""
         if self.birth.genome is None:
-            return self.run.genome(self.id)  # says so
+            return self.run.genome(self.id)  # bred again; or it says so
         return self.birth.genome
 
     @cached_property

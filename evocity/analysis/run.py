@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity import store
 from evocity.analysis.asked import check_count, ids_of
 from evocity.analysis.births import Told
 from evocity.analysis.clusters import labelled, medoids
@@ -24,6 +23,7 @@ from evocity.analysis.spread import diversity_of, farthest_first
 from evocity.analysis.wanted import Aim
 from evocity.displayed import Displayed
 from evocity.errors import RunError
+from evocity.search import opening
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -48,7 +48,7 @@ def open_run(path: str | os.PathLike) -> "Run":
     return Run(path)
 
 
-class Run(store.Run, Displayed):
+class Run(opening.Run, Displayed):
     """A run folder, read only; made by `evocity.open_run`. What `evocity.store.Run` has, and more.
 
     What names several births gives a pandas frame of their scores, a birth a row, ``id`` its index;

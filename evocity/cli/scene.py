@@ -248,7 +248,7 @@ def _measures(what: str, identifier: int | None) -> dict[str, float]:
     """What a run measured of its individual."""
     if identifier is None or not is_run(what):
         return {}
-    return dict(evocity.open_run(what).individuals([identifier])[0].values)
+    return dict(evocity.open_run(what).individuals([identifier], rebred=False)[0].values)
 
 
 def _note_fitted(made) -> None:

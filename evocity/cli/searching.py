@@ -82,7 +82,7 @@ def _go_through(start: Start, folder: Path, made: str) -> None:
                 noted = _note(search, noted)
                 if generation.number == 0:
                     _note_parents(folder, search.recipe)
-                    _tell_estimate(folder, search.recipe, generation)
+                _tell_estimate(folder, search, generation)
                 show(progress_line(generation, search.recipe.run.generations, signs))
             if search.asked_to_stop:
                 _say(f"stopped, as it was asked to; go on with: evocity resume {folder}")
@@ -186,12 +186,15 @@ def _tell_bound(folder: Path, recipe) -> None:
         _say(f"planned: {bound_of(folder, recipe)}")
 
 
-def _tell_estimate(folder: Path, recipe, generation) -> None:
-    """Say what the run will take of the disk, and how long."""
-    from evocity.search.estimate import estimate_of
+def _tell_estimate(folder: Path, search, generation) -> None:
+    """Say once what the run will take of the disk, and how long."""
+    from evocity.search.estimate import estimate_of, first_telling
 
+    if generation.number != first_telling(search.recipe):
+        return
+    search.flush()
     with contextlib.suppress(OSError):  # an estimate ends no run
-        found = estimate_of(folder, recipe, generation)
+        found = estimate_of(folder, search.recipe, generation)
         if found is not None:
             _say(f"estimate: {found.words}")
         if found is not None and found.warning:

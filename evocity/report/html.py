@@ -24,7 +24,8 @@ from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands
 from evocity.report.pictures import common_scale, scale_colours, scene_uri
 from evocity.report.plots import Axis, Dots, curve, scatter, ticks
-from evocity.store import STATUSES, open_run
+from evocity.search.opening import open_run
+from evocity.store import STATUSES
 
 _HERE = Path(__file__).parent
 
@@ -42,8 +43,7 @@ _POLICY = (
 
 
 def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None = None) -> Path:
-    """Write the report of a run into its folder as ``report.html``, or to ``output``; returns its
-    path.
+    """Write a run's report into its folder as ``report.html``, or to ``output``; returns its path.
 
     The page stands alone: settings, the parents, the front, the curves, the galleries of the
     last generation and of the archive with every measure under each picture, births and

@@ -19,6 +19,7 @@
   of a search, and what decides their births
 - `beginning`: the folder and the workers of a search
 - `engine`: `Search`, the loop, which writes every birth down; `generation`: where it is
+- `leaving`, `opening`: which genomes its log leaves out; how these are had
 - `signals`: what ends it from outside; `observers`: who watches it, its log first
 - `credit`: which operators earn their births
 - `commands`, `steering`: what may be asked of it while it goes on, and how that is carried out

@@ -54,6 +54,7 @@ class Born:
             genome=genome,
             made=(dict(genome.made) if genome is not None else {}) or self.plan.made,
             island=self.plan.island,
+            again=self.plan.again,
         )
 
 

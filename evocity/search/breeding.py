@@ -9,12 +9,14 @@ from evocity.genome import Genome
 from evocity.search.algorithms import Algorithm
 from evocity.search.individual import Individual
 from evocity.search.recipe import Recipe
+from evocity.store import Again
 
 
 @dataclass(frozen=True)
 class Plan:
     """How one individual comes about. Without an operator it is the one ``parents`` genome.
-    ``island``: on which it is born, where there are several."""
+    ``island``: on which it is born, where there are several; ``again``: how it comes about once
+    more, where the log may leave its genome out."""
 
     id: int
     operator: object | None
@@ -22,6 +24,7 @@ class Plan:
     genomes: tuple[Genome, ...] = field(repr=False)
     rng: np.random.Generator = field(repr=False)
     island: str | None = None
+    again: Again | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:

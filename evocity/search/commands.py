@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from evocity.errors import RunError, shown, with_near_miss
 from evocity.search.algorithms import algorithms
-from evocity.store import Run, append_command, open_run, read_commands
+from evocity.search.opening import open_run
+from evocity.store import Run, append_command, read_commands
 from evocity.store.lock import is_held
 
 #: Picks that a run breeds from at a time, at most.
@@ -270,7 +271,7 @@ def refuse_own_breeding(algorithm: str) -> None:
 
 def refuse_unborn(run: Run, ids: Sequence[int]) -> None:
     """Raise `RunError` unless all ``ids`` are births of the ``run`` that did not fail."""
-    for birth in run.individuals(ids):
+    for birth in run.individuals(ids, rebred=False):
         if not birth.ok:
             raise RunError(
                 f"{run.path}: individual {birth.id} failed ({birth.error})",

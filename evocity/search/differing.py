@@ -16,7 +16,7 @@ def differences(then: Birth, now: Birth) -> dict[str, dict]:
         "parents": (list(then.parents), list(now.parents)),
         "operator": (then.operator, now.operator),
         "status": (then.status, now.status),
-        "genome": (_digest(then), _digest(now)),
+        "genome": (then.digest, now.digest),
     }
     names = dict.fromkeys([*then.values, *now.values])
     pairs |= {f"fitness.{name}": (then.values.get(name), now.values.get(name)) for name in names}
@@ -42,10 +42,6 @@ def in_words(differs: Mapping[str, Mapping]) -> str:
 
 def _finite(value):
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _digest(birth: Birth) -> str | None:
-    return None if birth.genome is None else birth.genome.digest
 
 
 def _bits(value):

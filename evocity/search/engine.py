@@ -21,12 +21,13 @@ from evocity.search.generational import Generational, Weights
 from evocity.search.guarding import told_of_parents
 from evocity.search.notifying import told_to
 from evocity.search.observers import Observer, Observers
+from evocity.search.opening import open_run
 from evocity.search.preparation import Prepared, prepare
 from evocity.search.recipe import Recipe
 from evocity.search.steady import Steady
 from evocity.search.steering import Steering, genomes_of
 from evocity.search.stopping import Clock, Reason, Stopping, end_of, now, refuse_passed
-from evocity.store import Behind, Birth, open_run, refuse_existing
+from evocity.store import Behind, Birth, refuse_existing
 
 
 class Search:
@@ -321,8 +322,7 @@ class Search:
         return Archipelago(self._prepared, self._steering.standing.weights, self._observers.event)
 
     def _new_breeding(self, taken: resuming.TakenUp | None = None) -> Generational | Steady:
-        """Generations one after the other, or by the recipe's window; ``taken``: a run that is
-        taken up again."""
+        """Generations one after the other, or by the recipe's window, of a run ``taken`` up."""
         if self.recipe.search.window is None:
             return Generational(self._prepared, self._population, self._pool)
         if taken is None or not taken.next:

@@ -13,7 +13,7 @@ from evocity.search.overnight import moment_of
 from evocity.search.recipe import Recipe
 from evocity.search.stopping import Clock, now, size_of
 from evocity.search.worker import told_bytes
-from evocity.store.layout import BIRTHS, MEMBERSHIP
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 
 
 @dataclass(frozen=True)
@@ -68,33 +68,38 @@ def bound_of(folder: str | os.PathLike, recipe: Recipe) -> str:
     )
 
 
+def first_telling(recipe: Recipe) -> int:
+    """The first generation that is as large as those to come will be: where the log leaves genomes
+    out, all of generation 0 live on, and are kept."""
+    return 0 if recipe.log.genomes == "all" else 1
+
+
 def estimate_of(
     folder: str | os.PathLike, recipe: Recipe, generation: Generation, clock: Clock = now
 ) -> Estimate | None:
-    """Of the run in ``folder`` by a ``recipe``, after its first ``generation``: bytes a birth as
-    they were written, times all births; None where nothing follows. ``clock`` tells the time."""
-    count, planned = generation.births, recipe.run.generations
-    if planned <= generation.number or not count:
+    """Of the run in ``folder`` by a ``recipe``, after its `first_telling` ``generation``: those to
+    come will be as large; None before, and where nothing follows. ``clock`` tells the time."""
+    count, planned, done = generation.births, recipe.run.generations, generation.number
+    if planned <= done or done < first_telling(recipe) or not count:
         return None
-    written = sum(size_of(Path(folder) / kind) for kind in (BIRTHS, MEMBERSHIP))
-    each = written / (generation.number + 1)  # a generation
-    fixed = size_of(folder) - written
+    places, taken = Folder(Path(folder)), size_of(folder)
+    each = sum(places.single(kind, done).stat().st_size for kind in (BIRTHS, MEMBERSHIP))
     ends = []
     if (allowed := recipe.stop.disk_bytes) is not None:
-        last = max(generation.number, int((allowed - fixed) / each) - 1)
+        last = done + max(0, (allowed - taken) // each)
         ends.append((last, f"disk = {told_bytes(allowed)}"))
     moment = None if recipe.stop.until is None else moment_of(recipe.stop.until, clock())
-    pace = generation.seconds_left / (planned - generation.number)
+    pace = generation.seconds_left / (planned - done)
     if moment is not None and pace:
         more = math.ceil(max(0.0, (moment - clock()).total_seconds()) / pace)
-        ends.append((generation.number + more, f"until = {moment:%Y-%m-%d %H:%M}"))
+        ends.append((done + more, f"until = {moment:%Y-%m-%d %H:%M}"))
     last, stop = min(ends, default=(planned, ""))
-    births = count // (generation.number + 1) * (planned + 1)
-    size, free = round(fixed + each * (planned + 1)), shutil.disk_usage(folder).free
+    births = count // (done + 1) * (planned + 1)
+    size, free = taken + each * (planned - done), shutil.disk_usage(folder).free
     if last >= planned:
         return Estimate(births, size, free, generation.seconds_left)
-    needed = round(fixed + each * (last + 1))
+    needed = taken + each * (last - done)
     return Estimate(births, size, free, generation.seconds_left, last, stop, needed)
 
 
-__all__ = ["Estimate", "bound_of", "estimate_of"]
+__all__ = ["Estimate", "bound_of", "estimate_of", "first_telling"]

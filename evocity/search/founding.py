@@ -9,9 +9,10 @@ import numpy as np
 from evocity.citymap import CityMap
 from evocity.errors import GenomeError, RunError
 from evocity.genome import Genome, read_genome
+from evocity.search.opening import open_run
 from evocity.search.recipe import Recipe
 from evocity.search.sections import Parent
-from evocity.store import Birth, Run, open_run
+from evocity.store import Birth, Run
 
 
 def founder_of(recipe: Recipe, parent: Parent) -> tuple[CityMap, Genome]:

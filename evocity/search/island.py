@@ -22,6 +22,7 @@ from evocity.search.breeding import (
 )
 from evocity.search.credit import Credit
 from evocity.search.individual import Individual
+from evocity.search.leaving import again_of
 from evocity.search.population import Population
 from evocity.search.preparation import Prepared
 from evocity.search.recipe import Recipe
@@ -93,7 +94,7 @@ class Island:
             if refined:
                 of = self.population, self.aims, self.slots
                 plans = with_refinements(plans, recipe, generation, *of)
-        return plans if self.name is None else [replace(one, island=self.name) for one in plans]
+        return [self._own(plan) for plan in plans]
 
     def plan(self, identifier: int, picks: Picks, weights: Mapping[str, float]) -> Plan:
         """The birth with this id, after generation 0, of those who live now; a founder where nobody
@@ -105,13 +106,19 @@ class Island:
         of = population.living, self._sources, picks, weights, range(slot, slot + 1)
         plans = next_population(recipe, population.algorithm, generation, *of)
         of = population, self.aims, self.slots
-        return with_refinements(plans, recipe, generation, *of)[0]
+        return self._own(with_refinements(plans, recipe, generation, *of)[0])
 
     def founder(self, identifier: int) -> Plan:
         """The birth with this id, of sources alone: one more as those of generation 0 are."""
         recipe = self.recipe
         rng = generator(recipe.run.seed, *divmod(identifier, recipe.run.population))
-        return founder(recipe, self._sources, identifier, rng)
+        return self._own(founder(recipe, self._sources, identifier, rng))
+
+    def _own(self, plan: Plan) -> Plan:
+        """A ``plan`` of a birth on this island; with how it comes about once more, where the log
+        leaves genomes out."""
+        again = None if self.recipe.log.genomes == "all" else again_of(plan)
+        return replace(plan, island=self.name, again=again)
 
     def let_in(self, birth: Birth, looks: Mapping[int, np.ndarray]) -> None:
         """One birth: it lives, and somebody else may not, if the algorithm selects so."""

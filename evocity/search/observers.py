@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from evocity.errors import RunError
 from evocity.search.evaluator import told
 from evocity.search.generation import Generation
+from evocity.search.leaving import Leaving
 from evocity.store import Behind, Birth, Member
 
 
@@ -35,7 +36,7 @@ class Log(Observer):
     _UNSAID = ("number", "population", "seconds_left", "feasible")
 
     def __init__(self, writer: Behind):
-        self._writer = writer
+        self._writer, self._leaving = writer, Leaving.of(writer)
 
     def generation(
         self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
@@ -48,6 +49,7 @@ class Log(Observer):
                 del summary[key]
         if not math.isfinite(generation.hypervolume):  # JSON has no infinity
             summary["hypervolume"] = None
+        births = self._leaving.written(births, members)
         self._writer.write_generation(generation.number, births, members, summary)
         if generation.number == 0:  # from the first on, who is told of it may look at the folder
             self._writer.flush()

@@ -1,16 +1,17 @@
-"""What a recipe says of a run that goes on by itself: when it stops, who is told."""
+"""What a recipe says of a run that goes on by itself: when it stops, who is told, what is kept."""
 
 import re
 import shlex
 from collections.abc import Mapping
 from datetime import datetime, time, timedelta
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from evocity.errors import shown, with_near_miss
 from evocity.search.sections import bytes_of
 from evocity.search.values import Finite, Positive, Section, fault
+from evocity.store import GENOMES
 
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}))?", re.ASCII)
 
@@ -76,6 +77,13 @@ class StopSection(Section):
         return None if self.disk is None else bytes_of(self.disk)
 
 
+class LogSection(Section):
+    """``[log]``. ``genomes``: of which births the log holds the genomes, see
+    `evocity.search.leaving`."""
+
+    genomes: Literal[GENOMES] = "all"
+
+
 def _some_command(text: str) -> str:
     try:
         words = shlex.split(text)
@@ -118,4 +126,4 @@ def words_of(command: str, told: Mapping[str, str]) -> list[str]:
     ]
 
 
-__all__ = ["PLACEHOLDERS", "NotifySection", "StopSection", "moment_of", "words_of"]
+__all__ = ["PLACEHOLDERS", "LogSection", "NotifySection", "StopSection", "moment_of", "words_of"]

@@ -286,4 +286,5 @@ def _header(
         marks=tuple(dict.fromkeys(mark for kind in kinds for mark in kind.marks)),
         figures=() if recipe.islands else kinds[0].figures,
         islands=tuple(one.name for one in recipe.islands),
+        genomes=recipe.log.genomes,
     )

@@ -36,7 +36,7 @@ from evocity.search.mixture import (
     operator_of,
     usual_operators,
 )
-from evocity.search.overnight import NotifySection, StopSection
+from evocity.search.overnight import LogSection, NotifySection, StopSection
 from evocity.search.sections import (
     EvaluationSection,
     GenomeSection,
@@ -96,6 +96,7 @@ class Recipe(Section, Displayed):
     refine: RefineSection = RefineSection()
     stop: StopSection = StopSection()
     notify: NotifySection = NotifySection()
+    log: LogSection = LogSection()
     islands: list[IslandSection] = Field([], max_length=MOST_ISLANDS)
     migration: MigrationSection = MigrationSection()
 

@@ -14,11 +14,12 @@ from evocity.search.breeding import Plan
 from evocity.search.compiling import compile_once, needed
 from evocity.search.differing import differences
 from evocity.search.evaluation import Engine
+from evocity.search.opening import open_run
 from evocity.search.preparation import Prepared
 from evocity.search.replaying import plans_of
 from evocity.search.rereading import read_again
 from evocity.search.revising import columns_of
-from evocity.store import Birth, Run, open_run
+from evocity.store import Birth, Run
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def replay(
         raise RunError(f"workers={workers!r}", "a whole number, 0 or more", "correct it")
     known = run.births(columns=["id"])["id"].to_pylist()
     ids = known if ids is None else list(ids)
-    run.individuals(_strange(ids, set(known)))  # refused before anything is executed
+    run.individuals(_strange(ids, set(known)), rebred=False)  # refused before anything is executed
     prepared, _ = read_again(run, None, accept_changes, trust)
     found: dict[int, Replayed] = {}
     size = run.header.population
@@ -91,7 +92,7 @@ def _replayed(run: Run, prepared: Prepared, ids: list[int], workers: int) -> Ite
     with closing(pool_of(prepared, crew, sent, ignored, ignored)) as engine:
         for _, group in groupby(plans_of(run, prepared, ids), lambda plan: plan.id // size):
             plans = {plan.id: plan for plan in group}
-            births = run.individuals(list(plans))
+            births = run.individuals(list(plans), rebred=False)
             if crew.here:
                 lost = {birth.id for birth in births if birth.status in LOST}
                 yield from (_bred_alone(b, plans.pop(b.id), engine) for b in births if b.id in lost)
@@ -112,7 +113,7 @@ def _bred_alone(then: Birth, plan: Plan, engine: Engine) -> Replayed:
     """One that ended as only a worker process can end: it is not measured here."""
     reason = f"it ended by {then.status}: it is measured again by worker processes alone"
     hint = f"; ask for some: {keyword('workers', 1)}"
-    if then.genome is None or hasattr(plan.operator, "bred_within"):
+    if then.digest is None or hasattr(plan.operator, "bred_within"):
         made = replace(then, operator=plan.name, parents=tuple(plan.parents))
     else:
         (one,) = bred(engine, [plan])

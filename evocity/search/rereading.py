@@ -148,6 +148,7 @@ def _refuse_another_run(run: Run, header: Header, recipe: Recipe) -> None:
         "search.algorithm": (_algorithm(run), recipe.search.algorithm),
         "search.window": (_window(run), recipe.search.window),
         "islands": (_islands(run), _islands_of(recipe)),
+        "log.genomes": (header.genomes, recipe.log.genomes),
         "fitness": (header.measures, tuple(measure.name for measure in recipe.measures)),
         "run.record": (header.recorded, tuple(measure.name for measure in recipe.recorded)),
     }

@@ -21,6 +21,7 @@ from evocity.search.evaluation import Engine
 from evocity.search.judging import births_without_genomes
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
+from evocity.search.opening import open_run
 from evocity.search.preparation import Prepared
 from evocity.search.reading import read_recipe
 from evocity.search.recipe import Recipe
@@ -29,7 +30,7 @@ from evocity.search.rescoring import in_words, write_anew
 from evocity.search.revising import changed_keys, flat
 from evocity.search.sections import RunSection
 from evocity.search.trust import marked
-from evocity.store import Birth, Run, RunWriter, open_run
+from evocity.store import Birth, Run, RunWriter
 from evocity.store.events import UNTOLD, ended_untold
 
 #: A change of these may change the births; it is noted, not refused.

@@ -29,6 +29,7 @@ _WHY = {
     "search.algorithm": "what it tells of the living has columns of its own",
     "search": "its cells, or what it learns, are of all births so far",
     "within": "the values of its births are of these parts of the map",
+    "log.genomes": "births have columns for how those left out are bred again",
 }
 #: Why the measures of some runs stay what they are.
 _BOUND = {
@@ -93,6 +94,7 @@ def _fixed(run: Run, recipe: Recipe) -> list[tuple[str, object, object]]:
         ("locked", run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),
         ("islands", old.get("islands"), new.get("islands")),
         ("within", [o["name"] for o in run.provenance.get("within", [])], part_names(recipe)),
+        ("log.genomes", header.genomes, recipe.log.genomes),
     ]
     if header.block is None:
         before = GenomeSection.model_validate(old.get("genome", {})).model_dump()

@@ -22,8 +22,8 @@ from evocity.search.commands import (
     told,
 )
 from evocity.search.individual import Individual
+from evocity.search.opening import open_run
 from evocity.search.recipe import Recipe
-from evocity.store import open_run
 
 #: Genomes of births, by id; raises `RunError` for one that was never born, or failed.
 Births = Callable[[Sequence[int]], Mapping[int, Genome]]

@@ -6,14 +6,17 @@
 - `Anew`: the log of a run written anew under another header, beside the old one
 - `set_aside`: moves damaged files at the end of a run away, so that it can go on
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
+- `Again`: how a birth is bred once more whose genome the log leaves out
 - `Source`: a source city and its genome, as the run started from them
 - `append_command`, `read_commands`: what other processes ask of a run that goes on
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
 """
 
+from evocity.store.again import GENOMES, MOST_BREEDINGS, Again, generator_at, state_of
 from evocity.store.anew import Anew
 from evocity.store.behind import Behind
 from evocity.store.commands import append_command, read_commands
+from evocity.store.membership import Member
 from evocity.store.provenance import (
     environment,
     hash_of_file,
@@ -22,13 +25,16 @@ from evocity.store.provenance import (
     hash_of_text,
 )
 from evocity.store.run import Run, open_run
-from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header, Member
+from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header
 from evocity.store.sources import Source
 from evocity.store.writer import RunWriter, refuse_existing, set_aside
 
 __all__ = [
+    "GENOMES",
+    "MOST_BREEDINGS",
     "SCHEMA_VERSIONS",
     "STATUSES",
+    "Again",
     "Anew",
     "Behind",
     "Birth",
@@ -39,6 +45,7 @@ __all__ = [
     "Source",
     "append_command",
     "environment",
+    "generator_at",
     "hash_of_file",
     "hash_of_map",
     "hash_of_mask",
@@ -47,4 +54,5 @@ __all__ = [
     "read_commands",
     "refuse_existing",
     "set_aside",
+    "state_of",
 ]

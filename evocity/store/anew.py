@@ -25,10 +25,11 @@ import pyarrow as pa
 from evocity.files import flush_folder, whole_file
 from evocity.store.ending import Ending
 from evocity.store.layout import ANEW, BIRTHS, MEMBERSHIP, SEGMENT, Folder
+from evocity.store.membership import Member, membership_table
 from evocity.store.merge import KINDS, drop_leftovers, merge, write_single
 from evocity.store.parts import plain_folder, read_json
 from evocity.store.run import Run
-from evocity.store.schema import Header, Member, births_schema, membership_table
+from evocity.store.schema import Header, births_schema
 from evocity.store.tables import Tables
 
 #: What a log is written anew for, in its folder.

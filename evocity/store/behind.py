@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from evocity.store.schema import Birth, Member
+from evocity.store.membership import Member
+from evocity.store.schema import Birth, Header
 from evocity.store.writer import RunWriter
 
 
@@ -30,6 +31,10 @@ class Behind:
     @property
     def path(self) -> Path:
         return self._writer.path
+
+    @property
+    def header(self) -> Header:
+        return self._writer.header
 
     def write_generation(
         self, generation: int, births: Sequence[Birth], members: Sequence[Member], summary: Mapping

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from numbers import Integral
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -17,19 +18,19 @@ from evocity.columns import array_of, column_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, RunError, near_miss
 from evocity.genome import Genome
+from evocity.store.completing import completed
 from evocity.store.ending import Ending
 from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
+from evocity.store.membership import summaries_of
 from evocity.store.merge import KINDS, damaged
 from evocity.store.parts import read_bytes, read_json
 from evocity.store.pedigree import ancestry
 from evocity.store.schema import (
-    ABOUT_GENERATIONS,
     Birth,
     Header,
     births_of,
     check_version,
-    summaries_of,
 )
 from evocity.store.seals import check_digests, opened
 from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
@@ -42,20 +43,18 @@ _ATTEMPTS = 5
 
 
 def open_run(path: str | os.PathLike) -> "Run":
-    """Open a run folder for reading; nothing in it is executed, nothing changed.
-
-    Works while the run goes on: only whole generations are seen. Raises `RunError` if there
-    is no run at ``path``, if it is damaged, or if another release wrote another schema.
-    """
+    """As `evocity.open_run`; genomes that its log leaves out cannot be had."""
     return Run(path)
 
 
 class Run:
-    """A run folder, read only; made by `open_run`. All methods raise `RunError` on damage.
+    """A run folder, read only; made by `evocity.open_run`. All methods raise `RunError` on damage.
 
     Attributes: ``path``; ``provenance``, what was recorded at the start; ``header``, what all
     births share (`Header`).
     """
+
+    _rebreed: ClassVar[Callable[..., Genome] | None] = None  # see `evocity.search.opening`
 
     def __init__(self, path: str | os.PathLike):
         self.path = Path(path)
@@ -144,8 +143,9 @@ class Run:
         of each."""
         return self._table(MEMBERSHIP, generation, None)
 
-    def individuals(self, ids: Sequence[int]) -> list[Birth]:
-        """The births with these ``ids``, genomes included, in the order given."""
+    def individuals(self, ids: Sequence[int], rebred: bool = True) -> list[Birth]:
+        """The births with these ``ids``, genomes included, in the order given. Genomes that the log
+        leaves out are bred again, unless they are not to be ``rebred``."""
         for identifier in ids:
             if not isinstance(identifier, Integral) or isinstance(identifier, bool):
                 raise RunError(
@@ -153,6 +153,14 @@ class Run:
                     "a whole number, the id of a birth",
                     self._where_ids_are,
                 )
+        found = self._logged(ids)
+        if rebred and any(one.left_out for one in found.values()):
+            with self._readable(self.path):
+                found = completed(self, found, self._logged, self._rebreed)
+        return [found[identifier] for identifier in ids]
+
+    def _logged(self, ids: Sequence[int]) -> dict[int, Birth]:
+        """The births with these ``ids`` as the log has them."""
         found: dict[int, Birth] = {}
         spans, missing = [], list(ids)
         # where they are if as many are born in each generation; then everywhere
@@ -178,7 +186,7 @@ class Run:
                 else "a run with a whole generation",
                 self._where_ids_are,
             )
-        return [found[identifier] for identifier in ids]
+        return found
 
     @property
     def _where_ids_are(self) -> str:
@@ -389,7 +397,7 @@ class Run:
 
     def _summaries(self, path: Path) -> dict[int, dict]:
         with self._readable(path, gone_is_damage=False), opened(path) as file:
-            return summaries_of(file.metadata.metadata[ABOUT_GENERATIONS])
+            return summaries_of(file.metadata.metadata)
 
     def _with_pieces(self, read: Callable):
         for attempt in range(_ATTEMPTS):

@@ -1,9 +1,9 @@
-"""What a row of `births` and of `membership` holds, to and from Arrow tables."""
+"""What all births of a run share, and what a row of `births` holds, to and from Arrow tables."""
 
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 from pydantic_core import from_json
 
 from evocity.citymap import MAX_PIXELS
@@ -21,14 +21,16 @@ from evocity.errors import RunError, cut_short, plain_text
 from evocity.genome import Genome
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import Pavement
+from evocity.store.again import GENOMES, Again, again_columns, again_fields, again_in
 
 #: Versions of a run folder's layout and columns that are read, raised by one with every change
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
 #: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
+#: 8 leaves genomes out.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7)
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
@@ -41,7 +43,7 @@ ABOUT_GENERATIONS = b"evocity.generations"
 _WORD = pa.dictionary(pa.int32(), pa.string())
 
 # Of a stranger's file nothing is taken for granted: neither types nor bounds.
-_STRICT = ConfigDict(strict=True, extra="forbid")
+STRICT = ConfigDict(strict=True, extra="forbid")
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -60,7 +62,7 @@ def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
 CROWDING = ("crowding",)
 
 _Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
 
 
@@ -78,7 +80,8 @@ class Header:
     what the run's algorithm tells of each of the living, columns of the membership, and
     ``figures`` what it tells of all of them, in each generation's summary. ``islands`` names those
     that the run has: births and membership then have a column ``island``, marks are those of all
-    islands, and each island's figures stand in the summary.
+    islands, and each island's figures stand in the summary. ``genomes`` tells of what births the
+    log holds the genomes, see `evocity.search.leaving`.
     """
 
     height: _Side
@@ -87,7 +90,7 @@ class Header:
     sigma_max: Annotated[float, Field(gt=0)]
     cities: Annotated[_Names, Field(max_length=256)]
     attribution: str
-    origin: tuple[_Finite, _Finite] | None
+    origin: tuple[Finite, Finite] | None
     crs: str | None
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     population: Annotated[int, Field(ge=1, le=2**31)]
@@ -101,12 +104,15 @@ class Header:
     marks: Annotated[_Names, AfterValidator(_no_column)] = CROWDING
     figures: _Names = ()
     islands: _Names = ()
+    genomes: Literal[GENOMES] = "all"
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
+            if self.genomes != "all":
+                return 8
             if self.islands:
                 return 7
             if self.figures:
@@ -130,7 +136,7 @@ class Header:
             del about["locked"]
         version = self.schema_version
         newer = ("block",) if version > 2 else ("kind", "settle")
-        later = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7}
+        later = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7, "genomes": 8}
         newer += tuple(name for name, since in later.items() if version < since)
         for name in newer:
             del about[name]
@@ -155,7 +161,8 @@ class Header:
         if version != header.schema_version:
             told = (
                 f"recorded = {header.recorded}, marks = {header.marks}, "
-                f"figures = {header.figures}, islands = {header.islands}"
+                f"figures = {header.figures}, islands = {header.islands}, "
+                f"genomes = {header.genomes}"
             )
             raise ValueError(f"schema version {version} with {told}")
         if header.block is not None:
@@ -168,41 +175,6 @@ def _header_model() -> TypeAdapter:
     return TypeAdapter(Header)
 
 
-class IslandSummary(BaseModel):
-    """What a generation's summary tells of one island."""
-
-    model_config = _STRICT
-
-    living: int = Field(ge=0)
-    feasible: int = Field(ge=0)
-    hypervolume: _Finite | None = None
-    best: dict[str, _Finite] = Field(default_factory=dict)
-    algorithm: dict[str, _Finite] = Field(default_factory=dict)
-
-
-class Summary(BaseModel):
-    """What a generation's membership file tells besides its rows; all of it may be lacking."""
-
-    model_config = _STRICT
-
-    births: int = Field(0, ge=0)
-    failures: int = Field(0, ge=0)
-    hypervolume: _Finite | None = None
-    best: dict[str, _Finite] = Field(default_factory=dict)
-    evaluations_per_second: _Finite | None = None
-    algorithm: dict[str, _Finite] = Field(default_factory=dict)
-    islands: dict[str, IslandSummary] = Field(default_factory=dict)
-
-
-_SUMMARIES = TypeAdapter(dict[str, Summary])
-
-
-def summaries_of(text: str | bytes) -> dict[int, dict]:
-    """Generation -> what its summary states. Raises ValueError for anything else."""
-    checked = _SUMMARIES.validate_json(text)
-    return {int(number): about.model_dump(exclude_unset=True) for number, about in checked.items()}
-
-
 @dataclass(frozen=True)
 class Birth:
     """One evaluated individual.
@@ -210,7 +182,8 @@ class Birth:
     ``values`` maps measures to raw values, as far as they were reached and, of those that are
     recorded besides or constraints alone, have one (``error`` tells why they have none); ``made``
     is what the operator recorded (its parameters, what it reached). ``genome`` is None where
-    breeding itself failed. ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
+    breeding itself failed, and where the log leaves it out: ``again`` tells then how it is had.
+    ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
     and no constraint of the recipe is broken. ``island``: on which it was born, where there are
     several.
     """
@@ -227,35 +200,29 @@ class Birth:
     made: Mapping = field(default_factory=dict)
     feasible: bool = True
     island: str | None = None
+    again: Again | None = None
 
     @property
     def ok(self) -> bool:
         return self.status == "ok"
 
+    @property
+    def left_out(self) -> bool:
+        """Whether the log leaves its genome out."""
+        return self.genome is None and self.again is not None and self.again.breedings > 0
 
-@dataclass(frozen=True)
-class Member:
-    """Who lived in a generation: slot, individual, front (0 = first), and what the run's algorithm
-    tells of it besides, by the names of `Header.marks`; on which island, where there are several:
-    an individual may live on more than one, and slots count anew on each."""
-
-    slot: int
-    id: int
-    rank: int
-    marks: Mapping[str, float] = field(default_factory=dict)
-    island: str | None = None
+    @property
+    def digest(self) -> str | None:
+        """The hash of its genome, of one that is left out too; None where breeding failed."""
+        if self.genome is not None:
+            return self.genome.digest
+        return self.again.digest if self.left_out else None
 
 
-_MEMBERSHIP = (
-    ("generation", pa.int32()),
-    ("slot", pa.int32()),
-    ("id", pa.int64()),
-    ("rank", pa.int32()),
-)
-
+#: Columns of births and membership in which every row has a value.
 _NEVER_NULL = frozenset(
     ("generation", "id", "parents", "operator", "made", "status", "seconds", "feasible", "island")
-) | {name for name, _ in _MEMBERSHIP}
+) | {"breedings", "slot", "rank"}
 
 
 #: An error's text has no more than that in the log, bytes: a measure may raise with a gigabyte.
@@ -277,13 +244,7 @@ def told_short(error: str | None) -> str | None:
     return cut_short(plain_text(text, "\n"), LONGEST_ERROR)
 
 
-def membership_schema(header: Header) -> pa.Schema:
-    """Columns of a membership file."""
-    marks = ((name, pa.float64()) for name in header.marks)
-    return pa.schema([*_MEMBERSHIP, *marks, *_islands(header)])
-
-
-def _islands(header: Header) -> list[tuple[str, pa.DataType]]:
+def island_column(header: Header) -> list[tuple[str, pa.DataType]]:
     """The column of islands, where there are some."""
     return [("island", _WORD)] if header.islands else []
 
@@ -293,7 +254,7 @@ def births_schema(header: Header) -> pa.Schema:
     columns = [
         ("generation", pa.int32()),
         ("id", pa.int64()),
-        *_islands(header),
+        *island_column(header),
         ("parents", pa.list_(pa.int64())),
         ("operator", _WORD),
         ("made", pa.string()),
@@ -303,6 +264,7 @@ def births_schema(header: Header) -> pa.Schema:
         *((f"fitness.{name}", pa.float64()) for name in header.columns),
         ("feasible", pa.bool_()),
         ("genome", pa.string()),
+        *again_fields(header),
         *header.chromosome.fields(header),
     ]
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
@@ -338,10 +300,11 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
         "error": [told_short(b.error) for b in births],
         "seconds": [b.seconds for b in births],
         "feasible": [b.ok and b.feasible for b in births],
-        "genome": [b.genome.digest if b.genome is not None else None for b in births],
+        "genome": [b.digest for b in births],
     }
     for name in header.columns:
         columns[f"fitness.{name}"] = [b.values.get(name) for b in births]
+    columns |= again_columns(births, header)
     columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
         column if isinstance(column, pa.Array) else pa.array(column, kind.type)
@@ -364,12 +327,14 @@ _PLAIN = ("generation", "id", "operator", "status", "error", "seconds", "feasibl
 def births_of(
     table: pa.Table, header: Header, condensation: Condensation | None = None
 ) -> list[Birth]:
-    """`births_table` the other way round."""
+    """`births_table` the other way round; genomes that are left out stay so."""
     births = []
     for index in range(len(table)):
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
-        genome = genome_of(row, header, condensation) if row["genome"].is_valid else None
+        again, genome = again_in(row, header), None
+        if again is None and row["genome"].is_valid:
+            genome = genome_of(row, header, condensation)
         if genome is not None and genome.digest != row["genome"].as_py():
             raise ValueError(f"the genome of individual {row['id']} is not the one that was bred")
         if row["status"].as_py() == "ok":
@@ -382,6 +347,7 @@ def births_of(
                 genome=genome,
                 island=row["island"].as_py() if header.islands else None,
                 made=dict(from_json(row["made"].as_py())),
+                again=again,
             )
         )
     return births
@@ -392,30 +358,6 @@ def _check_ok(row: Mapping, values: Mapping, wanted: Sequence[str]) -> None:
         raise ValueError(f"individual {row['id']} without a genome or a value, though it is ok")
     if not all(math.isfinite(value) for value in values.values() if value is not None):
         raise ValueError(f"individual {row['id']} with a value that is not finite, though it is ok")
-
-
-def membership_table(
-    generation: int, members: Iterable[Member], summary: Mapping, header: Header
-) -> pa.Table:
-    """Arrow table of one generation's members; ``summary`` travels in its metadata."""
-    members = list(members)
-    summaries = json.dumps({str(generation): dict(summary)}, allow_nan=False)
-    schema = membership_schema(header).with_metadata(
-        {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
-    )
-    columns = [[getattr(m, name) for m in members] for name in ("slot", "id", "rank")]
-    one = not header.islands  # islands have other marks each
-    columns += [
-        [m.marks[name] if one else m.marks.get(name) for m in members] for name in header.marks
-    ]
-    columns += [[m.island for m in members]] if header.islands else []
-    return pa.table(
-        [
-            pa.array(column, kind.type)
-            for column, kind in zip([[generation] * len(members), *columns], schema, strict=True)
-        ],
-        schema=schema,
-    )
 
 
 def check_version(version, path) -> None:

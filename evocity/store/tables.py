@@ -7,12 +7,12 @@ import pyarrow.parquet as pq
 
 from evocity.store.bounds import check_bounds, read_bounded
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Piece
+from evocity.store.membership import membership_schema
 from evocity.store.schema import (
     ABOUT_RUN,
     Header,
     births_schema,
     check_rows,
-    membership_schema,
 )
 from evocity.store.seals import check_seal, opened
 

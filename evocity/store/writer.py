@@ -22,16 +22,11 @@ from evocity.store.ending import Ending
 from evocity.store.events import append_event
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
+from evocity.store.membership import Member, membership_table
 from evocity.store.merge import drop_leftovers, merge, write_single
 from evocity.store.own import OWN, write_own
 from evocity.store.run import Run, open_run
-from evocity.store.schema import (
-    Birth,
-    Header,
-    Member,
-    births_table,
-    membership_table,
-)
+from evocity.store.schema import Birth, Header, births_table
 from evocity.store.seals import digests_of
 from evocity.store.sources import (
     Source,

@@ -9,7 +9,7 @@ from test_search_run import run
 from test_search_stopping import EVENING
 
 from evocity.search import Search, read_recipe
-from evocity.search.estimate import Estimate, bound_of, estimate_of
+from evocity.search.estimate import Estimate, bound_of, estimate_of, first_telling
 from evocity.search.stopping import size_of
 
 
@@ -24,6 +24,20 @@ def test_the_estimate_is_near_what_the_run_takes(toy, tmp_path):
     assert 0.7 * size < found.size < 1.4 * size
     assert "about 104 births of" in found.words
     assert "free) and 0:0" in found.words
+
+
+def test_where_genomes_are_left_out_it_waits_for_a_generation_like_those_to_come(toy, tmp_path):
+    recipe = read_recipe(toy(recipe="[log]\ngenomes = 'front'\n"), generations=12)
+    found = []
+    with Search(recipe, out=tmp_path / "run", workers=0) as search:
+        for generation in search:
+            if generation.number <= first_telling(recipe) == 1:
+                search.flush()
+                found.append(estimate_of(tmp_path / "run", recipe, generation))
+    size = size_of(tmp_path / "run")
+    assert found[0] is None
+    assert found[1].births == 13 * 8
+    assert 0.7 * size < found[1].size < 1.4 * size
 
 
 def test_a_disk_that_is_too_small_is_told():

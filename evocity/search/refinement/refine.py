@@ -19,6 +19,7 @@ from evocity.search.evaluation import Here
 from evocity.search.evaluator import Outcome
 from evocity.search.founding import alive
 from evocity.search.judging import judged, measured
+from evocity.search.opening import open_run
 from evocity.search.preparation import Prepared
 from evocity.search.refinement.climbing import Climbed, climb, rounded
 from evocity.search.refinement.score import Score
@@ -26,7 +27,7 @@ from evocity.search.refinement.tuning import Tuning, of_field, of_heights, of_pa
 from evocity.search.replaying import plan_of
 from evocity.search.rereading import read_again
 from evocity.search.resuming import standing_of
-from evocity.store import Birth, Run, open_run
+from evocity.store import Birth, Run
 
 #: What may be tuned of an individual.
 WAYS = ("lambda_field", "heights", "parameters", "fit")
