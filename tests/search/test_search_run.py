@@ -88,7 +88,8 @@ def test_a_killed_run_resumes_to_the_same_rows(toy, tmp_path, points):
         assert numbers[-1] == 4
         assert rows(out) == expected
         assert open_run(out).status()["finished"]
-        assert [e["event"] for e in open_run(out).events()] == ["start", "resume", "finish"]
+        told = [e["event"] for e in open_run(out).events()]
+        assert told == ["start", "stop", "resume", "finish"]  # that it was killed is noted
     for summary, other in zip(
         open_run(tmp_path / "whole").history(), open_run(out).history(), strict=True
     ):
