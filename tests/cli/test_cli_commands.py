@@ -325,7 +325,7 @@ def test_fitness_list_loads_files_of_the_users_own(tmp_path):
     assert "loading" not in result.stdout
     (line,) = [s for s in result.stdout.splitlines() if s.startswith("lowest_for_list")]
     assert line.split()[1:3] == ["min", "m"]
-    assert line.split()[5] == str(own)
+    assert line.split()[4] == str(own)
     assert line.endswith("How low it is.")
     refused(tmp_path, "fitness", "list", tmp_path / "missing.py", says="no Python file")
 
