@@ -138,9 +138,15 @@ def alive(pid: int) -> bool:
 
 
 def below() -> list[int]:
-    """Processes below this one, but for what Python has watch over its shared memory."""
+    """Processes below this one, but for two that stay as long as it: what Python has watch over
+    its shared memory, and what starts workers."""
     found = processes.descendants(os.getpid())
-    return [one for one in found if "resource_tracker" not in command_of(one)]
+    staying = [
+        one
+        for one in processes.children(os.getpid())
+        if re.search("resource_tracker|nursery import main", command_of(one))
+    ]
+    return [one for one in found if one not in staying]
 
 
 def command_of(pid: int) -> str:
