@@ -334,6 +334,9 @@ class Search:
     def observe(self, observer):
         pass
 
+    def flush(self):
+        pass
+
     def __iter__(self):
         yield generation(0)
         if isinstance(self.then, BaseException):
