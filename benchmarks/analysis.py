@@ -34,7 +34,7 @@ def seconds(ask: Callable[[], object]) -> float:
     return min(found)
 
 
-def main(path: Path) -> None:
+def main(path: Path, asked: list[str]) -> None:
     print(description())
     run = evocity.open_run(path)
     ids = run.told.ids[run.told.ok]
@@ -59,6 +59,8 @@ def main(path: Path) -> None:
         f"clusters of {len(some)}": lambda: evocity.open_run(path).clusters(5, of=some),
     }
     for name, ask in questions.items():
+        if asked and name.split()[0] not in asked:
+            continue
         ask()
         print(f"{name:20} {seconds(ask):7.3f} s", flush=True)
 
@@ -66,4 +68,6 @@ def main(path: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("path", type=Path, metavar="FOLDER", help="a run")
-    main(parser.parse_args().path)
+    parser.add_argument("asked", nargs="*", metavar="NAME", help="some of the questions alone")
+    given = parser.parse_args()
+    main(given.path, given.asked)

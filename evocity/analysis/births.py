@@ -44,6 +44,11 @@ class Told:
 
     # -- columns -----------------------------------------------------------------------------
 
+    @property
+    def read_already(self) -> bool:
+        """Whether the columns are at hand, and cost nothing any more."""
+        return "_table" in self.__dict__
+
     @cached_property
     def _table(self) -> "pa.Table":
         header = self.run.header

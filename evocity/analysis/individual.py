@@ -33,8 +33,12 @@ class Individual(Displayed):
 
     def __init__(self, told: Told, identifier: int):
         """One of those that are ``told``. Raises `RunError` if there is no such birth."""
-        (self._row,) = told.rows([identifier])
-        self.told, self.run, self.id = told, told.run, int(identifier)
+        self.told, self.run, self.id = told, told.run, identifier
+        if told.read_already:
+            told.rows([identifier])
+        else:  # one is sooner found than all are read
+            _ = self.birth
+        self.id = int(identifier)
 
     def __repr__(self) -> str:
         told = f"{self.operator}, generation {self.generation}, {self.status}"
@@ -52,6 +56,10 @@ class Individual(Displayed):
         return self.run.path.resolve(), self.id
 
     # -- what the columns tell ---------------------------------------------------------------
+
+    @cached_property
+    def _row(self) -> int:
+        return int(self.told.rows([self.id])[0])
 
     @property
     def generation(self) -> int:

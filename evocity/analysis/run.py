@@ -100,8 +100,9 @@ class Run(opening.Run, Displayed):
         as a list."""
         if isinstance(which, slice):
             return [Individual(self.told, one) for one in self.told.ids[which].tolist()]
-        if isinstance(which, Integral) and not isinstance(which, bool) and -len(self) <= which < 0:
-            which = self.told.ids[which]
+        whole = isinstance(which, Integral) and not isinstance(which, bool)
+        if whole and which < 0 and -len(self) <= which:  # only the last ones need all to be read
+            which = int(self.told.ids[which])
         return Individual(self.told, which)
 
     # -- births in tables --------------------------------------------------------------------
