@@ -12,6 +12,7 @@ from evocity.analysis.compromise import best_compromise
 from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
 from evocity.analysis.likeness import Likeness
+from evocity.displayed import Displayed
 from evocity.search.fronts import Scale
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class Kept:
         return f"{self.individual.id}, {self.role}. {self.why} {self.gave_up}".rstrip()
 
 
-class Keeping(list[Kept]):
+class Keeping(list[Kept], Displayed):
     """A few births worth keeping; ``str()`` tells each in a line."""
 
     def __str__(self) -> str:
@@ -61,10 +62,11 @@ def kept_of(told: Told, ids: np.ndarray, likeness: Likeness, count: int) -> Keep
     for column, goal in enumerate(told.goals):
         if len(choice.roles) < count:
             choice.take(choice.best(column), f"best {goal}")
-    if len(choice.roles) < min(count, len(ids)):
-        for row, why in _kinds(choice, likeness, count):
-            if len(choice.roles) < count:
-                choice.take(row, "one of its kind", why)
+    wanted = min(count, len(ids))
+    for row, why in _kinds(choice, likeness, count) if len(choice.roles) < wanted else ():
+        choice.take(row, "one of its kind", why)
+        if len(choice.roles) == wanted:  # they would go on
+            break
     return Keeping(choice.told_of(row) for row in choice.roles)
 
 

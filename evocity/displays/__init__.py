@@ -9,13 +9,14 @@ from functools import cache
 from html import escape
 
 from evocity.analysis.individual import Individual
+from evocity.analysis.keeping import Keeping
 from evocity.analysis.run import Run
 from evocity.citymap import CityMap
 from evocity.displays.archives import archive_html
 from evocity.displays.genomes import genome_html
 from evocity.displays.maps import map_html
 from evocity.displays.recipes import recipe_html
-from evocity.displays.runs import individual_html, run_html
+from evocity.displays.runs import individual_html, keeping_html, run_html
 from evocity.errors import EvocityError
 from evocity.genome import Genome
 from evocity.search import Archive, Recipe
@@ -30,6 +31,7 @@ def _ways() -> dict[type, Callable[[object], str]]:
         Archive: archive_html,
         Run: run_html,
         Individual: individual_html,
+        Keeping: keeping_html,
     }
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from evocity.analysis.individual import Individual
+from evocity.analysis.keeping import Keeping
 from evocity.analysis.run import Run
 from evocity.analysis.wanted import Aim
 from evocity.citymap import CityMap
@@ -90,6 +91,25 @@ def individual_html(one: Individual) -> str:
     )
 
 
+def keeping_html(keeping: Keeping) -> str:
+    """A `Keeping` as HTML: each with its map, its role, why it is kept, what it gave up."""
+    cities = [one.individual.city for one in keeping[:_MOST]]
+    highest = max(map(scale_end, cities), default=10.0)
+    shown = []
+    for number_of, one in enumerate(keeping):
+        note = {"title": f"{one.individual.id}: {one.role}", "why": one.why, "lost": one.gave_up}
+        picture = {"uri": "", "alt": ""}
+        if number_of < _MOST:
+            picture = _small(cities[number_of], "", "", highest)
+        shown.append(picture | note)
+    credit = keeping[0].individual.run.header.attribution if keeping else ""
+    return (
+        templates_of(TEMPLATES)
+        .get_template("keeping.html")
+        .render(kept=shown, highest=highest, credit=credit)
+    )
+
+
 def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
@@ -145,4 +165,4 @@ def _small(city: CityMap, title: str, note: str, highest: float) -> dict:
     return {"uri": uri, "width": width, "alt": alt_of(city), "title": title, "note": note}
 
 
-__all__ = ["individual_html", "run_html"]
+__all__ = ["individual_html", "keeping_html", "run_html"]

@@ -305,6 +305,8 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     assert len(str(kept).splitlines()) == len(kept)
     assert [one.individual.id for one in run.keep(1)] == ids[:1]
     assert len(run.keep(10**6)) == len(run.archive)
+    for count in range(1, len(run.archive) + 1):
+        assert len(run.keep(count)) == count
 
 
 def test_scores_become_csv(run, tmp_path):

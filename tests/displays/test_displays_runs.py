@@ -50,6 +50,16 @@ def test_individuals_show_map_scores_and_origin():
         assert f"generation {one.generation}" in seen.text
 
 
+def test_what_is_worth_keeping_is_told_with_its_reasons():
+    kept = evocity.open_run(OLD / "run-3").keep()
+    seen = Seen(kept._repr_html_())
+    assert [tag for tag, _ in seen.elements].count("img") == len(kept)
+    for one in kept:
+        assert f"{one.individual.id}: {one.role}" in seen.text
+        assert one.why in seen.text
+        assert one.gave_up in seen.text
+
+
 def copied(tmp_path, change):
     folder = tmp_path / "run"
     shutil.copytree(OLD / "run-3", folder)
