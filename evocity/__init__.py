@@ -24,15 +24,15 @@ _ROOMS = {
     "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
     "search.repeating": ["replay"],
 }
-_CALLED = ("fitness", "scene")  # modules, and, called, the decorator and the function
+_MODULES = ("fitness", "plot", "scene")  # the first and the last can be called
 
 _HOMES = {name: f"evocity.{room}" for room, names in _ROOMS.items() for name in names}
 _load, _, __all__ = lazily(__name__, __file__, _HOMES)
-__all__ += _CALLED
+__all__ += _MODULES
 
 
 def __getattr__(name: str):  # each name loads its room when first used: `--help` stays quick
-    return import_module(f"evocity.{name}") if name in _CALLED else _load(name)
+    return import_module(f"evocity.{name}") if name in _MODULES else _load(name)
 
 
 def __dir__() -> list[str]:

@@ -5,6 +5,7 @@ from typing import overload
 
 import evocity.fitness as _fitness
 import evocity.scene as _scene
+from evocity import plot as plot
 from evocity.analysis import open_run
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
@@ -34,6 +35,7 @@ __all__ = [
     "merged",
     "open_run",
     "pick",
+    "plot",
     "read_genome",
     "read_map",
     "read_recipe",

@@ -221,7 +221,7 @@ def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
 def test_python_blocks_run(page, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
     found = blocks(page, "python")
-    if page.name in ("run-folder.md", "analysis.md"):
+    if page.name in ("run-folder.md", "analysis.md", "plots.md"):
         names = {"folder": str(request.getfixturevalue("small_run"))}
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     else:

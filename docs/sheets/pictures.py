@@ -78,8 +78,8 @@ def draw_ancestry() -> None:
         "Domain blocks from the whole map, no repair: New York is built of Lyon's stones",
         "Domain blocks from within 24 px, collage repair: they mix along the seams alone",
     ]
-    thanks = [f"red, {LYON}: {evocity.io.attribution_of(LYON)}"]
-    thanks += [f"blue, {NEW_YORK}: {evocity.io.attribution_of(NEW_YORK)}"]
+    thanks = [f"blue, {LYON}: {evocity.io.attribution_of(LYON)}"]
+    thanks += [f"amber, {NEW_YORK}: {evocity.io.attribution_of(NEW_YORK)}"]
     save(contact_sheet(rows, titles=titles, thanks=thanks), "ancestry.png", colours=48)
 
 

@@ -133,7 +133,7 @@ def main() -> None:
             told = f"S = {tolerance:g} m: fill {figures.fill:.2f}, cut {figures.cut:.2f}"
             row.append((told, picture.resize((280, 280))))
         rows.append(row)
-        titles.append(f"{names[0]} (red) and {names[1]} (blue), fill .5 wanted")
+        titles.append(f"{names[0]} (blue) and {names[1]} (amber), fill .5 wanted")
     credits = [f"{name}: {attribution}" for name, attribution in thanks.items()]
     save(contact_sheet(rows, titles=titles, thanks=credits), "tolerance.png", colours=48)
 

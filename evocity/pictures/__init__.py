@@ -2,6 +2,7 @@
 
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
 - `picture`: a map, a field, or shares, as a picture
+- `palette`: one colour a source city, everywhere
 - `classes`: what stands on a map, each class in its colour
 - `leaves`: the range blocks of a code, over its map
 """
@@ -9,12 +10,14 @@
 from evocity.pictures.classes import render_classes
 from evocity.pictures.field import Field, Shares
 from evocity.pictures.leaves import Leaves, render_leaves
+from evocity.pictures.palette import city_colours
 from evocity.pictures.picture import render, render_field, render_shares
 
 __all__ = [
     "Field",
     "Leaves",
     "Shares",
+    "city_colours",
     "render",
     "render_classes",
     "render_field",

@@ -1,7 +1,7 @@
 """A map as a picture: heights on an even scale of colours, light from the north-west."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.pictures.field import Field, Shares
+from evocity.pictures.palette import city_colours
 
 PAPER = (250, 248, 244)
 GROUND = (241, 238, 231)
@@ -104,7 +105,7 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     top = float(known.max(initial=0))
     end = _rounded_up(float(np.quantile(known, 0.995) if known.size else 0) or top)
     pixels = values.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    colours = _even(pixels, end)
+    colours = even(pixels, end)
     if zoom > 1:
         edges = _edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
         colours[edges] = np.round(colours[edges] * 0.78).astype(np.uint8)
@@ -112,18 +113,18 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     if known.size < values.size:
         notes.append("grey: none")
     unit = f"{field.symbol}, {field.unit}" if field.unit else field.symbol
-    scale = _Scale(unit, end, lambda shown: _even(shown, end), "\n".join(notes))
+    scale = _Scale(unit, end, lambda shown: even(shown, end), "\n".join(notes))
     title = f"{field.city.name}: {field.title}"
     return _sheet(field.city, Image.fromarray(colours), title, scale, zoom)
 
 
 def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Image.Image:
-    """Draw who has which part of a city: a hue for each part, mixed as the weights are; grey
-    where they come together. Roofs are darker the higher they are, ground is pale. The legend
+    """Draw who has which part of a city: a colour for each part (`city_colours`), mixed as the
+    weights are. Roofs are darker the higher they are, ground is pale. The legend
     names the parts and their shares of the whole map, the largest first; ``legend`` and ``zoom``
     are as in `render`."""
     city, weights = shares.city, np.asarray(shares.weights)
-    hues = _hues(len(shares.parts))
+    hues = _oklab(np.array([_rgb(colour) for colour in city_colours(shares.parts)]) / 255)
     mixed = weights.reshape(-1, len(hues)) @ hues
     roofs = np.clip(city.heights.ravel() / scale_end(city), 0, 1)
     built = city.built.ravel()
@@ -171,24 +172,21 @@ class _Key:
     entries: _Entries
 
 
-def _hues(count: int) -> np.ndarray:
-    """Float ``(count, 3)``: colours of one lightness in OKLab, each hue a golden angle from the
-    one before, so that any number of them lie far apart."""
-    angles = np.radians(35 + 222.49 * np.arange(count))
-    return np.column_stack([np.full(count, 0.66), 0.125 * np.cos(angles), 0.125 * np.sin(angles)])
-
-
-def _even(values: np.ndarray, end: float) -> np.ndarray:
+def even(values: np.ndarray, end: float) -> np.ndarray:
     """Colours of ``values`` ``(H, W)``, pale at 0, dark at ``end`` and above, grey where NaN."""
-    stops = _oklab(np.array([GROUND, *(_rgb(text) for text in _RAMP)]) / 255)
-    where = np.linspace(0, 1, len(stops))
-    steps = np.linspace(0, 1, 1024)
-    mixed = np.column_stack([np.interp(steps, where, channel) for channel in stops.T])
-    table = np.round(_srgb(mixed) * 255).astype(np.uint8)
-    shares = np.nan_to_num(np.clip(values / end, 0, 1))
-    colours = table[np.round(shares * 1023).astype(np.int16)]
+    colours = gradient(("#" + bytes(GROUND).hex(), *_RAMP))(np.clip(values / end, 0, 1))
     colours[np.isnan(values)] = NOTHING
     return colours
+
+
+def gradient(stops: Sequence[str]) -> Callable[[np.ndarray], np.ndarray]:
+    """What gives each share of 0…1, any shape, its colour between the ``stops``, ``#rrggbb``, that
+    lie evenly: uint8, a last axis of 3 longer."""
+    ends = _oklab(np.array([_rgb(text) for text in stops]) / 255)
+    where, steps = np.linspace(0, 1, len(stops)), np.linspace(0, 1, 1024)
+    between = np.column_stack([np.interp(steps, where, channel) for channel in ends.T])
+    table = np.round(_srgb(between) * 255).astype(np.uint8)
+    return lambda shares: table[np.round(np.nan_to_num(shares) * 1023).astype(np.int16)]
 
 
 def _rounded_up(value: float) -> float:
@@ -426,7 +424,9 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
 
 __all__ = [
     "drawn_with_key",
+    "even",
     "font",
+    "gradient",
     "lit",
     "on_sheet",
     "ramp",

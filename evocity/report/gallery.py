@@ -7,18 +7,12 @@ from html import escape
 
 from evocity.genome import VOID
 from evocity.pages import number
+from evocity.pictures import city_colours
 from evocity.report.facts import Facts, Shown
 from evocity.report.pictures import map_uri
 
-#: One colour a source city in the bars of lineage; more cities begin again.
-_CITY_COLOURS = ("#4f7ea8", "#c98a2b", "#5d8a5f", "#96588f", "#7a746d", "#b5534b")
-
 #: What the void among the cities is.
 _VOID = "bare ground, laid where buildings were left out"
-
-
-def city_colour(index: int) -> str:
-    return _CITY_COLOURS[index % len(_CITY_COLOURS)]
 
 
 def gallery(facts: Facts, highest: float) -> str:
@@ -55,13 +49,14 @@ def parents(facts: Facts, highest: float) -> str:
     """The source cities, with the run's measures where the first population measured them."""
     first = {birth.id: birth for birth in facts.source_births}
     cards = []
-    for index, source in enumerate(facts.sources):
+    colours = city_colours([source.name for source in facts.sources])
+    for index, (source, colour) in enumerate(zip(facts.sources, colours, strict=True)):
         birth = first.get(index)
         rows = _rows(facts, birth.values) if birth else ""
         cards.append(
             f'<figure class="card"><img src="{map_uri(source.city, highest)}" '
             f'alt="map of {escape(source.name)}" width="{source.city.shape[1]}">'
-            f"<figcaption><h3>{_chip(index)}{escape(source.name)}</h3>"
+            f"<figcaption><h3>{_chip(colour)}{escape(source.name)}</h3>"
             f'<p class="credit">{escape(source.city.attribution)}</p>'
             f"<table>{rows}</table></figcaption></figure>"
         )
@@ -77,7 +72,8 @@ def parents(facts: Facts, highest: float) -> str:
 def city_key(cities: Sequence[str]) -> str:
     """Which colour of the lineage bars is which city."""
     told = (f"{city}: {_VOID}" if city == VOID else city for city in cities)
-    items = (f"<span>{_chip(index)}{escape(city)}</span>" for index, city in enumerate(told))
+    pairs = zip(told, city_colours(cities), strict=True)
+    items = (f"<span>{_chip(colour)}{escape(city)}</span>" for city, colour in pairs)
     return f'<p class="key">Lineage: {" ".join(items)}</p>'
 
 
@@ -128,8 +124,9 @@ def _lineage(facts: Facts, one: Shown) -> str:
     made = json.dumps(dict(birth.made), ensure_ascii=False, default=str)
     came = escape(birth.operator.replace("_", " ")) + (f" of {links}" if links else "")
     cities = facts.run.header.cities
+    colours = city_colours(cities)
     parts = [
-        f'<i style="width:{share:.1%};background:{city_colour(index)}" '
+        f'<i style="width:{share:.1%};background:{colours[index]}" '
         f'title="{escape(cities[index])} {share:.0%}"></i>'
         for index, share in enumerate(one.shares)
         if share > 0
@@ -146,5 +143,5 @@ def _lineage(facts: Facts, one: Shown) -> str:
     )
 
 
-def _chip(index: int) -> str:
-    return f'<i class="chip" style="background:{city_colour(index)}"></i>'
+def _chip(colour: str) -> str:
+    return f'<i class="chip" style="background:{colour}"></i>'

@@ -96,8 +96,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
     alive = np.vstack(alive)
     lives = set(map(tuple, alive.tolist()))
     volume = Hypervolume(np.vstack(units)) if len(births) else None
-    most = _MOST_POINTS.get(len(aims.names), _MOST_POINTS_OF_MORE)
-    small = len(aims.names) < 5 or len(front) <= most
+    small = volume_is_quick(*front.shape)
     volumes = (
         (volume(front) if len(front) else 0.0) if small else None,
         volume(alive) if len(alive) else 0.0,
@@ -112,3 +111,8 @@ def archive(run: Run, last: int | None = None) -> Archive:
     found = [row in lives for row in map(tuple, front.tolist())]
     table = table.append_column("alive", column_of(np.array(found, bool)))
     return Archive(table, *volumes)
+
+
+def volume_is_quick(points: int, goals: int) -> bool:
+    """Whether the exact hypervolume of so many ``points`` takes no more than a second or two."""
+    return goals < 5 or points <= _MOST_POINTS.get(goals, _MOST_POINTS_OF_MORE)

@@ -1,0 +1,89 @@
+"""Small runs of the toy towns, made once."""
+
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from plot_logs import log_of
+from toy_runs import town, write_toy
+
+import evocity
+from evocity.analysis import Run
+from evocity.fitness import registry
+
+WANTED = """
+[[fitness]]
+name = "alignment"
+target = 0.2
+[[fitness]]
+name = "crumbs"
+goal = "min"
+max = 500
+"""
+
+GRID = """
+[run]
+seed = 3
+population = 10
+generations = 2
+[map]
+pixels = 64
+metres_per_pixel = 2.0
+[genome]
+block = 4
+fit = false
+[[parents]]
+map = "left.npy"
+[[parents]]
+map = "right.npy"
+[[fitness]]
+name = "alignment"
+[search]
+algorithm = "map_elites"
+descriptors = ["gsi", "mean_height"]
+grid = [4, 3]
+ranges = [[0.2, 0.8], [2.0, 8.0]]
+"""
+
+
+def bred(recipe: Path) -> Path:
+    folder = recipe.parent / "run"
+    with (
+        patch.dict(registry._from_files),
+        evocity.Search(evocity.read_recipe(recipe), out=folder, workers=0) as search,
+    ):
+        list(search)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def night(tmp_path_factory) -> Path:
+    """Four goals, one a target, one bounded; gsi recorded besides."""
+    path = write_toy(tmp_path_factory.mktemp("night"), recipe=WANTED, workers=0)
+    path.write_text(path.read_text().replace("seed = 3", 'seed = 3\nrecord = ["gsi"]'))
+    return bred(path)
+
+
+@pytest.fixture
+def run(night) -> Run:
+    return evocity.open_run(night)
+
+
+@pytest.fixture(scope="session")
+def cells(tmp_path_factory) -> Run:
+    """A run of MAP-Elites."""
+    folder = tmp_path_factory.mktemp("cells")
+    for name, seed in (("left", 1), ("right", 2)):
+        np.save(folder / f"{name}.npy", town(seed))
+    path = folder / "cells.toml"
+    path.write_text(GRID, encoding="utf-8")
+    return evocity.open_run(bred(path))
+
+
+@pytest.fixture(scope="session")
+def broken(tmp_path_factory) -> Run:
+    """Six births, of which two break a bound."""
+    births = [{"id": n, "values": {"gsi": 0.1 * n, "fsi": 1.0 + n % 3}} for n in range(6)]
+    wanted = [{"name": "gsi", "goal": "max", "max": 0.35}, {"name": "fsi", "goal": "max"}]
+    return log_of(tmp_path_factory.mktemp("broken") / "run", [births[:3], births[3:]], wanted)
