@@ -56,6 +56,7 @@ class _Fitness:
         range: tuple[float, float] = ...,
         *,
         any_site: bool = False,
+        data: str | Sequence[str] = (),
     ) -> Callable[[Callable], _fitness.Measure]: ...
     @overload
     def __call__(
@@ -66,6 +67,7 @@ class _Fitness:
         *,
         numbers: Sequence[str],
         any_site: bool = False,
+        data: str | Sequence[str] = (),
     ) -> Callable[[Callable], _fitness.Measure | _fitness.Family]: ...
     EXTRAS = _fitness.EXTRAS
     GOALS = _fitness.GOALS

@@ -10,9 +10,10 @@ import shutil
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from evocity.errors import RunError, cut_short, plain_text
 from evocity.search.commands import DONE
@@ -22,6 +23,7 @@ from evocity.search.observers import Observer, Observers
 from evocity.search.overnight import NotifySection, words_of
 from evocity.search.recipe import Recipe
 from evocity.search.stopping import progress_of
+from evocity.store import open_run
 
 #: The event of a command that has ended.
 NOTIFIED = "notify"
@@ -195,8 +197,8 @@ class Notifier(Observer):
     """Tells of a search by the commands of a ``section``, whose paths are relative to ``folder``.
 
     ``run``: where the run is kept, None if it is not; ``log`` is told how each command ended, as
-    an event; ``best``: what a run that is taken up has reached, see `progress_of`; ``written``
-    returns once the folder holds what is told of.
+    an event; ``best``: what a run that is taken up has reached, see `progress_of`, and ``state``:
+    where it is, as `Run.status` has it; ``written`` returns once the folder holds what is told of.
     """
 
     def __init__(
@@ -206,6 +208,7 @@ class Notifier(Observer):
         run: str | os.PathLike | None,
         log: Callable[..., None],
         best: float | None = None,
+        state: Mapping[str, Any] | None = None,
         written: Callable[[], None] = lambda: None,
     ):
         self._commands, self._timeout = section.commands, section.timeout
@@ -220,16 +223,13 @@ class Notifier(Observer):
             "best": "",
         }
         self._number = -1
+        if state is not None and state["generation"] is not None:
+            self._is_at(state)
 
     def generation(self, generation: Generation, births, members) -> None:
         self._note(self._runner)
-        self._number = generation.number
-        self._told |= {
-            "generation": str(generation.number),
-            "births": str(generation.births),
-            "hypervolume": f"{generation.hypervolume:.6g}",
-            "best": ", ".join(f"{name} {value:.4g}" for name, value in generation.best.items()),
-        }
+        told = {key: getattr(generation, key) for key in ("births", "hypervolume", "best")}
+        self._is_at(told | {"generation": generation.number})
         now, before = progress_of(generation.hypervolume, generation.algorithm), self._best
         self._best = now if before is None else max(before, now)
         if before is not None and now > before:
@@ -250,6 +250,16 @@ class Notifier(Observer):
             self._note(last)
             self._note(self._runner)
 
+    def _is_at(self, state: Mapping[str, Any]) -> None:
+        volume, best = state["hypervolume"], state["best"].items()
+        self._number = state["generation"]
+        self._told |= {
+            "generation": str(state["generation"]),
+            "births": str(state["births"]),
+            "hypervolume": "" if volume is None else f"{volume:.6g}",
+            "best": ", ".join(f"{name} {value:.4g}" for name, value in best),
+        }
+
     def _ask(self, key: str, **told: str) -> None:
         if key in self._commands:
             words = words_of(self._commands[key], self._told | told)
@@ -268,7 +278,8 @@ def told_to(
     ``observers``. Returns what is `missing` for that."""
     section, folder = recipe.notify, recipe.folder
     if section.commands:
-        observers.add(Notifier(section, folder, run, observers.event, best, observers.wait))
+        state = open_run(run).status() if run is not None and os.path.isdir(run) else None
+        observers.add(Notifier(section, folder, run, observers.event, best, state, observers.wait))
     return missing(section, folder)
 
 

@@ -146,6 +146,20 @@ def test_a_search_that_never_begins_is_told_too(telling, tmp_path):
 # -- no harm -------------------------------------------------------------------------------------
 
 
+def test_an_end_before_another_generation_is_told_with_where_the_run_is(telling, tmp_path):
+    out = tmp_path / "run"
+    with Search(read_recipe(telling(), generations=1), out=out, workers=0) as search:
+        list(search)
+    late = {"generations": 2, "until": "2020-01-01T07:00"}
+    with Search.resume(out, workers=0, **late) as search:
+        assert list(search) == []
+    first, last = told(tmp_path)[-2:]
+    assert first[0] == "finish"
+    assert last[:3] == ["stop", "1", f"it is past {late['until'].replace('T', ' ')}"]
+    assert last[3:] == first[3:]
+    assert notified(out)[-1]["generation"] == 1
+
+
 def errand(words, folder, key="on_improvement") -> Errand:
     return Errand(key, 3, words, Path(folder))
 

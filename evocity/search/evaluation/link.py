@@ -165,6 +165,8 @@ def _end(cluster: "LocalCluster") -> None:
     pids = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(Exception):
         cluster.close(timeout=_LEAVE)
+    with contextlib.suppress(Exception):
+        cluster.scheduler.stop()  # it lets go of its folder, though closing took too long
     for pid in set(pids).intersection(processes.children(os.getpid())):
         processes.kill(pid)
 
