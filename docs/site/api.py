@@ -90,7 +90,8 @@ def _index() -> str:
 
 def _called(thing: object) -> object:
     """What a module that is called does, and of any other thing itself."""
-    return getattr(thing, thing.__name__.rpartition(".")[2]) if inspect.ismodule(thing) else thing
+    own = thing.__name__.rpartition(".")[2] if inspect.ismodule(thing) else ""
+    return getattr(thing, own, thing) if own else thing
 
 
 def _summary(thing: object) -> str:
@@ -101,7 +102,10 @@ def _summary(thing: object) -> str:
 
 def _page(name: str) -> str:
     thing = getattr(evocity, name)
-    text = f"# evocity.{name}\n\n" + _described(name, _called(thing), "##")
+    called = _called(thing)
+    plain = inspect.ismodule(called)
+    told = prose(inspect.getdoc(called) or "") if plain else _described(name, called, "##")
+    text = f"# evocity.{name}\n\n{told}"
     if inspect.ismodule(thing):
         text += f"\nWhat else the room has: [evocity.{name}](evocity.{name}.md).\n"
     return text
