@@ -95,6 +95,10 @@ def without(*names: str) -> Method:
     return by_recipe(operators={key: one for key, one in MIXTURE.items() if key not in names})
 
 
+#: What the default mixture had besides, until 2026-11-24.
+REFILL = {"quarter_refill": {"weight": 3, "street_blocks": {"from": 2, "to": 8}}}
+
+
 def founders_alone(*names: str) -> Method:
     """evocity's own search, some of whose operators breed its first generation alone: their weight
     is next to nothing, so that no later birth draws them."""
@@ -338,16 +342,15 @@ METHODS: dict[str, Method] = {
     "Optuna NSGA-II, 6 x 6 field": by_optuna(),
 }
 ABLATIONS: dict[str, Method] = {
+    "with quarter_refill": by_recipe(operators=MIXTURE | REFILL),
     "without repair": unrepaired(),
     **{f"without {name}": without(name) for name in MIXTURE},
-    "without both of quarters": without("quarter_fusion", "quarter_refill"),
-    "quarters for founders alone": founders_alone("quarter_fusion", "quarter_refill"),
+    "quarters for founders alone": founders_alone("quarter_fusion"),
     "without the guard": by_recipe(guarded=False),
     "NSGA-II's survival": by_recipe(search={"algorithm": "nsga2"}),
     "distinct = 0": by_recipe(search={"distinct": 0}),
     "adaptation": by_recipe(search={"adapt": True}),
     "fixed parameters": fixed(),
-    "without quarter_fusion, fixed parameters": fixed("quarter_fusion"),
 }
 #: Those that do not look at goals: bred once for all.
 BLIND = ("random pavement fusion", "random quarter fusion")

@@ -41,7 +41,6 @@ def usual_operators() -> dict[str, OperatorEntry]:
     """The mixture of a recipe without ``[operators]``."""
     return {
         "quarter_fusion": OperatorEntry(weight=2, fill={"from": 0.05, "to": 0.6}),
-        "quarter_refill": OperatorEntry(weight=3, street_blocks={"from": 2, "to": 8}),
         "height_scaling": OperatorEntry(weight=2),
         "relocation": OperatorEntry(weight=1.5),
         "region_fusion": OperatorEntry(weight=1.5, cut=0.0),
