@@ -53,24 +53,31 @@ class Keeping(list[Kept], Displayed):
         return pandas.DataFrame(rows, pandas.Index([k.individual.id for k in self], name="id"))
 
 
-def kept_of(told: Told, ids: np.ndarray, likeness: Likeness, count: int) -> Keeping:
+def kept_of(
+    told: Told, ids: np.ndarray, likeness: Likeness, count: int, apart: float = -1.0
+) -> Keeping:
     """``count`` of the births ``ids``, which are an archive, or as many as there are: the best
     compromise; the best by each goal; for the rest those in the middle of the largest groups of
-    births that look alike, of which none is among them yet. At least one birth, all measured."""
+    births that look alike, of which none is among them yet, and then those that differ most from
+    all named before. One that differs from them in no larger share of the map than ``apart`` is
+    none of these. At least one birth, all measured."""
     choice = _Choice(told, ids)
     choice.take(best_compromise(choice.losses, np.ones(len(told.goals))), "compromise")
     for column, goal in enumerate(told.goals):
         if len(choice.roles) < count:
             choice.take(choice.best(column), f"best {goal}")
     wanted = min(count, len(ids))
-    for row, why in _kinds(choice, likeness, count) if len(choice.roles) < wanted else ():
+    kinds = _kinds(choice, likeness, count, apart) if len(choice.roles) < wanted else ()
+    for row, why in kinds:
         choice.take(row, "one of its kind", why)
         if len(choice.roles) == wanted:  # they would go on
             break
     return Keeping(choice.told_of(row) for row in choice.roles)
 
 
-def _kinds(choice: "_Choice", likeness: Likeness, count: int) -> Iterator[tuple[int, str]]:
+def _kinds(
+    choice: "_Choice", likeness: Likeness, count: int, apart: float
+) -> Iterator[tuple[int, str]]:
     """Rows that stand for those that look like them, the largest group first, and then those that
     are farthest from all others; why each does."""
     own = np.fromiter(choice.roles, np.intp)
@@ -82,13 +89,13 @@ def _kinds(choice: "_Choice", likeness: Likeness, count: int) -> Iterator[tuple[
     sizes = np.bincount(labels, minlength=len(middle))
     taken = set(labels[: len(own)].tolist())
     for group in np.argsort(-sizes, kind="stable").tolist():
-        if group not in taken:
+        if group not in taken and matrix[middle[group], : len(own)].min() > apart:
             alike = f"{sizes[group]} of {len(rows)} in the archive look most like it"
             yield int(rows[middle[group]]), f"{alike}, itself among them."
     while True:
         near = matrix[:, np.isin(rows, list(choice.roles))].min(axis=1)
         near[np.isin(rows, list(choice.roles))] = -1
-        if near.max() < 0:
+        if near.max() <= apart:
             return
         row = int(near.argmax())
         yield int(rows[row]), f"It differs in {near[row]:.0%} of the map from all named before."

@@ -3,6 +3,7 @@
 import numpy as np
 
 from evocity.analysis.births import Told
+from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError, shown
 from evocity.genome import Genome
 from evocity.genome.nucleotides import packed, unpacked
@@ -27,6 +28,10 @@ class Likeness:
     def __init__(self, told: Told):
         self._told = told
         self._kept: dict[str, dict[int, np.ndarray]] = {"looks": {}, "kin": {}}
+
+    def note(self, identifier: int, city: CityMap) -> None:
+        """What a birth decodes to is known: it is not decoded again."""
+        self._kept["looks"][identifier] = look_of(city)
 
     def points(self, ids: np.ndarray, by: str) -> np.ndarray:
         """What the births ``ids`` are compared by, a row each. Raises `EvocityError` for no way of

@@ -43,7 +43,7 @@ def data_uri(picture: Image.Image) -> str:
     kept = io.BytesIO()
     # rare colours have a place of their own, and common ones, by two rounds of k-means, their own
     small = picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
-    small.save(kept, "PNG", optimize=True)
+    small.save(kept, "PNG", compress_level=6)  # level 9 takes seven times as long for 4 % less
     return "data:image/png;base64," + base64.b64encode(kept.getvalue()).decode()
 
 

@@ -10,6 +10,8 @@ import pyarrow as pa
 
 from evocity import fitness
 from evocity.analysis.births import Told
+from evocity.analysis.keeping import Keeping, kept_of
+from evocity.analysis.likeness import Likeness
 from evocity.analysis.wanted import Aim, aims_of, number_of, recipe_of, recorded_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
@@ -27,6 +29,9 @@ from evocity.store.events import TURNS
 _MOST_GENERATIONS = 10**9
 #: The gallery holds no more individuals than this: the page stays a few megabytes.
 MOST_SHOWN = 96
+#: So many are worth keeping, and each of those that look like no best one differs in a larger share
+#: of the map than this from all named before.
+MOST_KEPT, _DIFFERENT = 5, 0.05
 #: As searches of recipes that say nothing of it.
 _APART = Ranked.Keys.model_fields["apart"].default
 
@@ -35,15 +40,12 @@ _APART = Ranked.Keys.model_fields["apart"].default
 class Shown:
     """An individual of the last generation, or of the archive, as a gallery shows it.
 
-    ``others``: measures besides those that something is wanted of, as (name, value, unit): those
-    that the run recorded, as logged, then those that exist.
     ``shares`` is the share of its lifs from each source city, in the run's order of cities.
     """
 
     birth: Birth
     rank: int
     city: CityMap
-    others: list[tuple[str, float, str]]
     shares: np.ndarray
 
 
@@ -299,8 +301,31 @@ class Facts:
         looks = [look_of(city) for city in cities]
         return sorted(distinct_first(looks, self.apart, count)[:count].tolist()) if looks else []
 
+    def individuals(self, ids: Sequence[int]) -> list[Birth]:
+        """The births with these ``ids``, with genomes. The log is read once for all that a report
+        shows."""
+        missing = [one for one in ids if one not in self._read]
+        if missing:
+            shown = [row["id"] for row in self.members[:MOST_SHOWN]] + self.gone[:MOST_SHOWN]
+            births = self.run.individuals(list(dict.fromkeys([*missing, *shown])))
+            self._read.update((birth.id, birth) for birth in births)
+        return [self._read[one] for one in ids]
+
+    @cached_property
+    def _read(self) -> dict[int, Birth]:
+        return {}
+
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
-        births = self.run.individuals([row["id"] for row in rows])
+        births = self.individuals([row["id"] for row in rows])
+        return [
+            Shown(birth, row["rank"], self.city(birth), birth.genome.shares)
+            for row, birth in zip(rows, births, strict=True)
+        ]
+
+    def unlogged(self, births: Sequence[Birth]) -> dict[int, list[tuple[str, float, str]]]:
+        """By id what ``births`` have of all measures that the run did not log, as (name, value,
+        unit); NaN where one has no value. It takes longer than all else in a report: ask it of
+        few."""
         sources = [source.city for source in self.run.sources()]
         reference = fitness.Reference.sources(sources)
         others = [
@@ -308,19 +333,36 @@ class Facts:
             for measure in fitness.measures()
             if measure.name not in self.run.header.columns
         ]
-        asked = any("parents" in measure.takes for measure in others)
-        bred_from = self.run.parents(births) if asked else [()] * len(births)
-        shown = []
-        for row, birth, parents in zip(rows, births, bred_from, strict=True):
-            city = self.city(birth)
-            extras = {"genome": birth.genome, "parents": parents, "sources": sources}
-            values = [(a.name, birth.values.get(a.name, math.nan), a.unit) for a in self.recorded]
-            values += [(m.name, _measured(m, city, extras), m.unit) for m in others]
-            shown.append(Shown(birth, row["rank"], city, values, birth.genome.shares))
-        return shown
+        found = {}
+        for birth, parents in zip(births, self.run.parents(births), strict=True):
+            city, given = self.city(birth), {"parents": parents, "sources": sources}
+            given["genome"] = birth.genome
+            found[birth.id] = [(m.name, _measured(m, city, given), m.unit) for m in others]
+        return found
+
+    @cached_property
+    def kept_few(self) -> Keeping:
+        """Those of the archive that are worth keeping, at most `MOST_KEPT`; none where there is no
+        archive. Those that look like one before them are left out."""
+        if self.archive is None or not len(self.archive):
+            return Keeping()
+        likeness = Likeness(self.told)
+        for one in [*self.shown, *self.shown_gone]:
+            likeness.note(one.birth.id, one.city)
+        return kept_of(self.told, self.archive.ids, likeness, MOST_KEPT, _DIFFERENT)
+
+    @cached_property
+    def _cities(self) -> dict[int, CityMap]:
+        return {}
 
     def city(self, birth: Birth) -> CityMap:
-        """The decoded map of a birth. Raises `RunError` if it has none."""
+        """The decoded map of a birth, decoded once. Raises `RunError` if it has none."""
+        if birth.id not in self._cities:
+            self._cities[birth.id] = self.decoded(birth)
+        return self._cities[birth.id]
+
+    def decoded(self, birth: Birth) -> CityMap:
+        """As `city`, and not kept: for many."""
         expressed = self.run.header.chromosome.express(birth.genome)
         if expressed.city is None:
             raise RunError(

@@ -37,6 +37,21 @@ def map_uri(city: CityMap, highest: float) -> str:
     return data_uri(picture)
 
 
+class Pictures:
+    """Bare maps on the scale that ends at ``highest`` metres as `map_uri` has them, each made
+    once."""
+
+    def __init__(self, highest: float):
+        self.highest = highest
+        self._made: dict[int | str, str] = {}
+
+    def of(self, name: int | str, city: CityMap) -> str:
+        """The picture of the individual, or city, that is called so."""
+        if name not in self._made:
+            self._made[name] = map_uri(city, self.highest)
+        return self._made[name]
+
+
 def scene_uri(city: CityMap, highest: float) -> str:
     """The city in three dimensions, bare, its roofs on the scale that ends at ``highest`` metres,
     as a ``data:`` address."""

@@ -1,4 +1,5 @@
-"""Scatter plots and curves as inline SVG: text only, no script, no network."""
+"""Scatter plots and curves as inline SVG: text only, no script, no network. Words in it are escaped
+here, and so templates take it as it is."""
 
 import math
 from collections.abc import Sequence
@@ -6,6 +7,7 @@ from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 12, 46  # of the drawing's edge, px
 
@@ -24,7 +26,8 @@ class Axis:
 
 @dataclass(frozen=True)
 class Dots:
-    """Points of one kind: ``kind`` is their CSS class, ``titles`` and ``links`` one a point."""
+    """Points of one kind: ``kind`` are their CSS classes, ``titles`` and ``links`` one a point.
+    Those of class ``broken`` are crosses, others discs."""
 
     x: np.ndarray
     y: np.ndarray
@@ -36,7 +39,7 @@ class Dots:
 
 def scatter(
     layers: Sequence[Dots], x: Axis, y: Axis, *, width: int = 420, height: int = 340
-) -> str:
+) -> Markup:
     """Points over two axes, later layers above earlier ones. Points that are not finite, or
     beyond `_LARGEST`, are left out."""
     layers = [replace(dots, x=_drawable(dots.x), y=_drawable(dots.y)) for dots in layers]
@@ -50,7 +53,7 @@ def scatter(
     return frame.drawing(x, y, "".join(_dots(dots, frame) for dots in layers))
 
 
-def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> str:
+def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> Markup:
     """One value a generation, from 0 on, as a line; gaps where a value is not finite, or beyond
     `_LARGEST`."""
     heights = _drawable([math.nan if value is None else value for value in values])
@@ -95,7 +98,7 @@ class _Frame:
         share = (value - self.low_y) / (self.high_y - self.low_y)
         return self.height - _BOTTOM - share * (self.height - _TOP - _BOTTOM)
 
-    def drawing(self, x: Axis, y: Axis, inside: str) -> str:
+    def drawing(self, x: Axis, y: Axis, inside: str) -> Markup:
         right, low = self.width - _RIGHT, self.height - _BOTTOM
         parts = [
             f'<svg viewBox="0 0 {self.width} {self.height}" role="img" '
@@ -129,7 +132,7 @@ class _Frame:
             f'<text class="axis" transform="translate(13 {middle_y:.0f}) rotate(-90)">'
             f"{_label(y)}</text>"
         )
-        return "".join([*parts, inside, "</svg>"])
+        return Markup("".join([*parts, inside, "</svg>"]))
 
 
 def _label(axis: Axis) -> str:
@@ -142,12 +145,17 @@ def _dots(dots: Dots, frame: _Frame) -> str:
     for index, (x, y) in enumerate(zip(dots.x, dots.y, strict=True)):
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
-        place = f'cx="{frame.x(x):.1f}" cy="{frame.y(y):.1f}" r="{dots.radius:g}"'
+        px, py, radius = frame.x(x), frame.y(y), dots.radius
+        if "broken" in dots.kind.split():
+            low, side = f"M{px - radius:.1f} {py - radius:.1f}", f"{2 * radius:g}"
+            shape = f'path d="{low}l{side} {side}m0-{side}l-{side} {side}"'
+        else:
+            shape = f'circle cx="{px:.1f}" cy="{py:.1f}" r="{radius:g}"'
         title = f"<title>{escape(dots.titles[index])}</title>" if dots.titles else ""
-        circle = f"<circle {place}>{title}</circle>" if title else f"<circle {place}/>"
+        mark = f"<{shape}>{title}</{shape.split()[0]}>" if title else f"<{shape}/>"
         if dots.links:
-            circle = f'<a href="{escape(dots.links[index])}">{circle}</a>'
-        parts.append(circle)
+            mark = f'<a href="{escape(dots.links[index])}">{mark}</a>'
+        parts.append(mark)
     return f'<g class="{dots.kind}">{"".join(parts)}</g>'
 
 

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,12 +22,16 @@ from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID
 from evocity.operators.crossing import assembled
 from evocity.pictures.picture import render
-from evocity.report import contact_sheet, failures, write_report
+from evocity.report import contact_sheet, failures, tables, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
 from evocity.report.failing import shortened
-from evocity.report.gallery import city_key
-from evocity.report.html import _gain, _scenes, _summary, pairs_to_show
-from evocity.report.pictures import _caption, common_scale, data_uri, map_uri
+from evocity.report.front import pairs_to_show
+from evocity.report.gallery import Galleries, city_key
+from evocity.report.html import page_of
+from evocity.report.kept import best_of_last, few_to_keep
+from evocity.report.pictures import Pictures, _caption, common_scale, data_uri, map_uri
+from evocity.report.summary import Summary, gain
+from evocity.report.words import WORDS
 from evocity.scene import scene
 from evocity.search import archive
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
@@ -44,6 +49,7 @@ class Page(HTMLParser):
         super().__init__(convert_charrefs=True)
         self.open, self.fetched, self.scripts, self.svg = [], [], 0, 0
         self.cards: dict[str, list[str]] = {}
+        self.told: dict[str, dict[str, str]] = {}
         self.images: dict[str, str] = {}
         self.ids: set[str] = set()
         self.links: list[str] = []
@@ -65,8 +71,9 @@ class Page(HTMLParser):
             self._card = told.get("id")
             if self._card:
                 self.cards[self._card] = []
+                self.told[self._card] = told
         if tag == "img" and self._card:
-            self.images[self._card] = told["src"]
+            self.images.setdefault(self._card, told["src"])
         if tag in ("a", "link"):
             self.links.append(told["href"])
 
@@ -76,6 +83,18 @@ class Page(HTMLParser):
     def handle_endtag(self, tag):
         assert self.open, f"</{tag}> without a beginning"
         assert self.open.pop() == tag
+
+    @property
+    def text(self) -> str:
+        """All words, as they follow each other."""
+        return " ".join("".join(self.words).split())
+
+    def members(self) -> set[str]:
+        """Cards of the galleries; those worth keeping have some of their own."""
+        return {one for one in self.cards if one.startswith("i")}
+
+    def kept(self) -> list[str]:
+        return [one for one in self.cards if one.startswith("keep-")]
 
     def handle_data(self, data):
         if self.open[-1:] not in (["style"], ["script"]):
@@ -195,17 +214,28 @@ def test_it_lies_in_the_run_folder(usual):
     assert not list(usual[0].glob(".*report*"))
 
 
-def test_every_measure_stands_under_each_picture(usual):
+def test_every_measure_that_was_logged_stands_under_each_picture(usual):
     folder, text = usual
     page, run = Page(text), open_run(folder)
     members = run.members(2)["id"].to_pylist()
-    assert set(page.cards) == {f"i{one}" for one in members}
+    assert page.members() == {f"i{one}" for one in members}
     for birth in run.individuals(members):
         words = page.cards[f"i{birth.id}"]
-        for measure in fitness.measures():
-            assert measure.name in words
         for name, value in birth.values.items():
             assert f"{value:.4g}" == words[words.index(name) + 1]
+
+
+def test_all_measures_stand_under_those_that_are_looked_at_closely(usual, tmp_path):
+    """Worth keeping, or the best of a run without an archive."""
+    for text, mark in (
+        (usual[1], '<figure class="scene"'),
+        (write_report(told_run(tmp_path / "run")).read_text("utf-8"), '<figure class="kept"'),
+    ):
+        closely = [part.split("</figure>")[0] for part in text.split(mark)[1:]]
+        assert closely
+        for part in closely:
+            words = re.split(r"[<>\s,]+", part)
+            assert {measure.name for measure in fitness.measures()} <= set(words)
 
 
 def test_pictures_show_the_decoded_maps(usual):
@@ -251,12 +281,12 @@ def test_captions_tell_goals_from_constraints(usual, tmp_path):
     provenance = json.loads((bounded / "provenance.json").read_text())
     provenance["fitness"] = [{"name": name, "min": -1e9, "max": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
-    told = _scenes(Facts(open_run(bounded)), 30.0)[0][1]
+    told = best_of_last(Facts(open_run(bounded)), 30.0)[0].told
     assert f". Constraints: {name} " in told
     assert "(at least -1e+09" in told
     provenance["fitness"] = [{"name": name, "min": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
-    assert f". Breaks a constraint: {name} " in _scenes(Facts(open_run(bounded)), 30.0)[0][1]
+    assert f". Breaks a constraint: {name} " in best_of_last(Facts(open_run(bounded)), 30.0)[0].told
 
 
 def test_rare_colours_survive_the_palette(town):
@@ -285,8 +315,10 @@ def test_measures_that_ask_for_sources_get_the_cities_of_the_run(tmp_path):
     run = open_run(make_run(tmp_path / "run", bred=bred))
     founder, *_, second = run.individuals([0, 6, 12])
     assert run.parents([founder, second]) == [(founder.genome,), (founder.genome, run.genome(6))]
-    facts = Facts(run)
-    told = {one.birth.id: {n: v for n, v, _ in one.others} for one in facts.shown}
+    told = {
+        one: {name: value for name, value, _ in others}
+        for one, others in Facts(run).unlogged([founder, second]).items()
+    }
     cities = [source.city for source in run.sources()]
     expected = integrity_of(second.genome, cities)
     assert 0 < expected < integrity_of(founder.genome, cities) == 1
@@ -358,16 +390,15 @@ def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
     gone = {row["id"] for row in rows if not row["alive"]}
     living = set(run.members(5)["id"].to_pylist())
     assert gone
-    assert set(page.cards) == {f"i{one}" for one in gone | living}
+    assert page.members() == {f"i{one}" for one in gone | living}
     assert not gone & living
     for birth in run.individuals(sorted(gone)):
         words = page.cards[f"i{birth.id}"]
         assert "archive" in words
         assert f"born in generation {birth.generation}, " in " ".join(words)
-        assert all(measure.name in words for measure in fitness.measures())
         for name, value in birth.values.items():
             assert f"{value:.4g}" == words[words.index(name) + 1]
-    told = " ".join(page.words)
+    told = page.text
     assert (
         f"{len(rows)} births that no other ever dominated, {len(rows) - len(gone)} of them alive "
         f"at the end; hypervolume of the archive {found.hypervolume:.4g}, of the last generation "
@@ -393,8 +424,8 @@ def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkey
 
 def test_an_archive_that_lives_is_one_sentence(tmp_path):
     page = Page(write_report(told_run(tmp_path / "run", generations=1)).read_text("utf-8"))
-    assert len(page.cards) == 6
-    assert "ever dominated, all of them in the last generation." in " ".join(page.words)
+    assert len(page.members()) == 6
+    assert "ever dominated, all of them in the last generation." in page.text
 
 
 def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
@@ -423,7 +454,7 @@ def test_the_gain_is_a_share_where_a_share_tells(tmp_path, volumes, failed, said
     fails = {"fails": lambda generation, slot: generation == 0 and slot < failed}
     facts = Facts(open_run(make_run(tmp_path / "run", **fails)))
     facts.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
-    assert re.sub("<.*?>", "", _gain(facts)).strip() == said
+    assert gain(facts) == said
 
 
 def test_what_replaced_the_recipe_stands_beside_it(tmp_path, usual):
@@ -463,7 +494,7 @@ def test_captions_of_the_contact_sheet_have_units(tmp_path):
 def test_one_generation(tmp_path):
     page = Page(write_report(make_run(tmp_path / "run", generations=1)).read_text("utf-8"))
     assert page.svg == 1
-    assert len(page.cards) == 6
+    assert len(page.members()) == 6
 
 
 def test_failed_births_are_counted_and_never_shown(tmp_path):
@@ -472,20 +503,20 @@ def test_failed_births_are_counted_and_never_shown(tmp_path):
     words = page.words
     assert words[words.index("error") + 1] == "6"
     assert words[words.index("gsi raised") + 1] == "6"
-    assert len(page.cards) == 4
+    assert len(page.members()) == 4
 
 
 def test_nobody_alive(tmp_path):
     folder = make_run(tmp_path / "run", fails=lambda generation, slot: True)
     page = Page(write_report(folder).read_text("utf-8"))
-    assert page.cards == {}
+    assert page.members() == set()
     assert contact_sheet(open_run(folder)).size[0] > 0
 
 
 def test_a_large_population_stays_a_page(tmp_path):
     folder = make_run(tmp_path / "run", population=150, generations=1)
     text = write_report(folder).read_text("utf-8")
-    assert len(Page(text).cards) == MOST_SHOWN
+    assert len(Page(text).members()) == MOST_SHOWN
     assert f"the first {MOST_SHOWN} of 150 by rank" in text
 
 
@@ -535,8 +566,8 @@ def test_the_gallery_knows_who_looks_like_another(usual):
     ids = [one.birth.id for one in facts.shown]
     first = {next(one for one in ids if one % 2 == odd) for odd in (0, 1)}
     assert facts.look_alikes == set(ids) - first
-    marked = re.findall(r'<figure class="card" id="i(\d+)"[^>]* data-alike>', usual[1])
-    assert {int(one) for one in marked} == facts.look_alikes
+    marked = {one for one, told in Page(usual[1]).told.items() if "data-alike" in told}
+    assert marked == {f"i{one}" for one in facts.look_alikes}
 
 
 @pytest.mark.parametrize(
@@ -549,11 +580,117 @@ def test_what_looks_alike_is_what_the_recipe_says(tmp_path, stated, apart):
     assert facts.apart == apart
 
 
+# -- which to keep -----------------------------------------------------------------------------
+
+
+def test_those_worth_keeping_stand_first_with_their_reasons(tmp_path):
+    facts = Facts(open_run(told_run(tmp_path / "run", generations=6, names="ABCDEF")))
+    text = page_of(facts)
+    page, kept = Page(text), facts.kept_few
+    assert 1 < len(kept) <= 5
+    assert page.kept() == [f"keep-{one.individual.id}" for one in kept]
+    assert any(not one.individual.alive for one in kept)
+    for one in kept:
+        words = " ".join("".join(page.cards[f"keep-{one.individual.id}"]).split())
+        assert one.why in words
+        assert one.gave_up in words
+        assert ("no longer alive" in words) == (not one.individual.alive)
+    titles = re.findall("<h2>(.*?)</h2>", text)
+    assert titles[0].endswith(" to keep")
+    assert titles[1] == "Parents"
+    assert "In three dimensions" not in titles
+
+
+def test_those_worth_keeping_stand_beside_archive_and_parents(tmp_path):
+    facts = Facts(open_run(told_run(tmp_path / "run", generations=6)))
+    gsi = [row["fitness.gsi"] for row in facts.archive.births.to_pylist()]
+    for one in few_to_keep(facts, Pictures(30.0)):
+        (row,) = (row for row in one.rows if row.name == "gsi")
+        low, high = map(float, row.archive.split(" to "))
+        assert (low, high) == (float(f"{min(gsi):.4g}"), float(f"{max(gsi):.4g}"))
+        assert low <= float(row.told) <= high
+        assert row.parents == ", ".join(f"{b.values['gsi']:.4g}" for b in facts.source_births)
+
+
+def test_no_near_duplicate_fills_up_those_worth_keeping(tmp_path):
+    """There are two cities and their copies: beside the best by number, one of each at most."""
+    facts = Facts(open_run(told_run(tmp_path / "run", generations=20)))
+    assert len(facts.archive) > 5
+    kinds = [one.individual.id % 2 for one in facts.kept_few if one.role == "one of its kind"]
+    best = [one.individual.id % 2 for one in facts.kept_few if one.role != "one of its kind"]
+    assert len(kinds) == len({0, 1} - set(best))
+
+
+@pytest.mark.parametrize("population", [1, 2])
+def test_of_a_single_birth_or_goal_there_is_one_to_keep(tmp_path, population):
+    goals = {"provenance": {"fitness": [{"name": "gsi", "goal": "max"}]}, "measures": ("gsi",)}
+    folder = make_run(tmp_path / "run", population=population, generations=1, **goals)
+    page = Page(write_report(folder).read_text("utf-8"))
+    assert len(page.kept()) == 1
+    assert "One to keep" in page.text
+
+
+# -- apart, in order, in full ------------------------------------------------------------------
+
+
+def test_those_that_break_a_constraint_are_crosses(tmp_path, usual):
+    goals = [{"name": "gsi", "goal": "max"}, {"name": "fsi", "min": 0.5}]
+    folder = make_run(tmp_path / "run", provenance={"fitness": goals})
+    facts, text = Facts(open_run(folder)), write_report(folder).read_text("utf-8")
+    broken = int((facts.ok & ~facts.kept).sum())
+    assert 0 < broken < len(facts.kept)
+    assert text.count('<path d="') == broken
+    assert text.count("<circle ") - text.count('<circle class="front"') == len(facts.kept) - broken
+    key = '<i class="cross">'
+    assert key in text
+    assert "<path " not in usual[1]
+    assert key not in usual[1]
+
+
+def test_cards_can_be_ordered_and_filtered_by_every_measure(tmp_path):
+    goals = [{"name": "gsi", "goal": "min"}, {"name": "fsi", "min": 0.5}]
+    facts = Facts(open_run(make_run(tmp_path / "run", provenance={"fitness": goals})))
+    galleries = Galleries(facts, Pictures(30.0))
+    assert galleries.orders[2:] == ["gsi, best first", "fsi, highest first", "fsi, lowest first"]
+    told = Page(page_of(facts)).told
+    for one in facts.shown:
+        gsi, fsi = (one.birth.values[name] for name in ("gsi", "fsi"))
+        attributes = told[f"i{one.birth.id}"]
+        assert json.loads(attributes["data-values"]) == [gsi, fsi]
+        assert json.loads(attributes["data-keys"])[1:] == [-one.birth.id, gsi, -fsi, fsi]
+        assert ("data-breaks" in attributes) == (fsi < 0.5)
+
+
+def test_every_birth_has_its_numbers_while_they_fit(tmp_path, monkeypatch):
+    folder = make_run(tmp_path / "run", fails=lambda generation, slot: slot == 4)
+    every = tables.every_birth(Facts(open_run(folder)))
+    births = open_run(folder).births().to_pylist()
+    assert [row[0] for row in every.rows] == [one["id"] for one in births]
+    for row, one in zip(every.rows, births, strict=True):
+        gsi = one["fitness.gsi"]
+        assert row[every.headings.index("gsi")] == ("–" if gsi is None else f"{gsi:.4g}")
+        assert (row[3] == "error") == (one["status"] == "error")
+    monkeypatch.setattr(tables, "MOST_BIRTHS", 5)
+    page = Page(write_report(folder).read_text("utf-8"))
+    assert "The last 5 of 18 births" in page.text
+    assert "evocity.open_run('RUN').to_csv('births.csv')" in page.text
+
+
+def test_words_are_explained_where_they_stand(usual):
+    glossary = (Path(__file__).parents[2] / "docs" / "glossary.md").read_text("utf-8").lower()
+    for word, told in WORDS.items():
+        assert re.search(rf"^\|[^|]*{word}", glossary.replace("-", " ").replace("`", ""), re.M)
+        assert told.endswith(".")
+    for word in ("front", "birth", "hypervolume", "lifs", "seed", "rank", "crowding"):
+        assert f'<abbr title="{WORDS[word]}">' in usual[1]
+
+
 def test_the_void_is_no_parent(tmp_path):
     """It stands in the key with what it is, and neither in the title nor among the parents."""
     facts = Facts(open_run(make_run(tmp_path / "run", generations=1, also=(VOID,))))
-    assert "<p>A × B, " in _summary(facts)
-    assert f"{VOID}: bare ground" in city_key(facts.run.header.cities)
+    assert Summary(facts).cities == "A × B"
+    assert "<p>A × B, " in page_of(facts)
+    assert city_key(facts.run.header.cities)[2][1].startswith(f"{VOID}: bare ground")
     assert [birth.id for birth in facts.source_births] == [0, 1]
 
 

@@ -120,7 +120,7 @@ def test_the_report_has_the_picture_and_the_figures(small, tmp_path):
     shown = Image.open(io.BytesIO(base64.b64decode(address)))
     assert shown.size == grid_picture(Facts(small)).size
     for name in ("coverage", "cells", "qd score"):
-        assert f"<dt>{name}</dt>" in text
+        assert f">{name}</abbr></dt>" in text
         assert f'aria-label="{name} over generation"' in text
 
 

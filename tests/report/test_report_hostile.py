@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_report import HOSTILE, Page, make_run
 
-from evocity.report import html, write_report
+from evocity.report import summary, write_report
 from evocity.report.facts import Facts, Shown
-from evocity.report.gallery import gallery
+from evocity.report.html import page_of
 from evocity.report.plots import Axis, Dots, curve, scatter
 from evocity.store import Run, open_run
 
@@ -17,15 +17,15 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     folder = make_run(tmp_path / "run")
     state = open_run(folder).status() | {"births": HOSTILE, "failures": HOSTILE}
     monkeypatch.setattr(Run, "status", lambda run: state | {"generation": HOSTILE})
-    monkeypatch.setattr(html, "_reasons", lambda facts: "")
+    monkeypatch.setattr(summary, "reasons", lambda facts: "")
     facts = Facts(open_run(folder))
     assert facts.members  # read while the header is the files' own
     assert facts.history
     assert facts.births
     assert not facts.broken
     facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
-    page = Page(html._summary(facts))
-    assert page.scripts == 0
+    page = Page(page_of(facts))
+    assert page.scripts == 1  # our own
     assert page.words.count(HOSTILE) == 4
 
 
@@ -48,11 +48,12 @@ def test_hostile_bounds_are_none(tmp_path, told):
 def test_cards_hold_text_alone(tmp_path):
     facts = Facts(open_run(make_run(tmp_path / "run")))
     one = facts.shown[0]
-    facts.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city, one.others, one.shares)]
+    facts.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city, one.shares)]
     object.__setattr__(one.birth, "generation", HOSTILE)
     object.__setattr__(one.birth, "parents", (HOSTILE,))
-    page = Page(gallery(facts, 30.0))
-    assert page.scripts == 0
+    page = Page(page_of(facts))
+    assert page.scripts == 1
+    assert HOSTILE in "".join(page.cards[f"i{one.birth.id}"])
     assert all(source.startswith("data:image/png") for source in page.fetched)
 
 

@@ -83,16 +83,18 @@ def test_the_report_tells_them_as_recorded(toy, tmp_path):
     run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
     facts = Facts(open_run(tmp_path / "run"))
     assert [aim.name for aim in facts.aims] == ["spread", "roof"]
-    ((name, value, _), *others) = facts.shown[0].others
-    assert (name, value) == ("fsi", facts.shown[0].birth.values["fsi"])
+    births = [one.birth for one in facts.shown[:1]]
+    (others,) = facts.unlogged(births).values()
+    assert others
     assert "fsi" not in [one[0] for one in others]
     page = write_report(tmp_path / "run").read_text()
     assert re.search(r"<td>fsi</td><td></td><td>recorded</td>", page)
     folded = [part.split("</details>")[0] for part in page.split("<details>")[1:]]
-    assert not any("<th>fsi</th>" in part for part in folded)
-    assert page.count("<th>fsi</th>") == len(facts.shown) + len(facts.shown_gone) + len(
-        facts.sources
-    )
+    cell = '<th scope="row">fsi</th>'
+    assert not any(cell in part for part in folded)
+    count = len(facts.shown) + len(facts.shown_gone) + len(facts.sources)
+    assert page.count(cell) == count
+    assert page.count('<th scope="row">fsi<small>recorded</small></th>') == len(facts.kept_few)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
