@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from codes import uniformly
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rearranged import assert_laws, district, odd_maps, town
 from towns import draw_town
@@ -130,7 +130,7 @@ def test_buildings_stay_the_buildings_they_are(what, seed, rows):
         groups = [np.unique(labels[city.labels == one]) for one in range(1, rows + 1)]
     done = [storeys.scale(one, float(rng.choice([0.4, 0.7, 1.4, 2.5]))) for one in groups]
     assert done == [bool(storeys.change[one].any()) for one in groups]
-    assert any(done)
+    assume(any(done))  # all may be refused, by heights that would be too low or too high
     after = CityMap(storeys.laid(), 2.0)
     assert np.array_equal(after.building_labels, labels)
     assert np.array_equal(after.built, city.built)
