@@ -8,7 +8,6 @@ import runpy
 import shlex
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import click
 import pytest
@@ -283,28 +282,6 @@ def test_recipes_that_pages_name_exist():
         search.read_recipe(path if path.exists() else ROOT / "runs" / name)
 
 
-def test_the_notebooks_losses_are_the_searchs():
-    nbformat = pytest.importorskip("nbformat")
-    pandas = pytest.importorskip("pandas")
-    notebook = nbformat.read(ROOT / "notebooks" / "open-a-run.ipynb", as_version=4)
-    (cell,) = [cell.source for cell in notebook.cells if "def losses" in cell.source]
-    lyon = evocity.read_map("lyon-1er", pixels=64)
-    objectives = [
-        evocity.fitness.Objective(evocity.fitness.crumbs),
-        evocity.fitness.Objective(evocity.fitness.alignment),
-        evocity.fitness.Objective(evocity.fitness.alignment, "min"),
-        evocity.fitness.Objective(evocity.fitness.gsi, target=0.35),
-        evocity.fitness.Objective.like(evocity.fitness.fsi, lyon),
-    ]
-    values = pandas.Series([0.0, 0.2, 0.9])
-    for one in objectives:
-        recorded = {"name": "measure of my own", "goal": one.goal, "target": one.target}
-        names = {"run": SimpleNamespace(provenance={"fitness": [recorded]})}
-        exec(compile(cell, "losses", "exec"), names)
-        found = names["losses"]("measure of my own", values)
-        assert list(found) == pytest.approx([one.loss(value) for value in values])
-
-
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("docs")
@@ -351,20 +328,3 @@ def test_run_folder_holds_what_is_told(small_run):
         "commands.jsonl",
     }  # this run has none
     assert {path.name for path in small_run.iterdir()} == told
-
-
-def test_notebook_runs(tmp_path):
-    nbformat = pytest.importorskip("nbformat")
-    pytest.importorskip("nbclient")
-    path = ROOT / "notebooks" / "open-a-run.ipynb"
-    kept = nbformat.read(path, as_version=4)
-    assert not any(cell.get("outputs") for cell in kept.cells), "kept without outputs"
-    rendering = runpy.run_path(str(ROOT / "docs" / "site" / "rendering.py"))
-    notebook = rendering["executed"](path, tmp_path)  # as the site does
-    pictures = [
-        output
-        for cell in notebook.cells
-        for output in cell.get("outputs", [])
-        if "image/png" in output.get("data", {})
-    ]
-    assert len(pictures) == 3

@@ -80,11 +80,11 @@ def lay(pages: Path) -> None:
 
 def lay_notebooks(pages: Path) -> None:
     """Execute every notebook, and lay the page of each."""
-    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        text, pictures = rendering.rendered(path)
-        _write(pages / "notebooks" / f"{path.stem}.md", text.encode())
-        for name, content in pictures.items():
-            _write(pages / "notebooks" / name, content)
+    for name, text, pictures in rendering.rendered(sorted((ROOT / "notebooks").glob("*.ipynb"))):
+        text = LINK.sub(_page_of_notebook, text)
+        _write(pages / "notebooks" / f"{name}.md", text.encode())
+        for file, content in pictures.items():
+            _write(pages / "notebooks" / file, content)
 
 
 def _page_of_notebook(link: re.Match) -> str:

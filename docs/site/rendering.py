@@ -3,6 +3,7 @@
 import base64
 import os
 import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import nbclient
@@ -12,12 +13,13 @@ PICTURES = {"image/png": "png", "image/jpeg": "jpg", "image/svg+xml": "svg"}
 
 
 def executed(path: Path, folder: Path) -> nbformat.NotebookNode:
-    """The notebook at ``path``, run in ``folder`` and on the run that it makes itself.
+    """The notebook at ``path``, run in ``folder`` on the runs that it breeds there, or finds there
+    of another notebook.
 
     Raises `nbclient.exceptions.CellExecutionError` if a cell fails.
     """
     notebook = nbformat.read(path, as_version=4)
-    own = {"EVOCITY_RUN": None, "IPYTHONDIR": str(folder)}
+    own = {"EVOCITY_RUN": None, "EVOCITY_OTHER": None, "IPYTHONDIR": str(folder)}
     before = {name: os.environ.get(name) for name in own}
     _set(own)
     try:
@@ -65,7 +67,8 @@ def _shown(output: nbformat.NotebookNode, name: str, pictures: dict[str, bytes])
     return f"```text\n{data['text/plain']}\n```" if "text/plain" in data else ""
 
 
-def rendered(path: Path) -> tuple[str, dict[str, bytes]]:
-    """The page of the notebook at ``path``, executed in a folder of its own."""
+def rendered(paths: Iterable[Path]) -> Iterator[tuple[str, str, dict[str, bytes]]]:
+    """Name, page and pictures of each of these notebooks, executed in one folder."""
     with tempfile.TemporaryDirectory() as folder:
-        return as_markdown(executed(path, Path(folder)), path.stem)
+        for path in paths:
+            yield path.stem, *as_markdown(executed(path, Path(folder)), path.stem)

@@ -1,11 +1,15 @@
-"""What one asks the morning after: each in one line of public names."""
+"""What one asks the morning after: each in one line of public names, as in the first notebook."""
 
-import numpy as np
+import json
+from pathlib import Path
+
 import pytest
 
 import evocity
+from evocity import plot
 
-#: Each at most 88 characters; 9 is a birth that was bred.
+NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "01-first-look.ipynb"
+#: Each at most 88 characters; `one` is a birth that was bred.
 QUESTIONS = {
     "the best compromise": "run.compromise()",
     "the best of a measure": 'run.best("alignment")',
@@ -14,22 +18,18 @@ QUESTIONS = {
     "what share of each city lives in the front": "run.ancestry(run.front()).mean()",
     "where two runs differ": "print(run.compare(other))",
     "births with FSI over 2 and crumbs under 4": 'run.where("fsi > 2 and crumbs < 4")',
-    "the nearest relative of a birth": 'run.nearest(19, by="kin")',
+    "the nearest relative of a birth": 'run.nearest(one, by="kin")',
     "five that differ most": "run.most_different(5)",
-    "its grandparents as pictures": "[i.picture() for p in run[19].parents for i in p.parents]",
-    "its buildings against Lyon's": "evocity.fitness.fabric_distance(run[19].city, lyon)",
-    "its file for QGIS": 'run[19].save("chosen.gpkg")',
+    "its grandparents as pictures": "plot.pedigree(run, one, generations=2)",
+    "its buildings against Lyon's": "plot.buildings(one)",
+    "its file for QGIS": 'one.save("chosen.gpkg")',
 }
 
 
 @pytest.fixture(scope="module")
 def answers(night, archipelago, tmp_path_factory) -> dict:
-    names = {
-        "evocity": evocity,
-        "run": evocity.open_run(night),
-        "other": evocity.open_run(archipelago),
-        "lyon": evocity.read_map("lyon-1er", pixels=64),
-    }
+    run = evocity.open_run(night)
+    names = {"plot": plot, "run": run, "one": run[19], "other": evocity.open_run(archipelago)}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("chosen"))
         found = {asked: eval(line, dict(names)) for asked, line in QUESTIONS.items()}
@@ -41,6 +41,8 @@ def test_each_is_one_line_of_public_names():
     assert len(QUESTIONS) == 12
     assert max(map(len, QUESTIONS.values())) <= 88
     assert not any("._" in line for line in QUESTIONS.values())
+    cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
+    assert set(QUESTIONS.values()) <= {"".join(cell["source"]) for cell in cells}
 
 
 def test_what_names_one_birth_is_an_individual(answers):
@@ -90,10 +92,14 @@ def test_shares_operators_and_runs(answers):
 
 def test_pictures_and_files(answers):
     run = answers["run"]
-    pictures = answers["its grandparents as pictures"]
-    assert len(pictures) == sum(len(one.parents) for one in run[19].parents) > 0
-    assert all(picture.size[0] >= 64 for picture in pictures)
-    assert np.isfinite(answers["its buildings against Lyon's"])
+    tree = answers["its grandparents as pictures"].figure
+    told = " ".join(text.get_text() for ax in tree.axes for text in ax.texts)
+    grandparents = [i for p in run[19].parents for i in p.parents]
+    assert grandparents
+    assert all(f"{one.id}, gen. {one.generation}" in told for one in grandparents)
+    beside = [text.get_text() for text in answers["its buildings against Lyon's"].legend_.texts]
+    for name in run.header.cities:
+        assert any(name in told for told in beside)
     city = run[19].city
     assert len(answers["layers"].buildings.area) > 0
     assert city.name == "run, individual 19"
