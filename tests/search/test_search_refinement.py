@@ -373,7 +373,7 @@ def test_parameters_begin_as_they_were_and_stay_within_their_ranges(bred):
         assert first.digest == birth.genome.digest
         for end in (tuning.lower, tuning.upper):
             tuning.operator(end)  # is allowed
-    assert seen == set(prepared.recipe.operators)
+    assert seen >= set(prepared.recipe.operators)  # and by what founders are bred
 
 
 def test_the_field_of_heights_begins_with_the_individual(bred):
