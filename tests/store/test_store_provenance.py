@@ -11,7 +11,7 @@ PROJECT = Path(__file__).parents[2] / "pyproject.toml"
 
 # They read, draw or write maps and print: no number of a birth depends on them.
 AROUND = {"llvmlite", "pillow", "shapely", "pyogrio", "pyproj", "rasterio", "affine", "osmium"}
-AROUND |= {"click", "rich", "tomli-w", "jinja2"}
+AROUND |= {"click", "rich", "tomli-w", "jinja2", "markupsafe"}
 
 
 def test_the_versions_of_all_that_computes_are_recorded():
