@@ -22,6 +22,13 @@ def ids_of(which: object, told: Told) -> np.ndarray:
             "ids, individuals, or a frame of births",
             "give for example run.archive.ids",
         )
+    listed = list(listed)
+    here = told.run.path.resolve()
+    for one in listed:
+        if hasattr(one, "birth") and one.run.path.resolve() != here:
+            raise RunError(
+                f"{told.run.path}: {one}", "an individual of this run", "ask its own run for it"
+            )
     return told.ids[told.rows([getattr(one, "id", one) for one in listed])]
 
 

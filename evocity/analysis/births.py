@@ -1,6 +1,6 @@
 """All births of a run as columns: read once, settled at one generation. numpy alone."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -205,6 +205,17 @@ class Told:
                 f'say which: run.best("{name}", goal="max")',
             )
         return self.value(name) if goal == "min" else -self.value(name)
+
+    def quality_on(self, island: str | None = None) -> str:
+        """What the best of a cell is the best by, on an ``island`` or in the run as a whole: a
+        measure, or a sum; all of them where there are several."""
+        recipe = self.run.provenance.get("recipe")
+        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
+        tables = [one for one in listed or () if isinstance(one, Mapping)]
+        own = next((one.get("measures") for one in tables if one.get("name") == island), None)
+        goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.aims if aim.sought}
+        kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
+        return ", ".join(kept)
 
     # -- who lived ---------------------------------------------------------------------------
 

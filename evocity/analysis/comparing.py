@@ -1,5 +1,6 @@
 """Two runs beside each other: what they were told, and who found what the other did not."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ import numpy as np
 from evocity.analysis.births import Told
 from evocity.analysis.extras import library
 from evocity.analysis.wanted import recipe_of
+from evocity.search.archiving import volume_is_quick
 from evocity.search.fronts import Hypervolume, not_dominated
 
 if TYPE_CHECKING:
@@ -66,19 +68,27 @@ class Comparison:
         return side.told.losses[rows][:, columns]
 
     @cached_property
-    def _volume(self) -> Hypervolume:
-        """In units of the ranges of both first generations together."""
-        first = [
+    def _unit(self) -> Hypervolume | None:
+        """In units of the ranges of both first generations together; None if nobody in them was
+        measured."""
+        first = np.vstack([
             self._losses(side, np.flatnonzero(side.told.ok & (side.told.generation == 0)))
             for side in self._sides
-        ]
-        return Hypervolume(np.vstack(first))
+        ])  # fmt: skip
+        return Hypervolume(first) if len(first) else None
+
+    def _volume(self, losses: np.ndarray) -> float:
+        """What ``losses`` dominate together; NaN where there is no unit, and of so many that it
+        would take minutes."""
+        if self._unit is None or not volume_is_quick(*losses.shape):
+            return math.nan
+        return self._unit(losses) if len(losses) else 0.0
 
     @property
     def hypervolume(self) -> "pd.DataFrame":
         """A row a generation, of some of many, index ``generation``: hypervolume of the living that
         keep the constraints, of each run, by the goals of both and in units of the ranges of both
-        first generations."""
+        first generations; NaN where nobody in these was measured, or it would take minutes."""
         pandas = library("pandas", "a comparison of hypervolumes")
         found = {side.name: pandas.Series(self._volumes(side), dtype=float) for side in self._sides}
         table = pandas.DataFrame(found).sort_index()
@@ -94,7 +104,7 @@ class Comparison:
         for number in np.unique(np.linspace(0, side.told.last, count).round().astype(int)):
             living = rows[born == number]
             losses = self._losses(side, living[side.told.feasible[living]])
-            found[int(number)] = self._volume(losses) if len(losses) else 0.0
+            found[int(number)] = self._volume(losses)
         return found
 
     @cached_property
@@ -108,7 +118,7 @@ class Comparison:
                 own = together[len(fronts[0]) :] if number else together[: len(fronts[0])]
                 row["joint"] = int(own.sum())
                 row["dominated"] = int(_dominated(front, fronts[1 - number]).sum())
-                row["hypervolume"] = self._volume(front) if len(front) else 0.0
+                row["hypervolume"] = self._volume(front)
             found.append(row)
         return found
 
@@ -135,9 +145,13 @@ class Comparison:
                 f"By what both want, {', '.join(self.goals)}: of the archive of {one.name} "
                 f"{first['dominated']} are dominated by one of {other.name}, of that of "
                 f"{other.name} {second['dominated']} by one of {one.name}.",
-                f"Hypervolume of the archives in one unit: {one.name} {first['hypervolume']:.4g}, "
-                f"{other.name} {second['hypervolume']:.4g}.",
             ]
+            if not math.isnan(first["hypervolume"] + second["hypervolume"]):
+                lines.append(
+                    "Hypervolume of the archives in one unit: "
+                    f"{one.name} {first['hypervolume']:.4g}, "
+                    f"{other.name} {second['hypervolume']:.4g}."
+                )
         keys = [
             f"{key} {_short(a) or 'unset'} / {_short(b) or 'unset'}"
             for key, (a, b) in self.differing.items()

@@ -81,7 +81,7 @@ def write_zip(individuals: Sequence[Individual], path: str | os.PathLike) -> Non
         raise RunError(f"{path.name} for several births", "a name that ends in .zip", "add .zip")
     if not individuals:
         raise RunError("no births to save", "one at least", "name some, for example run.front()")
-    told = individuals[0].told
+    told, individuals = individuals[0].told, list(dict.fromkeys(individuals))
     with (
         _written(path) as temporary,
         tempfile.TemporaryDirectory() as folder,

@@ -18,8 +18,10 @@ from evocity.search.fronts import Scale
 if TYPE_CHECKING:
     import pandas as pd
 
-#: So many of the archive are compared by looks, at most.
+#: So many of the archive are compared by looks, at most: some of all times, evenly.
 MOST_COMPARED = 320
+#: Two look alike that differ in no larger share of the map than this.
+APART = 0.05
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,9 @@ class Keeping(list[Kept], Displayed):
 
 
 def kept_of(
-    told: Told, ids: np.ndarray, likeness: Likeness, count: int, apart: float = -1.0
+    told: Told, ids: np.ndarray, likeness: Likeness, count: int, apart: float = APART
 ) -> Keeping:
-    """``count`` of the births ``ids``, which are an archive, or as many as there are: the best
+    """``count`` of the births ``ids``, which are an archive, or as many as differ: the best
     compromise; the best by each goal; for the rest those in the middle of the largest groups of
     births that look alike, of which none is among them yet, and then those that differ most from
     all named before. One that differs from them in no larger share of the map than ``apart`` is
@@ -82,7 +84,11 @@ def _kinds(
     are farthest from all others; why each does."""
     own = np.fromiter(choice.roles, np.intp)
     rest = np.setdiff1d(np.arange(len(choice.ids)), own)
-    rows = np.concatenate([own, rest[: max(0, MOST_COMPARED - len(own))]])
+    room = min(max(0, MOST_COMPARED - len(own)), len(rest))
+    rest = rest[np.linspace(0, len(rest) - 1, room).round().astype(np.intp)]
+    rows = np.concatenate([own, rest])
+    whole = len(rows) == len(choice.ids)
+    compared = "in the archive" if whole else "of the archive that were compared"
     matrix = likeness.matrix(choice.ids[rows], "looks")
     middle = medoids(matrix, min(count, len(rows)))
     labels = labelled(matrix, middle)
@@ -90,7 +96,7 @@ def _kinds(
     taken = set(labels[: len(own)].tolist())
     for group in np.argsort(-sizes, kind="stable").tolist():
         if group not in taken and matrix[middle[group], : len(own)].min() > apart:
-            alike = f"{sizes[group]} of {len(rows)} in the archive look most like it"
+            alike = f"{sizes[group]} of {len(rows)} {compared} look most like it"
             yield int(rows[middle[group]]), f"{alike}, itself among them."
     while True:
         near = matrix[:, np.isin(rows, list(choice.roles))].min(axis=1)
@@ -133,10 +139,12 @@ class _Choice:
         goals, sentences = self.told.goals, []
         if "compromise" in roles:
             worst = int(self.scaled[row].argmax())
+            behind = self.scaled[row, worst]
             sentences.append(
                 f"Of the {len(self.ids)} in the archive it is nearest to the best of all goals at "
-                f"once: farthest behind in {goals[worst]}, by {self.scaled[row, worst]:.0%} of the "
-                "range."
+                f"once: farthest behind in {goals[worst]}, by {behind:.0%} of the range."
+                if behind > 0
+                else f"Of the {len(self.ids)} in the archive it is the best in every goal."
             )
         best = [goal for goal in goals if f"best {goal}" in roles]
         if best:

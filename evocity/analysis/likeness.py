@@ -87,8 +87,9 @@ class Likeness:
         return _apart(points[-1], points[:-1], by)
 
     def _scaled(self, points: np.ndarray, by: str) -> np.ndarray:
-        """Losses in units of the ranges that those of all births have that were measured."""
-        if by != "scores":
+        """Losses in units of the ranges of those that keep the constraints, or of all that were
+        measured where nobody does."""
+        if by != "scores" or not len(points):
             return points
         ok = self._told.ok & self._told.feasible
         return Scale(self._told.losses[ok if ok.any() else self._told.ok])(points)

@@ -239,8 +239,8 @@ class Run(opening.Run, Displayed):
         return self[int(told.ids[rows[best_compromise(told.losses[rows], heavy)]])]
 
     def keep(self, n: int = 5) -> "Keeping":
-        """The ``n`` births of the archive that are worth keeping, or as many as there are, dead
-        ones among them: the compromise, the best by each goal, one of each kind of look. Of each
+        """The ``n`` births of the archive that are worth keeping, or as many as differ, dead ones
+        among them: the compromise, the best by each goal, one of each kind of look. Of each
         ``individual``, ``role``, ``why`` and what it ``gave_up``; ``print`` tells all in lines."""
         from evocity.analysis.keeping import kept_of
 
@@ -358,7 +358,7 @@ class Run(opening.Run, Displayed):
         """Source city -> share of the map that is its stone, of one birth; of several, named by
         ids or a frame, a frame with a row each and a column a city."""
         if isinstance(which, Integral | Individual):
-            return Individual(self.told, getattr(which, "id", which)).ancestry()
+            return self[int(self._ids(which)[0])].ancestry()
         pandas = library("pandas", "a table of shares")
         ids = self._ids(which)
         births = self.individuals(ids.tolist())

@@ -34,7 +34,7 @@ from evocity.search.evaluation import Here, Workers
 from evocity.search.evaluator import UNRECORDED, Setup
 from evocity.store import Birth, Run, hash_of_map
 
-# Births that are read and measured at a time.
+# Births that are read at a time.
 _AT_A_TIME = 256
 
 
@@ -102,7 +102,8 @@ def scored(
     with closing(engine):
         outcomes = engine.run("evaluate", [job[1:] for job in jobs])
     for (place, *_), outcome in zip(jobs, outcomes, strict=True):
-        found[place] = [outcome.values.get(name, math.nan) for name in asked]
+        pairs = zip(asked, found[place].tolist(), strict=True)
+        found[place] = [outcome.values.get(name, known) for name, known in pairs]
         for name, value in outcome.values.items():
             asked[name].keep(keys[place][name], value)
         if outcome.error:

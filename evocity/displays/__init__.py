@@ -5,7 +5,6 @@ the templates beside them.
 """
 
 from collections.abc import Callable
-from functools import cache
 from html import escape
 
 from evocity.analysis.individual import Individual
@@ -21,18 +20,15 @@ from evocity.errors import EvocityError
 from evocity.genome import Genome
 from evocity.search import Archive, Recipe
 
-
-@cache
-def _ways() -> dict[type, Callable[[object], str]]:
-    return {
-        CityMap: map_html,
-        Genome: genome_html,
-        Recipe: recipe_html,
-        Archive: archive_html,
-        Run: run_html,
-        Individual: individual_html,
-        Keeping: keeping_html,
-    }
+_WAYS: dict[type, Callable] = {
+    CityMap: map_html,
+    Genome: genome_html,
+    Recipe: recipe_html,
+    Archive: archive_html,
+    Run: run_html,
+    Individual: individual_html,
+    Keeping: keeping_html,
+}
 
 
 def html_of(thing: object) -> str:
@@ -42,11 +38,11 @@ def html_of(thing: object) -> str:
     What cannot be shown is told by the message of its fault. Raises TypeError for anything else.
     """
     for kind in type(thing).__mro__:
-        if kind in _ways():
+        if kind in _WAYS:
             try:
-                return _ways()[kind](thing)
+                return _WAYS[kind](thing)
             except EvocityError as error:
-                return f"<pre>{escape(repr(thing))}\n{escape(str(error))}</pre>"
+                return f"<pre>{escape(type(thing).__name__)}\n{escape(str(error))}</pre>"
     raise TypeError(f"no display of a {type(thing).__name__}")
 
 

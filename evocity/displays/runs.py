@@ -1,6 +1,6 @@
 """A run and its individuals in a notebook."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 
 from evocity.analysis.individual import Individual
 from evocity.analysis.keeping import Keeping
@@ -18,6 +18,8 @@ from evocity.pictures.picture import scale_end
 
 #: Maps beside each other: at most so many, so wide, px, and so many characters each.
 _MOST, _WIDE, _SMALL = 8, 150, 13_000
+#: Those worth keeping that are told, at most.
+_MOST_TOLD = 40
 
 
 def run_html(run: Run) -> str:
@@ -31,11 +33,10 @@ def run_html(run: Run) -> str:
     aims, maps, highest = [], [], 0.0
     if run.generations:
         told += _state(run)
-        sought = [aim for aim in run.aims if aim.goal != "bounds"]
-        best = [(aim, _best(run, aim)) for aim in sought]
-        aims = [_aim(aim, dict(best).get(aim)) for aim in run.aims]
+        best = {aim.name: _best(run, aim) for aim in run.aims if aim.sought}
+        aims = [_aim(aim, best.get(aim.name)) for aim in run.aims]
         highest = max((scale_end(one.city) for one in run.sources()), default=10.0)
-        maps = _row(run, [one for _, one in best if one is not None], highest)
+        maps = _row(run, {name: one for name, one in best.items() if one}, highest)
     else:
         told.append(("generations", "none is whole yet"))
     return (
@@ -69,10 +70,9 @@ def individual_html(one: Individual) -> str:
     if one.status != "ok":
         told.append(("status", f"{one.status}: {(one.error or '')[:_LONGEST]}"))
     scores = one.scores
-    names = [aim.name for aim in run.aims]
-    rows = [(aim.name, number(scores.get(aim.name), aim.unit), aim.wanted) for aim in run.aims]
-    rows += [
-        (name, number(value), "recorded") for name, value in scores.items() if name not in names
+    rows = [
+        (aim.name, number(scores.get(aim.name), aim.unit), aim.wanted)
+        for aim in [*run.aims, *run.told.recorded]
     ]
     return (
         templates_of(TEMPLATES)
@@ -96,17 +96,17 @@ def keeping_html(keeping: Keeping) -> str:
     cities = [one.individual.city for one in keeping[:_MOST]]
     highest = max(map(scale_end, cities), default=10.0)
     shown = []
-    for number_of, one in enumerate(keeping):
+    for place, one in enumerate(keeping[:_MOST_TOLD]):
         note = {"title": f"{one.individual.id}: {one.role}", "why": one.why, "lost": one.gave_up}
         picture = {"uri": "", "alt": ""}
-        if number_of < _MOST:
-            picture = _small(cities[number_of], "", "", highest)
+        if place < _MOST:
+            picture = _small(cities[place], "", "", highest)
         shown.append(picture | note)
     credit = keeping[0].individual.run.header.attribution if keeping else ""
     return (
         templates_of(TEMPLATES)
         .get_template("keeping.html")
-        .render(kept=shown, highest=highest, credit=credit)
+        .render(kept=shown, left=len(keeping) - len(shown), highest=highest, credit=credit)
     )
 
 
@@ -145,19 +145,14 @@ def _aim(aim: Aim, best: Individual | None) -> tuple[str, str, str, str]:
     return aim.name, aim.wanted, value, f"{best.id}" if best else ""
 
 
-def _row(run: Run, best: Sequence[Individual], highest: float) -> list[dict]:
-    """Parents, then the best, on a scale that ends at ``highest`` metres."""
+def _row(run: Run, best: Mapping[str, Individual], highest: float) -> list[dict]:
+    """Parents, then the best by each goal, on a scale that ends at ``highest`` metres."""
     sources = [source.city for source in run.sources()]
     shown = [_small(city, city.name, "parent", highest) for city in sources[: _MOST // 2]]
-    for one in list(dict.fromkeys(best))[: _MOST - len(shown)]:
-        shown.append(_small(one.city, f"{one.id}", _praise(run, one, best), highest))
+    for one in list(dict.fromkeys(best.values()))[: _MOST - len(shown)]:
+        praise = ", ".join(name for name, other in best.items() if other == one)
+        shown.append(_small(one.city, f"{one.id}", f"best {praise}", highest))
     return shown
-
-
-def _praise(run: Run, one: Individual, best: Sequence[Individual]) -> str:
-    sought = [aim.name for aim in run.aims if aim.goal != "bounds"]
-    pairs = zip(sought, best, strict=False)
-    return "best " + ", ".join(name for name, other in pairs if other == one)
 
 
 def _small(city: CityMap, title: str, note: str, highest: float) -> dict:

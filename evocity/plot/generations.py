@@ -171,7 +171,8 @@ def _archive_volumes(told: Told) -> tuple[np.ndarray, np.ndarray]:
     if not len(first):
         return np.zeros(0), np.zeros(0)
     volume, front, volumes = Hypervolume(first), np.empty((0, losses.shape[1])), []
-    at = np.unique(np.linspace(0, told.last, 4 * _LOOKED_AT).round().astype(int))
+    looked = 4 * _LOOKED_AT if losses.shape[1] < 5 else _LOOKED_AT // 4  # each may take a second
+    at = np.unique(np.linspace(0, told.last, looked).round().astype(int))
     before = -1
     for generation in at:
         new = losses[kept & (before < born) & (born <= generation)]

@@ -29,6 +29,7 @@ from evocity.plot.style import (
     lay,
     name_axes,
     panels,
+    plain,
     scale_bar,
     short,
 )
@@ -66,7 +67,7 @@ def grid(
             "a run of map_elites, or the name of an island that is one",
             'give island="…"' if told.run.header.islands else "see plot.front, or plot.gallery",
         )
-    goal = _goal(told, island) if goal is None else goal
+    goal = told.quality_on(island) if goal is None else goal
     bins = binned(told.run, cells, told.last, goal)
     places = cells.places(bins.births["cell"].to_numpy())
     slices = [0]
@@ -89,7 +90,7 @@ def grid(
             one.set_title(f"{third}: {low:.4g} to {high:.4g}", fontsize=SMALL, color=INKS,
                           loc="left")  # fmt: skip
     frames = _frames(axes, slices, told, cells)
-    filled = f"{len(bins)} of {len(cells)} cells filled, best of each by {goal}"
+    filled = plain(f"{len(bins)} of {len(cells)} cells filled, best of each by {goal}")
     if len(axes) == 1:
         axes[0].set_title(filled, fontsize=SMALL, color=FAINTS, loc="left")
     else:
@@ -109,17 +110,6 @@ def grid(
     credit(axes[0], told.run.header.attribution, label="x")
     fit(axes[0])
     return axes[0] if len(cells.counts) < 3 else axes
-
-
-def _goal(told: Told, island: str | None) -> str | None:
-    """The one goal of the run, or of an island, if it is one."""
-    names = told.goals
-    if island is not None:
-        recipe = told.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, dict) else None
-        own = next((one.get("measures") for one in listed or () if one.get("name") == island), None)
-        names = [one for one in names if own is None or one in own]
-    return names[0] if len(names) == 1 else None
 
 
 def _slice(ax: Axes, told: Told, bins: Binned, places, kept, cities, highest, inch) -> None:

@@ -18,7 +18,6 @@ from evocity.plot.chosen import city_of, genome_of
 from evocity.plot.style import (
     FAINTS,
     FIRST,
-    INKS,
     LIVING,
     Panels,
     colour_scale,
@@ -84,16 +83,11 @@ def lifs(genome: Genome | Individual, what: str = "sigma", ax: Axes | None = Non
                 "usage": lambda: usage_of(genome).calls,
             }[what]()
             end = 1.0 if what == "lambda" else _end(values)
-            _even_map(ax, pavement.raster(values.astype(np.float32)), end, pixel)
-            map_on_title = _titled(name, title)
-            ax.set_title(map_on_title, fontsize=10, color=INKS, loc="left")
+            raster = pavement.raster(values.astype(np.float32))
+            map_on(ax, even(raster, end), pixel, _titled(name, title))
             colour_scale(ax, even(np.linspace(0, end, 256)[None], end)[0], 0, end, symbol)
     credit(ax, genome.attribution)
     return fit(ax)
-
-
-def _even_map(ax: Axes, values: np.ndarray, end: float, pixel: float) -> None:
-    map_on(ax, even(values, end), pixel)
 
 
 def _end(values: np.ndarray) -> float:
@@ -143,9 +137,8 @@ def usage(genome: Genome | Individual, count: str = "pixels", ax: Axes | None = 
     # a few pixels are called so often that the others would all be pale
     end = float(np.quantile(values, 0.995)) or _end(values)
     ax = panel(ax, 6.2, 5.6)
-    _even_map(ax, values, end, genome.metres_per_pixel)
     name = " × ".join(city for city in genome.cities if city != VOID)
-    ax.set_title(_titled(name, _COUNTS[count]), fontsize=10, color=INKS, loc="left")
+    map_on(ax, even(values, end), genome.metres_per_pixel, _titled(name, _COUNTS[count]))
     most = f"\n(up to {values.max():.0f})" if values.max() > end else ""
     colour_scale(ax, even(np.linspace(0, end, 256)[None], end)[0], 0, end, f"μ, lifs{most}")
     credit(ax, genome.attribution)

@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from evocity.analysis import Individual, Run
+from evocity.analysis.asked import ids_of
 from evocity.analysis.births import Told
 from evocity.analysis.pedigree import Pedigree, steps_of
 from evocity.citymap import CityMap
@@ -68,7 +69,7 @@ def pedigree(
     """
     told = told_of(run)
     steps = min(steps_of(generations) or 0, MOST_STEPS)
-    (own,) = told.rows([getattr(individual, "id", individual)])
+    (own,) = told.rows(ids_of(individual, told))
     kin = Pedigree(told)
     rows, links = _rows(kin, own, steps)
     across = max(4.0, *(2 * np.abs(one.x).max() + 1 for one in rows))

@@ -154,12 +154,18 @@ def folded(name: str, width: int = 22) -> str:
             lines.append("")
         lines[-1] += word
     cut = [one.strip() for one in lines]
-    return "\n".join(one if len(one) <= 2 * width else one[: 2 * width - 1] + "…" for one in cut)
+    lines = [one if len(one) <= 2 * width else one[: 2 * width - 1] + "…" for one in cut]
+    return plain("\n".join(lines))
 
 
 def short(name: str, width: int = 28) -> str:
     """A name of at most ``width`` letters."""
-    return name if len(name) <= width else name[: width - 1] + "…"
+    return plain(name if len(name) <= width else name[: width - 1] + "…")
+
+
+def plain(text: str) -> str:
+    """A ``text`` that matplotlib shows as it is: dollars begin no formula."""
+    return text.replace("$", r"\$")
 
 
 def fit(ax: Axes) -> Axes:
@@ -229,7 +235,7 @@ def credit(ax: Axes, attribution: str, below: float = 16, label: str = "") -> No
     ``label`` of their x too, beneath that."""
     inches = ax.get_position().width * ax.figure.get_figwidth()
     letters = max(30, int(inches * 72 / (0.5 * SMALL)))
-    text = "\n".join(textwrap.wrap(attribution, letters))
+    text = plain("\n".join(textwrap.wrap(attribution, letters)))
     if not label:
         ax.set_xlabel(text, fontsize=SMALL, color=FAINTS, loc="left", labelpad=below)
         return
@@ -288,6 +294,7 @@ __all__ = [
     "note",
     "panel",
     "panels",
+    "plain",
     "scale_bar",
     "shared_key",
     "short",

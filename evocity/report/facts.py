@@ -29,9 +29,8 @@ from evocity.store.events import TURNS
 _MOST_GENERATIONS = 10**9
 #: The gallery holds no more individuals than this: the page stays a few megabytes.
 MOST_SHOWN = 96
-#: So many are worth keeping, and each of those that look like no best one differs in a larger share
-#: of the map than this from all named before.
-MOST_KEPT, _DIFFERENT = 5, 0.05
+#: So many are worth keeping.
+MOST_KEPT = 5
 #: As searches of recipes that say nothing of it.
 _APART = Ranked.Keys.model_fields["apart"].default
 
@@ -233,7 +232,7 @@ class Facts:
         for island in self.run.header.islands or (None,):
             try:
                 grid = grid_of_run(self.run, island)
-                goal = None if island is None else self.quality_on(island)
+                goal = None if island is None else self.told.quality_on(island)
                 if grid is not None:
                     found[island] = binned(self.run, grid, self.last, goal)
             except RunError:
@@ -245,16 +244,6 @@ class Facts:
         """The best of each cell of the grid that the run as a whole fills; None if it fills none,
         or does not tell what it wanted."""
         return self.grids.get(None)
-
-    def quality_on(self, island: str | None = None) -> str:
-        """What the best of a cell is the best by: a measure, or a sum."""
-        recipe = self.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
-        tables = [one for one in listed or () if isinstance(one, Mapping)]
-        own = next((one.get("measures") for one in tables if one.get("name") == island), None)
-        goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.sought}
-        kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
-        return ", ".join(kept)
 
     @cached_property
     def gone(self) -> list[int]:
@@ -349,7 +338,7 @@ class Facts:
         likeness = Likeness(self.told)
         for one in [*self.shown, *self.shown_gone]:
             likeness.note(one.birth.id, one.city)
-        return kept_of(self.told, self.archive.ids, likeness, MOST_KEPT, _DIFFERENT)
+        return kept_of(self.told, self.archive.ids, likeness, MOST_KEPT)
 
     @cached_property
     def _cities(self) -> dict[int, CityMap]:

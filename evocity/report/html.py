@@ -7,6 +7,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from evocity.analysis import open_run
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.pages import data_uri, templates_of
@@ -21,7 +22,6 @@ from evocity.report.pictures import Pictures, common_scale, scale_colours
 from evocity.report.plots import ticks
 from evocity.report.summary import Summary
 from evocity.report.words import WORDS
-from evocity.search.opening import open_run
 
 TEMPLATES = Path(__file__).parent / "templates"
 

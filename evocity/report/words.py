@@ -21,7 +21,10 @@ WORDS = {
     "dominate": "To be at least as good in every goal, and better in one.",
     "front": "Those that nobody dominates: a set of compromises, not one best city.",
     "rank": "0 for the front, 1 for the front of the others, and so on.",
-    "archive": "Of all births ever, those that no other dominates; some no longer live.",
+    "archive": (
+        "Of all births ever, those that no other dominates, or the best of each cell of a grid; "
+        "some no longer live."
+    ),
     "hypervolume": (
         "The volume of all scores that one of the living reaches or surpasses: how much they "
         "reach together."
