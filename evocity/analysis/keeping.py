@@ -94,17 +94,19 @@ def _kinds(
     labels = labelled(matrix, middle)
     sizes = np.bincount(labels, minlength=len(middle))
     taken = set(labels[: len(own)].tolist())
+
+    def near() -> np.ndarray:
+        """How far each is from the nearest that is chosen; that itself -1."""
+        chosen = np.isin(rows, list(choice.roles))
+        return np.where(chosen, -1, matrix[:, chosen].min(axis=1))
+
     for group in np.argsort(-sizes, kind="stable").tolist():
-        if group not in taken and matrix[middle[group], : len(own)].min() > apart:
+        if group not in taken and near()[middle[group]] > apart:
             alike = f"{sizes[group]} of {len(rows)} {compared} look most like it"
             yield int(rows[middle[group]]), f"{alike}, itself among them."
-    while True:
-        near = matrix[:, np.isin(rows, list(choice.roles))].min(axis=1)
-        near[np.isin(rows, list(choice.roles))] = -1
-        if near.max() <= apart:
-            return
-        row = int(near.argmax())
-        yield int(rows[row]), f"It differs in {near[row]:.0%} of the map from all named before."
+    while (far := near()).max() > apart:
+        row = int(far.argmax())
+        yield int(rows[row]), f"It differs in {far[row]:.0%} of the map from all named before."
 
 
 class _Choice:

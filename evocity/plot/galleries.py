@@ -34,7 +34,9 @@ from evocity.plot.style import (
     lay,
     note,
     panel,
+    plain,
     scale_bar,
+    short,
 )
 
 #: So many maps at most stand in one gallery.
@@ -118,7 +120,7 @@ def _draw(ax, told: Told, cell: _Cell, city, tall, highest, inch, order) -> None
     row = cell.row
     if city is None:
         ax.add_patch(Rectangle((cell.left, cell.top), 1, tall, facecolor=GROUNDS))
-        ax.text(cell.left + 0.5, cell.top + tall / 2, str(told.status[row]), ha="center",
+        ax.text(cell.left + 0.5, cell.top + tall / 2, short(str(told.status[row])), ha="center",
                 va="center", fontsize=SMALL, color=FAINTS)  # fmt: skip
     else:
         picture = thumbnail(city, highest, max(16, int(1.25 * inch * DPI)))
@@ -128,7 +130,7 @@ def _draw(ax, told: Told, cell: _Cell, city, tall, highest, inch, order) -> None
         (aim,) = aims_on(told, [order])
         value = told.value(order)[row]
         text += "\n" + ("–" if np.isnan(value) else f"{value:.4g} {aim.unit}".rstrip())
-    caption = ax.text(cell.left, cell.top + tall + 0.02, text, va="top", fontsize=SMALL,
+    caption = ax.text(cell.left, cell.top + tall + 0.02, plain(text), va="top", fontsize=SMALL,
                       color=INKS if told.feasible[row] else BROKEN, linespacing=1.15)  # fmt: skip
     caption.set_in_layout(False)  # as its map
 

@@ -30,6 +30,7 @@ from evocity.plot.style import (
     note,
     panel,
     panels,
+    plain,
     shared_key,
 )
 
@@ -156,7 +157,7 @@ def parallel(
     kept_told = f"{np.count_nonzero(kept)} that keep the constraints"
     told_too = f", {np.count_nonzero(~kept)} that break one dotted" if not kept.all() else ""
     where = f", coloured by {aims[0].name}" if kept.any() else ""
-    ax.set_title(kept_told + told_too + where, fontsize=PLAIN, color=FAINTS, loc="left")
+    ax.set_title(plain(kept_told + told_too + where), fontsize=PLAIN, color=FAINTS, loc="left")
     return ax
 
 

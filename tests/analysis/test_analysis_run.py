@@ -12,6 +12,7 @@ from written_runs import written
 
 import evocity
 from evocity.analysis import scoring
+from evocity.analysis.keeping import APART
 from evocity.analysis.likeness import Likeness
 from evocity.coding.decoded import decoded
 from evocity.errors import EvocityError, FitnessError, RunError
@@ -193,7 +194,7 @@ def test_a_run_that_goes_on_is_one_until_it_is_refreshed(night, tmp_path):
 
 
 def test_an_empty_run_has_no_births(tmp_path):
-    run = evocity.open_run(written(tmp_path / "run", [], []))
+    run = written(tmp_path / "run", [], [])
     assert (len(run), list(run), 0 in run) == (0, [], False)
     for ask in (lambda: run.scores, lambda: run.archive, lambda: run[0], lambda: run.series):
         with pytest.raises(RunError, match="no whole generation"):
@@ -210,7 +211,7 @@ def test_an_empty_run_has_no_births(tmp_path):
     ],
 )
 def test_a_log_that_cannot_be_is_damaged(tmp_path, births, members, ask, told):
-    run = evocity.open_run(written(tmp_path / "run", births, members))
+    run = written(tmp_path / "run", births, members)
     with pytest.raises(RunError, match=told):
         _ = run.credit() if ask == "credit" else run.scores
 
@@ -228,7 +229,7 @@ def test_a_damaged_end_is_left_out(night, tmp_path):
 def test_a_measure_named_as_a_column_keeps_its_values(tmp_path):
     wanted = [{"name": "seconds", "goal": "min"}]
     births = [[{"id": 0, "values": {"seconds": 4.0}}]]
-    run = evocity.open_run(written(tmp_path / "run", births, [[0]], wanted))
+    run = written(tmp_path / "run", births, [[0]], wanted)
     row = run.scores.loc[0]
     assert (row["seconds"], row["fitness.seconds"]) == (0.5, 4.0)
     assert run.where("fitness.seconds > 1 and seconds < 1").index.tolist() == [0]
@@ -304,9 +305,49 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     assert kept.frame.index.tolist() == ids
     assert len(str(kept).splitlines()) == len(kept)
     assert [one.individual.id for one in run.keep(1)] == ids[:1]
-    assert len(run.keep(10**6)) == len(run.archive)
+    most = run.keep(10**6)
+    assert {one.individual.id for one in most} <= set(run.archive.ids)
     for count in range(1, len(run.archive) + 1):
-        assert len(run.keep(count)) == count
+        assert len(run.keep(count)) == min(count, len(most))
+    near = Likeness(run.told).matrix(most.frame.index.to_numpy(), "looks")
+    of_their_own = [n for n, one in enumerate(most) if not one.role.startswith(("best", "comp"))]
+    assert all(near[n, :n].min() > APART for n in of_their_own)
+
+
+def test_those_compared_by_looks_are_of_all_times(run, monkeypatch):
+    monkeypatch.setattr("evocity.analysis.keeping.MOST_COMPARED", 6)
+    asked = []
+    matrix = Likeness.matrix
+    monkeypatch.setattr(
+        Likeness, "matrix", lambda self, ids, by: asked.append(ids) or matrix(self, ids, by)
+    )
+    kept = run.keep(len(run.archive))
+    (compared,) = asked
+    own = [one.individual.id for one in kept if one.role.startswith(("best", "compromise"))]
+    assert len(compared) == max(6, len(own)) < len(run.archive)
+    rest = np.sort(np.setdiff1d(compared, own))
+    others = np.setdiff1d(run.archive.ids, own)
+    assert not len(rest) or rest[0] == others.min()
+    assert len(rest) < 2 or rest[-1] == others.max()
+    for one in kept:
+        assert "in the archive look most like it" not in one.why
+
+
+def test_individuals_of_another_run_are_refused(run, archipelago):
+    other = evocity.open_run(archipelago)[0]
+    for ask in (run.ancestry, run.nearest, run.lineage, lambda one: run.score(one, "gsi")):
+        with pytest.raises(RunError, match="an individual of this run"):
+            ask(other)
+    assert run.ancestry(run[3]) == run.ancestry(3)
+
+
+def test_runs_in_which_nobody_was_measured_are_compared(tmp_path):
+    failed = {"status": "error", "error": "no", "values": {}, "genome": None}
+    run = written(tmp_path / "none", [[{"id": 0} | failed]])
+    comparison = run.compare(written(tmp_path / "some", [[{"id": 0} | failed], [{"id": 1}]]))
+    assert comparison.hypervolume.isna().all(axis=None)
+    assert "Hypervolume" not in str(comparison)
+    assert str(comparison)
 
 
 def test_scores_become_csv(run, tmp_path):
@@ -336,7 +377,7 @@ def test_scores_become_csv(run, tmp_path):
 
 def test_no_text_in_a_table_is_a_formula(tmp_path):
     births = [[{"id": 0, "operator": "=1+1"}]]
-    run = evocity.open_run(written(tmp_path / "run", births, [[0]]))
+    run = written(tmp_path / "run", births, [[0]])
     run.to_csv(tmp_path / "scores.csv")
     assert ",'=1+1," in (tmp_path / "scores.csv").read_text()
 

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 from test_displays import HOSTILE, MOST, Seen
+from written_runs import written
 
 import evocity
+from evocity.analysis.keeping import Keeping
+from evocity.displays import html_of
 
 OLD = Path(__file__).parent.parent / "old"
 RUNS = sorted(path.name for path in OLD.glob("run-*") if path.is_dir())
@@ -16,7 +19,9 @@ RUNS = sorted(path.name for path in OLD.glob("run-*") if path.is_dir())
 @pytest.mark.parametrize("name", RUNS)
 def test_runs_of_every_release_show_themselves(name):
     run = evocity.open_run(OLD / name)
-    seen = Seen(run._repr_html_())
+    page = run._repr_html_()
+    assert len(page) <= MOST
+    seen = Seen(page)
     status = run.status()
     assert name in seen.text
     assert str(status["births"]) in seen.text
@@ -34,6 +39,22 @@ def test_the_best_are_those_of_the_run():
     for aim in run.aims:
         if aim.goal in ("max", "min"):
             assert f"{run.best(aim.name).id}" in seen.text.split()
+
+
+def test_a_goal_that_nobody_reached_is_praised_for_nobody(tmp_path):
+    failed = {"status": "error", "error": "no", "values": {}, "genome": None}
+    wanted = [{"name": "gsi", "goal": "max"}, {"name": "fsi", "goal": "max", "min": 5}]
+    births = [{"id": 0, "values": {"gsi": 0.4, "fsi": 2.0}}, {"id": 1} | failed]
+    seen = Seen(written(tmp_path / "run", [births], wanted=wanted)._repr_html_())
+    assert "gsi" in seen.text
+    assert "best gsi" not in seen.text
+
+
+def test_many_worth_keeping_are_cut_and_counted():
+    kept = evocity.open_run(OLD / "run-3").keep()
+    page = html_of(Keeping([*kept] * 100))
+    assert len(page) <= MOST
+    assert f"and {100 * len(kept) - 40} more" in Seen(page).text
 
 
 def test_individuals_show_map_scores_and_origin():

@@ -5,8 +5,8 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from plot_logs import log_of
 from toy_runs import town, write_toy
+from written_runs import written
 
 import evocity
 from evocity.analysis import Run
@@ -86,4 +86,6 @@ def broken(tmp_path_factory) -> Run:
     """Six births, of which two break a bound."""
     births = [{"id": n, "values": {"gsi": 0.1 * n, "fsi": 1.0 + n % 3}} for n in range(6)]
     wanted = [{"name": "gsi", "goal": "max", "max": 0.35}, {"name": "fsi", "goal": "max"}]
-    return log_of(tmp_path_factory.mktemp("broken") / "run", [births[:3], births[3:]], wanted)
+    return written(
+        tmp_path_factory.mktemp("broken") / "run", [births[:3], births[3:]], wanted=wanted
+    )

@@ -1,10 +1,12 @@
 """Runs with little in them, or with much; what cannot be drawn is told in three parts."""
 
+import re
 from itertools import combinations
 
 import numpy as np
 import pytest
-from plot_logs import CITY, log_of
+from matplotlib.text import Text
+from written_runs import CITY, written
 
 import evocity
 from evocity import plot
@@ -62,27 +64,29 @@ LOGS = {
 
 @pytest.mark.parametrize("name", LOGS)
 def test_every_plot_of_a_small_run_is_drawn(tmp_path, name):
-    run = log_of(tmp_path / "run", LOGS[name], GOALS)
+    run = written(tmp_path / "run", LOGS[name], wanted=GOALS)
     for axes in plots_of_numbers(run):
         np.ravel(np.asarray(axes, dtype=object))[0].figure.draw_without_rendering()
 
 
 @pytest.mark.parametrize("name", ["one birth", "nobody keeps the constraints", "failed births"])
 def test_every_map_of_a_small_run_is_drawn(tmp_path, name):
-    run = log_of(tmp_path / "run", LOGS[name], GOALS)
+    run = written(tmp_path / "run", LOGS[name], wanted=GOALS)
     for axes in plots_of_maps(run):
         axes.figure.draw_without_rendering()
 
 
 def test_a_run_without_known_goals_draws_what_it_can(tmp_path):
-    run = log_of(tmp_path / "run", [[{"id": 0, "values": {"mine": 1.0}}]], [{"name": "mine"}])
+    run = written(
+        tmp_path / "run", [[{"id": 0, "values": {"mine": 1.0}}]], wanted=[{"name": "mine"}]
+    )
     assert plot.objectives(run)[0].get_ylabel() == "mine"
     plot.parallel(run)
     plot.gallery(run)
 
 
 def test_a_gallery_shows_failed_births_as_such(tmp_path):
-    run = log_of(tmp_path / "run", LOGS["failed births"], GOALS)
+    run = written(tmp_path / "run", LOGS["failed births"], wanted=GOALS)
     ax = plot.gallery(run, of=[0, 1, 2])
     assert len(ax.images) == 2
     assert "error" in [one.get_text() for one in ax.texts]
@@ -91,7 +95,7 @@ def test_a_gallery_shows_failed_births_as_such(tmp_path):
 def test_a_wide_pedigree_tells_how_many_are_left_out(tmp_path):
     first = [{"id": n, "values": values(0.4, 1.0)} for n in range(15)]
     child = [{"id": 15, "parents": tuple(range(15)), "values": values(0.4, 1.0)}]
-    run = log_of(tmp_path / "run", [first, child], GOALS)
+    run = written(tmp_path / "run", [first, child], wanted=GOALS)
     ax = plot.pedigree(run, 15)
     assert len(ax.images) == 1 + MOST_IN_A_ROW
     assert f"+ {15 - MOST_IN_A_ROW}\nmore" in [one.get_text() for one in ax.texts]
@@ -184,7 +188,7 @@ def test_faults_are_told_in_three_parts(run, fault):
 
 def test_too_many_maps_are_refused(tmp_path):
     births = [{"id": n, "values": values(0.4, 1.0)} for n in range(MOST + 1)]
-    run = log_of(tmp_path / "run", [births], GOALS)
+    run = written(tmp_path / "run", [births], wanted=GOALS)
     with pytest.raises(EvocityError, match=f"at most {MOST}"):
         plot.gallery(run)
 
@@ -198,3 +202,15 @@ def test_without_matplotlib_an_error_names_the_extra(monkeypatch):
     with pytest.raises(EvocityError, match=r"plot.front needs matplotlib") as told:
         evocity.plot.front  # noqa: B018
     assert "evocity[notebook]" in told.value.remedy
+
+
+def test_dollars_and_backslashes_in_names_are_text(tmp_path):
+    name = r"$\frac$ \q $"
+    run = written(tmp_path / "run", [[{"id": n, "values": {name: 0.1 * n}} for n in range(3)]],
+                  wanted=[{"name": name, "goal": "max"}])  # fmt: skip
+    for axes in (plot.objectives(run, name), plot.parallel(run), plot.gallery(run, order=name),
+                 plot.first_and_last(run, name)):  # fmt: skip
+        figure = np.ravel(np.asarray(axes, dtype=object))[0].figure
+        figure.draw_without_rendering()
+        texts = [one.get_text() for one in figure.findobj(Text)]
+        assert not [one for one in texts if re.search(r"(?<!\\)\$", one)]
