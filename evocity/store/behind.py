@@ -17,7 +17,8 @@ class Behind:
 
     What fails there is raised by the next call; what was to be written after it is left out, so
     that the folder ends with a whole generation. The thread lives while there is something to
-    write. An event is written at once where nothing is being written.
+    write; where the system has none left, the caller writes. An event is written at once where
+    nothing is being written.
     """
 
     def __init__(self, writer: RunWriter):
@@ -92,9 +93,13 @@ class Behind:
     def _begin(self, work: Callable[[], None]) -> None:
         with self._changed:
             self._waiting.append(work)
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="evocity log")
+            if self._thread is not None:
+                return
+            self._thread = threading.Thread(target=self._work, name="evocity log")
+            try:
                 self._thread.start()
+            except RuntimeError:  # no thread can be had
+                self._work()
 
     def _work(self) -> None:
         while True:

@@ -542,6 +542,27 @@ def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):
         host.run("evaluate", jobs)
 
 
+def test_a_host_that_can_have_no_worker_says_so(setup_of, genome, monkeypatch):
+    """Nobody would ever answer, and a cluster has no deadline of its own."""
+    from evocity.search.evaluation.frames import framed
+
+    def refused(*given, **how):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(hosting, "Workers", refused)
+    host = hosting.Host(parcel_of(*setup_of()), 2, 30.0, None)
+    jobs, answers = [bytes(framed(job)) for job in named(genome, *calm(3))], []
+    for _ in range(2):
+        asking = threading.Thread(
+            target=lambda: answers.append(host.run("evaluate", jobs)), daemon=True
+        )
+        asking.start()
+        asking.join(60)
+    assert ["Too many open files" in one.failed for one in answers] == [True, True]
+    assert host._sitting == 0
+    host.close()
+
+
 def test_a_host_that_is_closed_ends_what_hangs(setup_of, genome):
     from evocity.search.evaluation.frames import framed
 

@@ -71,6 +71,23 @@ def test_what_fails_behind_is_raised_by_the_next_call(writer, monkeypatch):  # n
     assert [one["event"] for one in run.events()] == ["stop"]
 
 
+def test_without_a_thread_the_caller_writes(writer, monkeypatch):  # noqa: F811
+    behind = Behind(writer)
+
+    def refused(self):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refused)
+    for number in range(2):
+        behind.write_generation(*generation_of(number))
+        assert len(open_run(writer.path).generations) == number + 1
+    monkeypatch.undo()
+    behind.write_generation(*generation_of(2))
+    behind.close()
+    assert len(open_run(writer.path).generations) == 3
+    RunWriter.reopen(writer.path).close()
+
+
 def test_what_fails_last_is_raised_by_close_and_the_run_is_released(
     writer,  # noqa: F811
     monkeypatch,

@@ -72,8 +72,8 @@ class Host:
                 raise Closed
             self._waiting.extend((chunk, at) for at in range(len(jobs)))
             while self._sitting < min(self.seats, len(self._waiting) + len(self._pools)):
-                self._sitting += 1
                 threading.Thread(target=self._sit, daemon=True).start()
+                self._sitting += 1
             self._changed.notify_all()
         chunk.done.wait()
         if self._closed:
@@ -94,11 +94,15 @@ class Host:
     def _sit(self) -> None:
         """The thread of one worker process."""
         notes: list[str] = []
-        with _compiling:
-            compile_once(self._parcel.sides, self._parcel.parts, lambda text: None)
-        pool = Workers(
-            self._parcel, 1, self._timeout, notes.append, self._memory, self._clock, main=False
-        )
+        try:
+            with _compiling:
+                compile_once(self._parcel.sides, self._parcel.parts, lambda text: None)
+            pool = Workers(
+                self._parcel, 1, self._timeout, notes.append, self._memory, self._clock, main=False
+            )
+        except Exception as error:  # no files are left, for one
+            self._stand_up(repr(error))
+            return
         with self._changed:
             self._pools.add(pool)
         try:
@@ -110,6 +114,15 @@ class Host:
             with self._changed:
                 self._pools.discard(pool)
             pool.close()
+
+    def _stand_up(self, failed: str) -> None:
+        """A seat cannot be had. If it was the last one, what waits has ``failed``: nobody comes."""
+        with self._changed:
+            self._sitting -= 1
+            while self._waiting and not self._sitting:
+                chunk, _ = self._waiting.popleft()
+                chunk.answer.failed = failed
+                chunk.done.set()
 
     def _next(self) -> list[tuple[_Chunk, int]]:
         """Jobs of one chunk, as many as take a moment; none if there is nothing more to do."""
