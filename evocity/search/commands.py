@@ -25,6 +25,8 @@ MOST_PICKS = 10_000
 DONE, REFUSED = "command", "command refused"
 #: The event of another recipe that a run goes on by; weights that were set before are over.
 REVISED = "recipe"
+#: The events by which `Standing.of` goes.
+STEERING = (DONE, REFUSED, REVISED)
 
 _Id = Annotated[int, Field(ge=0, lt=2**63)]
 _Weight = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -150,7 +152,7 @@ class Standing:
         found = cls()
         for event in events:
             since = event.get("generation")
-            if event.get("event") not in (DONE, REFUSED, REVISED) or not isinstance(since, int):
+            if event.get("event") not in STEERING or not isinstance(since, int):
                 continue
             if since > generation:
                 continue
@@ -375,6 +377,7 @@ __all__ = [
     "DONE",
     "REFUSED",
     "REVISED",
+    "STEERING",
     "Asked",
     "Command",
     "Pick",

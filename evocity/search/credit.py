@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from evocity.fitness import Aims
-from evocity.search.commands import Standing
+from evocity.search.commands import STEERING, Standing
 from evocity.search.fronts import not_dominated
-from evocity.search.judging import births_without_genomes
+from evocity.search.judging import by_generation, every_generation
 from evocity.store import Birth, Run
 
 #: Generations that count.
@@ -25,7 +25,7 @@ _PRIOR = 8.0
 
 class Credit:
     """What operators have earned of late: a birth that lives on earns one half, and one half more
-    if no birth of the run before, or of its generation, dominates it."""
+    if no birth of the run before, or of its generation, dominates it; of equal ones the first."""
 
     def __init__(self):
         self._generations: deque[dict[str, tuple[int, float]]] = deque(maxlen=WINDOW)
@@ -74,15 +74,18 @@ def credit_of(run: Run, aims: Aims, events: Sequence[Mapping], island: str | Non
     """What a ``run`` that is taken up again, or one ``island`` of it, has earned so far; ``aims``
     with the recipe's weights, ``events`` of the run tell those that commands have set."""
     credit, weights = Credit(), {}
-    for generation in run.generations:
+    # adaptation tells an event a generation, all of which are gone through for each generation
+    events = [one for one in events if one.get("event") in STEERING]
+    if not run.generations:
+        return credit
+    every = every_generation(run), by_generation(run.members())
+    for generation, (born, lived) in enumerate(zip(*every, strict=False)):
         now = Standing.of(events, generation).weights
         if now != weights:
             credit.forget_front()
             weights = now
-        births = [one for one in births_without_genomes(run, generation) if one.island == island]
-        living = {
-            one["id"] for one in run.members(generation).to_pylist() if one.get("island") == island
-        }
+        births = [one for one in born if one.island == island]
+        living = {one["id"] for one in lived.to_pylist() if one.get("island") == island}
         credit.learn(births, aims.reweighted(weights), living)
     if Standing.of(events, len(run.generations)).weights != weights:
         credit.forget_front()

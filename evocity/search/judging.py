@@ -5,9 +5,10 @@ Nothing of the run is executed, no measure is loaded.
 
 import math
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -171,6 +172,21 @@ def births_without_genomes(run: Run, generation: int) -> list[Birth]:
     """The births of a ``generation``: how they ended and what they were measured to be, without
     parents and errors; for genomes stand their digests alone."""
     return without_genomes(run.births(generation, columns_without(run.header)), run.header)
+
+
+def every_generation(run: Run) -> Iterator[list[Birth]]:
+    """`births_without_genomes` of all of a ``run``, one generation after the other. The log is read
+    once: to look for each generation among hundreds of a file takes longer than to read it."""
+    births = run.births(columns=columns_without(run.header))
+    return (without_genomes(one, run.header) for one in by_generation(births))
+
+
+def by_generation(rows: pa.Table) -> Iterator[pa.Table]:
+    """Of all ``rows`` of births, or of the membership, those of each generation, in order."""
+    rows = rows.combine_chunks()
+    born = array_of(rows["generation"])
+    ends = np.searchsorted(born, np.arange(born.max(initial=-1) + 2)).tolist()
+    return (rows.slice(start, end - start) for start, end in pairwise(ends))
 
 
 def columns_without(header: Header) -> list[str]:

@@ -2,14 +2,14 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 
 from evocity.errors import RunError
 from evocity.genome import Genome
 from evocity.search.archipelago import Archipelago, Tell
 from evocity.search.breeding import NO_PICKS, Picks, Plan, selecting
 from evocity.search.commands import Standing
-from evocity.search.judging import births_without_genomes
+from evocity.search.judging import births_without_genomes, every_generation
 from evocity.search.preparation import Prepared
 from evocity.search.resuming import living_of, standing_of
 from evocity.store import Birth, Run
@@ -98,14 +98,14 @@ def _learnt(run: Run, prepared: Prepared, wanted: Mapping[int, Sequence[int]]) -
     population, first = Archipelago(prepared), births_without_genomes(run, 0)
     population.begin_with(first)
     (island,) = population.islands
-    for generation in range(max(wanted, default=-1) + 1):
+    past = islice(every_generation(run), max(wanted, default=-1) + 1)
+    for generation, births in enumerate(past):
         standing = standing_of(run, generation)
         if standing.weights != weights:
             weights = standing.weights
             population.reweigh(weights)
         plans = island.plans(generation, NO_PICKS, {})
         yield from (plans[one % recipe.run.population] for one in wanted.get(generation, ()))
-        births = births_without_genomes(run, generation)
         island.population.select(births, selecting(recipe, generation))
 
 

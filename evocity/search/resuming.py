@@ -18,7 +18,7 @@ from evocity.search.changes import compared_with, folder_of, hash_now, noted_of
 from evocity.search.commands import REVISED, Standing
 from evocity.search.credit import Credit, credit_of
 from evocity.search.evaluation import Engine
-from evocity.search.judging import births_without_genomes
+from evocity.search.judging import births_without_genomes, every_generation
 from evocity.search.keeping import kept_by
 from evocity.search.noting import provenance_of
 from evocity.search.opening import open_run
@@ -42,9 +42,9 @@ _MEASURED = ("fitness", "recorded")
 @dataclass(frozen=True)
 class TakenUp:
     """A run ready to go on at generation ``next``; ``births`` and ``failures`` so far;
-    ``past``: births of each generation, without genomes, if the algorithm must go through them
-    again; ``living``: by the island; ``standing``: what commands have changed; ``credit``: what
-    operators have earned on each island, if the recipe adapts to it.
+    ``again``: the run, if the algorithm must go through all its births again; ``living``: by the
+    island; ``standing``: what commands have changed; ``credit``: what operators have earned on each
+    island, if the recipe adapts to it.
 
     ``changes``: in words, what differs from the start; ``edited``: how the recipe's
     own file differs from the run's copy, or "".
@@ -59,14 +59,15 @@ class TakenUp:
     failures: int
     changes: list[str]
     edited: str
-    past: list[list[Birth]]
+    again: Run | None
     standing: Standing
     credit: Mapping[str | None, Credit]
 
     def restore(self, population: Archipelago) -> None:
         """Make the new ``population`` what it was; its algorithms too."""
         population.begin_with(self.first_births)
-        for number, births in enumerate(self.past):
+        past = () if self.again is None else every_generation(self.again)
+        for number, births in enumerate(past):
             population.relive(births, number)
         population.restore(self.living)
         for island in population.islands:
@@ -111,8 +112,7 @@ def take_up(
         _tell_of_revisions(run, writer)
         first, living, births, failures = [], {}, 0, 0
         standing = standing_of(run, len(whole))
-        again = algorithms()[recipe.search.algorithm].replays
-        past = [births_without_genomes(run, g) for g in whole] if again else []
+        again = run if whole and algorithms()[recipe.search.algorithm].replays else None
         credit = _credit(run, prepared) if recipe.search.adapt else {}
         if whole:
             first = births_without_genomes(run, 0)
@@ -135,7 +135,7 @@ def take_up(
         failures,
         changes,
         edited,
-        past,
+        again,
         standing,
         credit,
     )

@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import pyarrow as pa
@@ -10,6 +10,7 @@ import pyarrow as pa
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SPANS, Folder, Piece
+from evocity.store.parts import read_json
 from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN
 from evocity.store.seals import opened, sealed
 
@@ -129,6 +130,20 @@ def damaged(path, error: Exception) -> RunError:
         "bring the file back from a copy; or put it aside, and what follows it, and breed that "
         f"again: evocity resume {path.parent.parent} --set-aside",
     )
+
+
+def unlike(path, provenance: Mapping, error: Exception) -> RunError:
+    """The same to whoever opened the run by a ``provenance``; unless the log was written anew since
+    then, which is no damage."""
+    root = path.parent.parent
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RunError):
+        if read_json(Folder(root).provenance)["header"] != provenance["header"]:
+            return RunError(
+                f"{root} goes on by other measures than it did when it was opened",
+                "a run that was opened after its log was written anew",
+                "open it again: evocity.open_run(path)",
+            )
+    return damaged(path, error)
 
 
 def _remove(path) -> None:

@@ -23,7 +23,7 @@ from evocity.store.ending import Ending
 from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 from evocity.store.membership import summaries_of
-from evocity.store.merge import KINDS, damaged
+from evocity.store.merge import KINDS, unlike
 from evocity.store.parts import read_bytes, read_json
 from evocity.store.pedigree import ancestry
 from evocity.store.schema import (
@@ -38,7 +38,8 @@ from evocity.store.tables import Tables, spans_of
 
 # Bytes of a table up to which its columns are one chunk each: what Arrow's lists may hold.
 _WHOLE = 2**31
-#: A merge may replace a file between the listing and the opening of it.
+#: A merge may replace a file between the listing and the opening of it; a log that was written anew
+#: may be moved into place meanwhile.
 _ATTEMPTS = 5
 
 
@@ -106,22 +107,19 @@ class Run:
     @property
     def written(self) -> range:
         """Numbers of the generations that are written down, damaged ones too: 0…g."""
-        with self._readable(self.path):
-            return range(self._ending.written + 1)
+        return range(self._with_pieces(lambda: self._ending.written) + 1)
 
     @property
     def generations(self) -> range:
         """Numbers of the generations that are whole now: 0…g. Damaged files at the end are not
         among them, see `damaged`."""
-        with self._readable(self.path):
-            return range(self._ending.found()[0] + 1)
+        return range(self._with_pieces(self._ending.found)[0] + 1)
 
     @property
     def damaged(self) -> tuple[Path, ...]:
         """The last files of births and membership, as far as they are damaged, and those that
         follow them."""
-        with self._readable(self.path):
-            return self._ending.found()[1]
+        return self._with_pieces(self._ending.found)[1]
 
     def births(
         self, generation: int | None = None, columns: Sequence[str] | None = None
@@ -422,7 +420,7 @@ class Run:
             if not isinstance(error, expected + damage):
                 raise
             if what.parent.name in KINDS:
-                raise damaged(what, error) from error
+                raise unlike(what, self.provenance, error) from error
             reason = "; ".join(map(str.strip, str(error).splitlines()[:3]))
             raise RunError(
                 f"{what} is damaged or not part of a run ({type(error).__name__}: {reason})",

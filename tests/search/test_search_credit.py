@@ -7,8 +7,9 @@ from test_search_run import rows, run
 from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, gsi
 from evocity.search import Search, commands, read_recipe
 from evocity.search.commands import Reweight
-from evocity.search.credit import MOST, WINDOW, Credit
-from evocity.store import Birth
+from evocity.search.credit import MOST, WINDOW, Credit, credit_of
+from evocity.search.judging import aims_of_run
+from evocity.store import Birth, open_run
 
 AIMS = Aims((Wanted(crumbs, Objective(crumbs)), Wanted(gsi, constraint=Constraint(gsi, 0.2))))
 
@@ -41,6 +42,23 @@ def test_only_what_keeps_the_constraints_enters_the_archive():
     assert factors["a"] > 1 > factors["b"]
     credit.learn([birth(2, "b", 6.0), birth(3, "a", 6.0, ok=False)], AIMS, ())  # dominated, failed
     assert credit.factors(["b"]) == {"b": 1.0} or credit.factors(["a", "b"])["b"] < 1
+
+
+def test_events_are_gone_through_once_however_many_generations(toy, tmp_path):
+    """Each generation tells one: of 10 000 that would be 10⁸ looks."""
+    run(toy(recipe="[search]\nadapt = true\n"), tmp_path / "run", workers=0, generations=3)
+    looks = 0
+
+    class Told(list):
+        def __iter__(self):
+            nonlocal looks
+            looks += len(self)
+            return super().__iter__()
+
+    found = open_run(tmp_path / "run")
+    events = Told(found.events() + [{"event": "weights", "generation": k} for k in range(1000)])
+    credit_of(found, aims_of_run(found), events)
+    assert looks == len(events)
 
 
 def test_what_was_earned_is_taken_up_again(toy, tmp_path):

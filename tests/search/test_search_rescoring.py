@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import sys
+import weakref
 from contextlib import contextmanager
 from pathlib import Path
 from unittest.mock import patch
@@ -11,6 +12,7 @@ from unittest.mock import patch
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from test_search_leaving import LOG, left_out, same_as_all
 from test_search_run import rows, run
 from toy_runs import write_toy
 
@@ -22,7 +24,7 @@ from evocity.report import Facts, write_report
 from evocity.search import Search, archive
 from evocity.search.evaluator import Evaluator
 from evocity.search.repeating import replay
-from evocity.store import open_run
+from evocity.store import open_run, schema
 
 MORE = """
 import evocity
@@ -173,6 +175,58 @@ def test_goals_become_bounds_or_recorded_and_goals_again(begun):
     }
     assert goes_on(out, generations=3) == [3]
     assert all(one.same for one in replay(out))
+
+
+@pytest.mark.parametrize("way", ["survivors", "front"])
+def test_births_whose_genomes_the_log_leaves_out_are_scored_too(tmp_path, way):
+    goals = TALL + '[[fitness]]\nfile = "more.py"\nname = "likeness"\n'
+    for name, more in (("all", ""), ("less", LOG.format(way))):
+        run(write_toy(tmp_path, recipe=more), tmp_path / name, workers=0, generations=2)
+        before = left_out(evocity.open_run(tmp_path / name)) if more else []
+        goes_on(tmp_path / name, recipe_with(tmp_path, goals + more), generations=4)
+    less, whole = (evocity.open_run(tmp_path / name) for name in ("less", "all"))
+    same_as_all(tmp_path / "less", whole)
+    assert [one for one in left_out(less) if one < 24] == before != []
+    assert left_out(less)[-1] >= 24
+    assert (less.header.schema_version, whole.header.schema_version) == (8, 5)
+    assert None not in columns(tmp_path / "less", ["fitness.likeness"])["fitness.likeness"]
+    assert all(one.same for one in replay(tmp_path / "less"))
+    assert goes_on(tmp_path / "less", generations=5) == [5]
+    same_as_all(tmp_path / "less", evocity.open_run(tmp_path / "less"))
+
+
+def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatch):
+    """Those of a block and of their parents, while the block after it is read."""
+    monkeypatch.setattr("evocity.search.rescoring._AT_ONCE", BLOCK := 8)
+    goes_on(begun / "run", generations=11)
+    read, known, most = schema.genome_of, [], 0
+
+    def counted(*given):
+        nonlocal most
+        found = read(*given)
+        known.append(weakref.ref(found))
+        most = max(most, sum(one() is not None for one in known))
+        return found
+
+    monkeypatch.setattr(schema, "genome_of", counted)
+    likeness = '[[fitness]]\nfile = "more.py"\nname = "likeness"\n'
+    goes_on(begun / "run", recipe_with(begun, likeness, generations=11))
+    assert len(known) > 96 + 60  # births, and their parents
+    assert most <= 2 * (BLOCK + 2 * BLOCK)
+
+
+def test_who_opened_the_run_before_is_told_to_open_it_again(begun):
+    early = open_run(begun / "run")
+    assert len(early.births(0)) == 8
+    goes_on(begun / "run", recipe_with(begun, TALL))
+    for read in (early.births, early.members, lambda: early.individuals([3])):
+        with pytest.raises(RunError, match="other measures than it did when it was opened") as told:
+            read()
+        assert "open it again" in told.value.remedy
+    path = begun / "run" / "births" / "generation-00000001.parquet"
+    path.write_bytes(path.read_bytes()[::-1])
+    with pytest.raises(RunError, match="is damaged or not part of a run"):
+        open_run(begun / "run").births(0) and open_run(begun / "run").individuals([9])
 
 
 # -- measures that fail --------------------------------------------------------------------

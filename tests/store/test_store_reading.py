@@ -1,5 +1,7 @@
 """What reading a long log costs, held by counting; and pedigrees against an obvious twin."""
 
+import errno
+import os
 from collections import Counter
 
 import naive
@@ -13,6 +15,7 @@ from test_store_behind import short  # noqa: F401
 from test_store_log import generation_of, writer  # noqa: F401
 
 from evocity.search import archive
+from evocity.search.judging import births_without_genomes, by_generation, every_generation
 from evocity.store import open_run, seals
 from evocity.store.pedigree import ancestry
 
@@ -92,6 +95,33 @@ def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
         "births/generation-00000038.parquet",
         "membership/generation-00000038.parquet",
     }
+
+
+def test_every_generation_is_read_at_once_as_one_by_one(long, counted):
+    read, _ = counted
+    births, members = list(every_generation(open_run(long))), open_run(long).members()
+    assert sorted(births_read(read).values()) == [1, 1, 1, 4, 16, 16]
+    run = open_run(long)
+    assert births == [births_without_genomes(run, g) for g in run.generations]
+    lived = list(by_generation(members))
+    assert [one.equals(run.members(g)) for g, one in enumerate(lived)] == [True] * 39
+
+
+@pytest.mark.parametrize("asked", ["generations", "written", "damaged"])
+def test_files_that_are_moved_in_this_moment_are_looked_for_again(long, monkeypatch, asked):
+    """As those of a log that was written anew are, once it counts."""
+    expected, scan, gone = getattr(open_run(long), asked), os.scandir, []
+
+    def moving(place):
+        if not gone:
+            gone.append(place)
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(place))
+        return scan(place)
+
+    run = open_run(long)
+    monkeypatch.setattr(os, "scandir", moving)
+    assert getattr(run, asked) == expected
+    assert len(gone) == 1
 
 
 def table_of(ids, parents) -> pa.Table:
