@@ -122,13 +122,22 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
 ):
     notes = tmp_path / "notes"
     notes.mkdir()
-    bad = pool(SOURCE.replace("NOTES_FOLDER", repr(str(notes))), timeout=6.0, memory=400 * 10**6)
+    source, limits = SOURCE.replace("NOTES_FOLDER", repr(str(notes))), {"memory": 400 * 10**6}
+    bad = pool(source, timeout=6.0, **limits)
     # many calm births, so that each worker has some after each bad one
     names = [one for i, kind in enumerate(KINDS) for one in (kind, *[f"calm-{i}"] * 3)]
     outcomes = bad.run("evaluate", named(genome, *names))
     nursery = bad._starter._nursery.pid
     assert len(processes.descendants(nursery)) <= 2
     bad.close()
+    # on a loaded machine 6 s may be too few for who does not hang: with ten times as many he ends
+    hung = [at for at, one in enumerate(outcomes) if one.status == "timeout"]
+    if late := [at for at in hung if KINDS.get(names[at]) != "timeout"]:
+        patient = pool(source, timeout=60.0, **limits)
+        again = patient.run("evaluate", named(genome, *(names[at] for at in late)))
+        for at, one in zip(late, again, strict=True):
+            outcomes[at] = one
+        patient.close()
     calm = genome_value(genome)
     wrong = {}
     for name, one in zip(names, outcomes, strict=True):
@@ -143,7 +152,8 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
     assert "SIGSEGV" in errors["crashes"]
     assert "30.0 GB" in errors["allocates"] or "27.9 GiB" in errors["allocates"]
     assert all("allowed: 400 MB" in errors[k] for k, ends in KINDS.items() if ends == "memory")
-    assert len(told) == 2  # the births that killed and that stopped themselves were tried twice
+    # the births that killed and that stopped themselves were tried twice
+    assert 2 <= len(told) <= 2 + len(late)
     # of 1 GB that was printed, a little is shown, and nothing that moves a cursor
     shown = capfd.readouterr().err
     assert len(shown) < len(names) * (MOST_PRINTED + 100)
@@ -210,28 +220,30 @@ def test_a_worker_or_the_nursery_killed_from_outside_costs_nothing(pool, genome,
 @pytest.mark.parametrize("step", [3600.0, -3600.0])
 def test_a_stepped_clock_ends_no_innocent_and_spares_no_hang(pool, genome, step, monkeypatch):
     body = "time.sleep(1e6 if told == 'bad' else 0.3)"
-    bad = pool(MEASURE.format(body=body), count=2, timeout=2.0)
+    bad = pool(MEASURE.format(body=body), count=2, timeout=5.0)
     bad.run("evaluate", named(genome, "calm"))
     real, start = time.time, time.monotonic()
     monkeypatch.setattr(time, "time", lambda: real() + step * (time.monotonic() - start > 0.1))
     outcomes = bad.run("evaluate", named(genome, "calm", "bad", "calm"))
     assert [one.status for one in outcomes] == ["ok", "timeout", "ok"]
-    assert time.monotonic() - start < 15
+    assert time.monotonic() - start < 120
 
 
 def test_deadlines_follow_the_pools_own_clock(pool, genome):
     body = "time.sleep(1e6 if told == 'bad' else 0)"
     bad = pool(MEASURE.format(body=body), count=1, timeout=3000.0, memory=10**9)
     assert [one.status for one in bad.run("evaluate", named(genome, "calm"))] == ["ok"]
-    began = time.monotonic()
+    began, at_work = time.monotonic(), False
 
     def clock():
-        spent = time.monotonic() - began
-        return began + spent + 3600.0 * (spent > 0.2)
+        nonlocal at_work
+        now = time.monotonic() + 3600.0 * at_work
+        at_work = at_work or any(seat.state == "busy" for seat in bad._seats.values())
+        return now
 
     bad._clock = clock
     assert [one.status for one in bad.run("evaluate", named(genome, "bad"))] == ["timeout"]
-    assert time.monotonic() - began < 20
+    assert time.monotonic() - began < 120
 
 
 # -- the end of the main process ---------------------------------------------------------
@@ -346,7 +358,7 @@ def test_workers_of_other_systems(pool, genome, monkeypatch):
         "    if told == 'end': os._exit(0)\n"
         "    if told == 'raise': raise ValueError('a bad mood')"
     )
-    pool = pool(MEASURE.format(body=body), count=2, timeout=2.0)
+    pool = pool(MEASURE.format(body=body), count=2, timeout=5.0)
     names = ["calm", "hang", "end", "raise", "calm-2", "calm-3"]
     outcomes = pool.run("evaluate", named(genome, *names))
     assert isinstance(pool._starter, starting.Spawned)
