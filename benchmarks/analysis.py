@@ -1,6 +1,6 @@
 """What it costs to ask a run the morning after: benchmarks/analysis.py FOLDER
 
-    python benchmarks/soak.py --generations 1000 --drawn --keep FOLDER
+    python benchmarks/soak.py --generations 999 --drawn --keep FOLDER  # 0 to 999: a thousand
     python benchmarks/analysis.py FOLDER/run
 
 Processor seconds of each question, by a `Run` that was opened anew, the least of three; libraries
@@ -9,29 +9,18 @@ and kernels are loaded before.
 
 import argparse
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
-from _machine import description
+from _machine import description, seconds
 
 import evocity
 
 #: So many births are compared by looks.
 COMPARED = 320
-
-
-def seconds(ask: Callable[[], object]) -> float:
-    """Of the processor, the least of three."""
-    found = []
-    for _ in range(3):
-        began = time.process_time()
-        ask()
-        found.append(time.process_time() - began)
-    return min(found)
 
 
 def main(path: Path, asked: list[str]) -> None:

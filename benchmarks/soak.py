@@ -12,14 +12,13 @@ was opened anew, the least of three.
 import argparse
 import os
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
-from _machine import description
+from _machine import description, seconds
 
 import evocity
 from evocity import operators
@@ -125,16 +124,6 @@ def drawn(folder: Path, generations: int, size: int = SIZE) -> Path:
     writer.event("finish")
     writer.close()
     return folder / "run"
-
-
-def seconds(read: Callable) -> float:
-    """Of the processor, the least of three."""
-    found = []
-    for _ in range(3):
-        began = time.process_time()
-        read()
-        found.append(time.process_time() - began)
-    return min(found)
 
 
 def files_of(path: Path) -> list[Path]:
