@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from markdown_it import MarkdownIt
+from PIL import Image
 from test_docs import ROOT, anchors, rows, text_of
 
 import evocity
@@ -214,6 +216,26 @@ def test_gallery_is_what_its_script_says(monkeypatch):
         path = ROOT / "docs" / "images" / one.file
         assert path.stat().st_size <= 60_000
         assert all(evocity.io.attribution_of(name) in text for name in one.parents)
+
+
+def test_a_city_of_the_gallery_is_bred_again(monkeypatch):
+    """Bit for bit whenever it is bred; as it is shown, as far as a picture that lost some tells."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "sheets"))
+    gallery = runpy.run_path(str(ROOT / "docs" / "sheets" / "gallery.py"))
+    one = next(one for one in gallery["CITIES"] if one.operator == "quarter_refill")
+    parent = evocity.read_map(*one.parents)
+    codes = [evocity.encode(parent, threads=threads).genome for threads in (1, 2)]
+    cities = [gallery["bred"](one, [code]) for code in codes]
+    assert cities[0].heights.tobytes() == cities[1].heights.tobytes()
+    with Image.open(ROOT / "docs" / "images" / one.file) as file:
+        shown = np.asarray(file.convert("RGB"), float)
+
+    def differs(city) -> float:
+        titled = city.replace(city.heights, name=one.title)
+        drawn = gallery["render"](titled, highest=gallery["HIGHEST"], zoom=2)
+        return np.abs(np.asarray(drawn.convert("RGB"), float) - shown).mean()
+
+    assert differs(cities[0]) < 4 < 8 < differs(parent)
 
 
 # -- the site itself ------------------------------------------------------------------------------
