@@ -8,8 +8,8 @@ from evocity.search.fronts import not_dominated
 
 
 def entered(told: Told) -> np.ndarray:
-    """Bool ``(n,)``: no birth of the run before it, or of its generation, dominated it; what
-    `evocity.search.credit` counts."""
+    """Bool ``(n,)``: no birth of the run before it, or of its generation, dominated it; of those
+    equal in all goals the first alone. What `evocity.search.credit` counts."""
     found = np.zeros(len(told), bool)
     front = np.empty((0, len(told.goals)))
     kept = np.flatnonzero(told.feasible)

@@ -14,10 +14,45 @@ from hypothesis import strategies as st
 from evocity.analysis.clusters import built, labelled, medoids, swapped
 from evocity.analysis.compromise import achievement, best_compromise, weights_of
 from evocity.analysis.condition import Condition
+from evocity.analysis.credit import entered
 from evocity.analysis.spread import farthest_first
 from evocity.errors import EvocityError
 from evocity.fitness import Aims, Constraint, Objective, Wanted
 from evocity.search.judging import judged, named_alone
+
+# -- who entered the archive -----------------------------------------------------------------
+
+
+class Births:
+    """Losses of two goals, by the generation."""
+
+    goals = ("a", "b")
+
+    def __init__(self, rows):
+        self.generation = np.sort([row[0] for row in rows])
+        self.losses = np.array([row[1:3] for row in rows], float)
+        self.feasible = np.array([row[3] for row in rows], bool)
+
+    def __len__(self):
+        return len(self.losses)
+
+
+FEW = st.integers(0, 3)
+
+
+@settings(max_examples=60)
+@given(st.lists(st.tuples(FEW, FEW, FEW, st.booleans()), min_size=1, max_size=12))
+def test_who_entered_was_dominated_by_none_until_then_and_is_the_first_of_equal_ones(rows):
+    told = Births(rows)
+    kept = np.flatnonzero(told.feasible)
+    expected = np.zeros(len(rows), bool)
+    for one in kept:
+        known = [other for other in kept if told.generation[other] <= told.generation[one]]
+        no_worse = [k for k in known if (told.losses[k] <= told.losses[one]).all()]
+        equal = [k for k in no_worse if (told.losses[k] == told.losses[one]).all()]
+        expected[one] = len(no_worse) == len(equal) and min(equal) == one
+    assert entered(told).tolist() == expected.tolist()
+
 
 # -- losses ----------------------------------------------------------------------------------
 
