@@ -7,9 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from evocity.errors import RunError
 from evocity.search.evaluation import cluster as clusters
 from evocity.search.evaluation.cluster import Cluster
 from evocity.search.evaluation.hosting import Answer
+from evocity.search.evaluation.link import Lost
 from evocity.search.evaluator import Outcome
 
 #: Seconds of work in a chunk, and in the least ones; chunks of a worker at a time.
@@ -85,6 +87,29 @@ def sent(monkeypatch):
         return machines
 
     return done
+
+
+def test_a_scheduler_that_ends_before_a_worker_came_is_told(monkeypatch):
+    class Ending(Machines):
+        closed = asked = 0
+
+        def sites(self):
+            self.asked += 1
+            if self.asked > 1:
+                raise Lost("gone")
+            return {}
+
+        def close(self):
+            self.closed += 1
+
+    machines, told = Ending(1, 1.0), []
+    monkeypatch.setattr(clusters, "Link", lambda address: machines)
+    monkeypatch.setattr(clusters, "_TRY", 0.0)
+    parcel = SimpleNamespace(digest="")
+    with pytest.raises(RunError, match="answers at tcp://nowhere:1 any more, before a worker came"):
+        Cluster(parcel, "tcp://nowhere:1", 1, 9.0, None, told.append, told.append)
+    assert "waiting for workers" in told[0]
+    assert machines.closed == 1
 
 
 def versions():

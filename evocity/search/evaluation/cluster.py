@@ -88,19 +88,21 @@ class Cluster:
         self._seconds = 1.0  # that a job takes, roughly
         self._looked = 0.0
         self._forget()
+        self._link: Link | None = None
         try:
-            self._link: Link | None = Link(address)
-        except Lost as error:
+            self._link = Link(address)
+            self._wait_for_sites(tell, strictly=True)
+        except BaseException as error:
+            came = self._link is not None
+            self.close()
+            if not isinstance(error, Lost):
+                raise
+            how = "any more, before a worker came" if came else f"within {CONNECT:g} s"
             raise RunError(
-                f"no Dask scheduler answers at {address} within {CONNECT:g} s ({error})",
+                f"no Dask scheduler answers at {address} {how} ({error})",
                 "a scheduler that runs, at an address that can be reached from here",
                 "start one: dask scheduler; or search on this machine, with --cluster none",
             ) from None
-        try:
-            self._wait_for_sites(tell, strictly=True)
-        except BaseException:
-            self.close()
-            raise
 
     @property
     def size(self) -> int:
