@@ -28,7 +28,7 @@ from evocity.search.preparation import Prepared
 from evocity.store import Birth, Header, Run, RunWriter
 from evocity.store.schema import told_short
 
-#: Births whose genomes are read at a time.
+#: Births whose genomes are read at a time, or up to twice as many.
 _AT_ONCE = 256
 #: Seconds between two words of how far it is.
 _BETWEEN = 5.0
@@ -152,22 +152,28 @@ class _Scoring:
     def _jobs(self) -> Iterator[tuple]:
         numbers = count()
         for ids in self._blocks():
-            births = self._run.individuals(ids)
-            parents = self._run.parents(births) if self._parents else [()] * len(births)
-            for birth, own in zip(births, parents, strict=True):
-                self._given[next(numbers)] = birth.generation, birth.id
-                yield birth.genome, own
+            yield from self._jobs_of(ids, numbers)
+
+    def _jobs_of(self, ids: Sequence[int], numbers: Iterator[int]) -> Iterator[tuple]:
+        """Those of one block, whose genomes are gone before the next are read."""
+        births = self._run.individuals(ids)
+        parents = self._run.parents(births) if self._parents else [()] * len(births)
+        for birth, own in zip(births, parents, strict=True):
+            self._given[next(numbers)] = birth.generation, birth.id
+            yield birth.genome, own
 
     def _blocks(self) -> Iterator[list[int]]:
-        """The ids of those that are scored, of some generations at a time."""
+        """The ids of those that are scored, of some generations at a time, or parts of a large
+        one."""
         waiting: list[int] = []
         for generation in self._generations:
             rows = self._run.births(generation, ["id", "status", "genome"]).to_pylist()
             ids = [one["id"] for one in rows if one["status"] == "ok" and one["genome"]]
             self._left[generation], self._found[generation] = len(ids), {}
             waiting += ids
-            if len(waiting) >= _AT_ONCE:
-                yield waiting
+            if parts := len(waiting) // _AT_ONCE:
+                most = math.ceil(len(waiting) / parts)
+                yield from (waiting[at : at + most] for at in range(0, len(waiting), most))
                 waiting = []
         yield waiting
 

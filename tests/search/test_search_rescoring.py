@@ -195,9 +195,10 @@ def test_births_whose_genomes_the_log_leaves_out_are_scored_too(tmp_path, way):
     same_as_all(tmp_path / "less", evocity.open_run(tmp_path / "less"))
 
 
-def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatch):
-    """Those of a block and of their parents, while the block after it is read."""
-    monkeypatch.setattr("evocity.search.rescoring._AT_ONCE", BLOCK := 8)
+@pytest.mark.parametrize(("at_once", "block"), [(12, 16), (3, 4)])
+def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatch, at_once, block):
+    """Of 96 those of a block of births, and of their parents; a generation may be several."""
+    monkeypatch.setattr("evocity.search.rescoring._AT_ONCE", at_once)
     goes_on(begun / "run", generations=11)
     read, known, most = schema.genome_of, [], 0
 
@@ -211,8 +212,8 @@ def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatc
     monkeypatch.setattr(schema, "genome_of", counted)
     likeness = '[[fitness]]\nfile = "more.py"\nname = "likeness"\n'
     goes_on(begun / "run", recipe_with(begun, likeness, generations=11))
-    assert len(known) > 96 + 60  # births, and their parents
-    assert most <= 2 * (BLOCK + 2 * BLOCK)
+    assert len(known) > 96 + 40  # births, and their parents
+    assert most <= 3 * block + 3  # and the last one that was scored
 
 
 def test_who_opened_the_run_before_is_told_to_open_it_again(begun):
