@@ -1,11 +1,12 @@
 """What refinement gains: python benchmarks/refinement.py [--seeds N] [--births N] [--budget N]
-[--ways NAME …]
+[--draws N] [--ways NAME …]
 
 For five pairs of cities a search with the demonstration's measures, guard and operators; then its
 birth with the least sum of losses, each over its range in the first generation, is refined: by
 each way and algorithm, and by a (1+1) search, which replaces the birth by a child of the search's
-own operators, parameters drawn, whenever that is no worse. All have the same evaluations. Runs are
-kept in runs/refinement; what is there is not bred again.
+own operators, parameters drawn, whenever that is no worse. All have the same evaluations. Of each
+way the mean of several draws counts. Runs are kept in runs/refinement; what is there is not bred
+again.
 """
 
 import argparse
@@ -39,7 +40,8 @@ OWN = "(1+1), own operators"
 #: What is compared: a name, and what `evocity.refine` is told.
 WAYS = {
     "lambda_field, sbplx": {},
-    "lambda_field, 8 rounds": {"rounds": 8},
+    "lambda_field, 40 rounds": {"rounds": 40},
+    "lambda_field, 10 rounds": {"rounds": 10},
     "lambda_field, one round": {"rounds": 1},
     "lambda_field, cobyla": {"algorithm": "cobyla"},
     "lambda_field, bobyqa": {"algorithm": "bobyqa"},
@@ -53,7 +55,7 @@ def main(asked: argparse.Namespace) -> None:
     print(description())
     names = [OWN, *(name for name in WAYS if not asked.ways or name in asked.ways)]
     cases = list(itertools.product(PAIRS, range(asked.seeds)))
-    jobs = [(*case, asked.births, asked.budget, names) for case in cases]
+    jobs = [(*case, asked.births, asked.budget, asked.draws, names) for case in cases]
     with multiprocessing.get_context("spawn").Pool(asked.processes) as pool:
         found = []
         for case, one in zip(cases, pool.imap(run_one, jobs), strict=True):
@@ -62,7 +64,7 @@ def main(asked: argparse.Namespace) -> None:
             print(f"{' x '.join(case[0])}, seed {case[1]}: {told}", flush=True)
     print(
         f"\ngain: by how much the sum of the losses fell in {asked.budget} evaluations, after a "
-        f"search of {asked.births} births, {len(cases)} cases"
+        f"search of {asked.births} births, {len(cases)} cases, mean of {asked.draws} draws"
     )
     print(f"{'':28}{'better':>8}{'mean':>8}{'median':>8}{'worst':>8}{'best':>8}{'s':>8}")
     for name in names:
@@ -76,7 +78,7 @@ def main(asked: argparse.Namespace) -> None:
 
 def run_one(job) -> dict[str, tuple[float, float]]:
     """Of one case: each way's gain, and how many seconds it took."""
-    pair, seed, births, budget, names = job
+    pair, seed, births, budget, draws, names = job
     recipe = evocity.read_recipe("demo")
     goals = [one.model_dump(exclude_none=True) for one in recipe.fitness]
     generations = -(-births // POPULATION) - 1
@@ -101,18 +103,21 @@ def run_one(job) -> dict[str, tuple[float, float]]:
     found = {}
     for name in names:
         start = time.perf_counter()
-        if name == OWN:
-            gain = own_search(prepared, score, best, living, budget, seed)
-        else:
-            refined = evocity.refine(run, best.id, budget=budget, **WAYS[name])
-            gain = refined.score_before - refined.score
-        found[name] = gain, time.perf_counter() - start
+        gains = []
+        for draw in range(draws):
+            if name == OWN:
+                rng = np.random.default_rng([seed, 1 + draw])
+                gains.append(own_search(prepared, score, best, living, budget, rng))
+            else:
+                refined = evocity.refine(run, best.id, budget=budget, seed=draw, **WAYS[name])
+                gains.append(refined.score_before - refined.score)
+        found[name] = float(np.mean(gains)), (time.perf_counter() - start) / draws
     return found
 
 
-def own_search(prepared, score, best, living, budget: int, seed: int) -> float:
+def own_search(prepared, score, best, living, budget: int, rng) -> float:
     """The gain of a (1+1) search from the individual ``best``."""
-    recipe, rng = prepared.recipe, np.random.default_rng([seed, 1])
+    recipe = prepared.recipe
     pool = pool_of(prepared, Crew(0), (), print, print)
     sources = [source.genome for source in prepared.sources]
     genome, now = best.genome, score(best.values)
@@ -135,6 +140,7 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--births", type=int, default=960)
     parser.add_argument("--budget", type=int, default=200)
+    parser.add_argument("--draws", type=int, default=3)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--ways", nargs="*", default=[], metavar="NAME")
     main(parser.parse_args())

@@ -80,8 +80,7 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
 @click.option(
     "--rounds",
     type=click.IntRange(1, 1000),
-    default=4,
-    show_default=True,
+    show_default="one for each ten evaluations; 4 with cobyla and bobyqa",
     help="Rounds that the budget is spent in, of lambda_field: each goes on from the best of the "
     "one before, with other fabric.",
 )
@@ -90,7 +89,7 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Seed of the draws of those whose fabric is offered.",
+    help="Seed of the draws of whose fabric is offered.",
 )
 @click.option(
     "--with",
@@ -98,7 +97,7 @@ What is written can be a parent of another night: [[parents]] genome = "better.p
     type=click.IntRange(min=0),
     multiple=True,
     metavar="N",
-    show_default="two of those who live, drawn in each round",
+    show_default="in each round one of those who live, and a variant of the individual",
     help="An individual whose fabric is offered, of lambda_field. Give it once for each.",
 )
 @click.option(

@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from test_search_commands import SUMMED, steered
 from test_search_run import rows, run
 
@@ -13,11 +15,14 @@ from evocity.errors import EvocityError, OperatorError, RecipeError, RunError
 from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, fsi, gsi
 from evocity.operators import make
 from evocity.search import Search, read_recipe, refine
+from evocity.search.beginning import Crew, pool_of
 from evocity.search.commands import Pick, Reweight
 from evocity.search.evaluator import Evaluator
+from evocity.search.refinement import refine as refinement
 from evocity.search.refinement.climbing import climb
+from evocity.search.refinement.offering import Offers
 from evocity.search.refinement.score import Score
-from evocity.search.refinement.tuning import Tuning, of_heights, of_parameters
+from evocity.search.refinement.tuning import Tuning, of_heights, of_levels, of_parameters
 from evocity.search.replaying import plan_of
 from evocity.search.rereading import read_again
 from evocity.store import open_run
@@ -269,6 +274,79 @@ def test_a_lambda_field_finds_what_another_has(bred):
     assert any(one.better for one in found)
     assert all(one.score < one.score_before for one in found if one.better)
     assert all(set(one.others) <= {birth.id for birth in births} for one in found)
+
+
+@pytest.mark.parametrize("rounds", [None, 2])
+def test_rounds_spend_the_budget_and_no_more(bred, monkeypatch, rounds):
+    asked = []
+    climbing = refinement.climb
+    monkeypatch.setattr(
+        refinement, "climb", lambda *these: asked.append(these[6]) or climbing(*these)
+    )
+    found = refine(bred, 29, budget=30, side=2, rounds=rounds)
+    assert found.evaluations == 30
+    assert max(asked) == (10 if rounds is None else 15)
+    assert len(asked) >= 30 / max(asked)
+
+
+def test_a_variant_is_offered_beside_one_of_the_living_unless_others_are_named(bred):
+    opened = open_run(bred)
+    prepared, _ = read_again(opened)
+    living = opened.members(3)["id"].to_pylist()
+    (birth,) = opened.individuals(living[:1])
+    pool = pool_of(prepared, Crew(0), (), print, print)
+    told = {one.genome.digest for one in opened.individuals(opened.births()["id"].to_pylist())}
+
+    def offers(ids, seed=0):
+        sources = [one.genome for one in prepared.sources]
+        breed = lambda *job: pool.run("breed", [job])[0]  # noqa: E731
+        return Offers(opened, birth, ids, prepared.recipe, sources, breed, seed)
+
+    drawn = offers(None)
+    other, variant = drawn.next(birth.genome)
+    assert other.digest in told
+    assert variant.digest not in told
+    assert set(drawn.taken) <= set(living)
+    assert [one.digest for one in offers(None).next(birth.genome)] == [other.digest, variant.digest]
+    assert [one.digest for one in offers(None, 1).next(birth.genome)][1] != variant.digest
+    named = [one for one in living if one != birth.id][:2]
+    only = offers(named)
+    assert [one.digest for one in only.next(birth.genome)] == [
+        one.genome.digest for one in opened.individuals(named)
+    ]
+    assert list(only.taken) == named
+
+
+@given(st.integers(1, 9), st.integers(1, 3), st.integers(0, 5), st.data())
+def test_levels_sum_up_to_every_field(side, others, seed, data):
+    """The first numbers are of the whole map, and each field of λ has a point."""
+    fields = []
+    tuning = of_levels(
+        None,
+        [None] * others,
+        side,
+        lambda side, values: fields.append(values),
+        np.random.default_rng(seed),
+    )
+    count = tuning.start.size
+    assert count >= others * side * side
+    tuning.operator(tuning.start)
+    assert not fields[-1].any()
+    for number in range(others):
+        tuning.operator(np.eye(count)[number])
+        assert sorted(fields[-1]) == [0.0] * (others - 1) * side**2 + [1.0] * side**2
+    wanted = np.array(
+        data.draw(st.lists(st.floats(0, 1), min_size=others * side**2, max_size=others * side**2))
+    )
+    single = np.zeros((count, others * side**2))
+    for number in range(count):
+        tuning.operator(np.eye(count)[number])
+        single[number] = fields[-1]
+    finest = np.flatnonzero(single.sum(axis=1) == 1)[-others * side**2 :]
+    point = np.zeros(count)
+    point[finest] = single[finest] @ wanted
+    tuning.operator(point)
+    np.testing.assert_allclose(fields[-1], wanted)
 
 
 @pytest.mark.parametrize("algorithm", ["sbplx", "cobyla", "bobyqa"])

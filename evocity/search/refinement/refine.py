@@ -22,8 +22,9 @@ from evocity.search.judging import judged, measured
 from evocity.search.opening import open_run
 from evocity.search.preparation import Prepared
 from evocity.search.refinement.climbing import Climbed, climb, rounded
+from evocity.search.refinement.offering import Offers
 from evocity.search.refinement.score import Score
-from evocity.search.refinement.tuning import Tuning, of_field, of_heights, of_parameters
+from evocity.search.refinement.tuning import Tuning, of_heights, of_levels, of_parameters
 from evocity.search.replaying import plan_of
 from evocity.search.rereading import read_again
 from evocity.search.resuming import standing_of
@@ -33,8 +34,11 @@ from evocity.store import Birth, Run
 WAYS = ("lambda_field", "heights", "parameters", "fit")
 #: The most values along each side of a field, and the most evaluations.
 MOST_SIDE, MOST_BUDGET = 16, 1_000_000
-# So many others offer their fabric in a round unless they are named.
-_OTHERS = 2
+# Of Subplex, which gets somewhere in few, a round has so many evaluations; of others the budget has
+# so many rounds.
+_A_ROUND, _ROUNDS = 10, 4
+# Rounds without a child to be measured, one after another, after which there are no more.
+_IDLE = 10
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def refine(
     budget: int = 200,
     algorithm: str = "sbplx",
     side: int = 4,
-    rounds: int = 4,
+    rounds: int | None = None,
     others: Sequence[int] | None = None,
     seed: int = 0,
     tune: Sequence[str] = (),
@@ -96,8 +100,9 @@ def refine(
     id : an individual that was bred and measured.
     way : what is tuned.
         "lambda_field": which street blocks get the fabric of ``others``, see
-        `evocity.operators.LambdaField`; ``side`` × ``side`` numbers for each of these. The budget
-        is spent in ``rounds``, each from the best of the round before.
+        `evocity.operators.LambdaField`; a field of ``side`` × ``side`` for each of these, tuned
+        from coarse to fine. The budget is spent in ``rounds``, each from the best of the round
+        before.
         "heights": the heights of street blocks, see `evocity.operators.HeightField`, by ``side`` ×
         ``side`` factors.
         "parameters": the numbers among the parameters of the operator that it was bred by, its
@@ -107,9 +112,10 @@ def refine(
     budget : evaluations at most, 1…1000000; equal children are measured once.
     algorithm : NLopt's "sbplx", "cobyla" or "bobyqa"; "fit" has its own.
     side : 1…16; 4 to 8 suits.
-    rounds : 1…1000.
-    others : ids whose fabric is offered; unless told, in each round two of those who live in the
-        last generation, drawn by ``seed``.
+    rounds : 1…1000; unless told, of "sbplx" one for each ten evaluations, else four.
+    others : ids whose fabric is offered in each round. Unless told, that of one of those who live
+        in the last generation, drawn by ``seed``, and of a variant of the individual, which the
+        run's own operators breed from it in three steps and nobody measures.
     accept_changes : go on though the recipe, a map or a measure has changed since.
     trust : execute the measures of a run that was not begun on this machine.
     progress : called with (evaluations, the best score).
@@ -140,13 +146,16 @@ def refine(
     if way == "fit":
         return _fitted(birth, towards, budget, score, pool, progress)
 
+    def breed(*job) -> Outcome:
+        return pool.run("breed", [job])[0]
+
     def climb_by(genome, values, tuning: Tuning, most: int, done: int = 0) -> Climbed:
         return climb(
             genome,
             values,
             tuning,
             score,
-            lambda *job: pool.run("breed", [job])[0],
+            breed,
             lambda child, _: pool.run("evaluate", [(child, own)])[0],
             most,
             algorithm,
@@ -158,23 +167,27 @@ def refine(
         (again,) = pool.run("evaluate", [(birth.genome, own)])  # as its children are
         if again.status == "ok":
             birth = replace(birth, values=again.values)
-    chosen: dict[int, None] = {}
+    chosen: Mapping[int, None] = {}
+    local = recipe.at(birth.id % recipe.run.population)
     if way == "lambda_field":
-        offered = _Others(run, birth, others, seed)
+        sources = [one.genome for one in prepared.sources]
+        offers = Offers(run, birth, others, local, sources, breed, seed)
+        chosen, make = offers.taken, partial(recipe.operator, "lambda_field")
+        order = np.random.default_rng([seed, 1])
 
-        def field(genome: Genome) -> Tuning:
-            births = offered.next()
-            chosen.update(dict.fromkeys(one.id for one in births))
-            genomes = [one.genome for one in births]
-            return of_field(genome, genomes, side, partial(recipe.operator, "lambda_field"))
+        def field(genome: Genome) -> Tuning | None:
+            offered = offers.next(genome)
+            return of_levels(genome, offered, side, make, order) if offered else None
 
-        climbed = _in_rounds(birth, field, climb_by, budget, rounds)
+        each = _A_ROUND if algorithm == "sbplx" else -(-budget // _ROUNDS)
+        each = each if rounds is None else -(-budget // rounds)
+        start = Climbed(birth.genome, birth.values, score(birth.values), 0, 0, None, False)
+        climbed = _in_rounds(start, field, climb_by, budget, each)
     elif way == "heights":
         tuning = of_heights(birth.genome, side, partial(recipe.operator, "height_field"))
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     else:
         plan = plan_of(run, prepared, birth.id)
-        local = recipe.at(birth.id % recipe.run.population)
         tuning, own = of_parameters(plan, local.parameters(plan.name), tune), plan.genomes
         climbed = climb_by(birth.genome, birth.values, tuning, budget)
     before = score(birth.values)
@@ -226,12 +239,13 @@ def score_of(run: Run, prepared: Prepared) -> Score:
     return Score.of(aims, judged(first, aims)[0])
 
 
-def _check(way: str, budget: int, algorithm: str, side: int, rounds: int, towards) -> None:
+def _check(way: str, budget: int, algorithm: str, side: int, rounds, towards) -> None:
     for key, value, known in (("way", way, WAYS), ("algorithm", algorithm, WITHOUT_GRADIENTS)):
         if value not in known:
             allowed = ", ".join(map(shown, known))
             raise EvocityError(keyword(key, value), f"one of {allowed}", "choose one of these")
-    numbers = (("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE), ("rounds", rounds, 1000))
+    numbers = [("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE)]
+    numbers += [] if rounds is None else [("rounds", rounds, 1000)]
     for key, value, most in numbers:
         if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
             raise EvocityError(keyword(key, value), f"a whole number, 1…{most}", "correct it")
@@ -240,51 +254,33 @@ def _check(way: str, budget: int, algorithm: str, side: int, rounds: int, toward
         raise EvocityError(found, "a map with way = 'fit', and none else", "correct one of them")
 
 
-class _Others:
-    """Whose fabric is offered to an individual: those of ``ids`` in each round, or two drawn from
-    all others who live."""
-
-    def __init__(self, run: Run, birth: Birth, ids: Sequence[int] | None, seed: int):
-        self._fixed, self._rng = ids is not None, np.random.default_rng(seed)
-        if ids is None:
-            ids = run.members(run.generations[-1]).column("id").to_pylist()
-        found = alive(run, [one for one in dict.fromkeys(ids) if one != birth.id])
-        self._all = [one for one in found if one.genome.digest != birth.genome.digest]
-        if not self._all:
-            raise RunError(
-                f"{run.path}: nobody but individual {birth.id} to take fabric from",
-                "one other individual or more",
-                "name others, or choose another way, such as heights",
-            )
-
-    def next(self) -> list[Birth]:
-        if self._fixed:
-            return self._all
-        drawn = self._rng.permutation(len(self._all))[:_OTHERS]
-        return [self._all[at] for at in drawn.tolist()]
-
-
 def _in_rounds(
-    birth: Birth,
-    field: Callable[[Genome], Tuning],
+    start: Climbed,
+    field: Callable[[Genome], Tuning | None],
     climb_by: Callable[..., Climbed],
     budget: int,
-    rounds: int,
+    each: int,
 ) -> Climbed:
-    """The best of several climbs, each from the best of the one before; what a round leaves of the
-    budget, the last have."""
-    each, done, failures, bred, error = -(-budget // rounds), 0, 0, 0, None
-    genome, values, better = birth.genome, birth.values, False
-    for number in range(rounds):
-        if done >= budget:
+    """The best of several climbs of ``each`` so many evaluations, each from the best of the one
+    before. A round that finds no more children to measure leaves its rest to further ones; so many
+    that find none in a row are the last."""
+    best, idle = start, 0
+    while best.evaluations < budget and idle < _IDLE:
+        tuning = field(best.genome)
+        if tuning is None:
             break
-        most = budget - done if number == rounds - 1 else min(each, budget - done)
-        found = climb_by(genome, values, field(genome), most, done)
-        genome, values = found.genome, found.values
-        done, failures = done + found.evaluations, failures + found.failures
-        bred, error, better = bred + found.bred, error or found.error, better or found.better
-    totals = {"evaluations": done, "failures": failures, "error": error, "bred": bred}
-    return replace(found, better=better, **totals)
+        most = min(each, budget - best.evaluations)
+        found = climb_by(best.genome, best.values, tuning, most, best.evaluations)
+        idle = 0 if found.evaluations else idle + 1
+        best = replace(
+            found,
+            evaluations=best.evaluations + found.evaluations,
+            failures=best.failures + found.failures,
+            error=best.error or found.error,
+            better=best.better or found.better,
+            bred=best.bred + found.bred,
+        )
+    return best
 
 
 def _fitted(

@@ -52,6 +52,48 @@ def of_field(genome: Genome, others: Sequence[Genome], side: int, make: Callable
     return Tuning([genome, *others], start, *ends, step, operator, np.random.default_rng(0))
 
 
+def of_levels(
+    genome: Genome,
+    others: Sequence[Genome],
+    side: int,
+    make: Callable,
+    rng: np.random.Generator,
+) -> Tuning:
+    """The field of `of_field` as a sum of coarser ones: first one number for the whole map, then
+    2 × 2 of them, and so on to ``side`` × ``side``, within −1…1 each. So few evaluations try much
+    of another's fabric, and then less of it. Within a level ``rng`` draws their order, since an
+    optimiser tries the first ones first."""
+    levels = [np.arange(side) * count // side for count in _halves(side)]
+    shapes, order = [], []
+    for at in levels:
+        count = int(at[-1]) + 1
+        cells = (at[:, None] * count + at[None, :]).ravel()
+        found = np.eye(count * count)[:, cells]
+        first = sum(map(len, shapes))
+        places = [(k, first + n) for n in range(count * count) for k in range(len(others))]
+        order += [places[n] for n in rng.permutation(len(places)).tolist()]
+        shapes.append(found)
+    shape, (of, which) = np.vstack(shapes), np.array(order).T
+
+    def operator(point: np.ndarray):
+        numbers = np.zeros((len(others), len(shape)))
+        numbers[of, which] = point
+        return make(side=side, values=np.clip(numbers @ shape, 0, 1).ravel())
+
+    count = len(order)
+    ends = np.full(count, -1.0), np.ones(count)
+    start, step = np.zeros(count), np.full(count, 0.5)
+    return Tuning([genome, *others], start, *ends, step, operator, np.random.default_rng(0))
+
+
+def _halves(side: int) -> list[int]:
+    """1 … ``side``, each about half of the next."""
+    found = [side]
+    while found[0] > 1:
+        found.insert(0, found[0] // 2)
+    return found
+
+
 def of_heights(genome: Genome, side: int, make: Callable) -> Tuning:
     """The field of factors that heights of street blocks are multiplied by, from 1; the numbers
     are their logarithms. ``make(side=…, values=…)`` gives the operator."""
@@ -156,4 +198,4 @@ def _allowed(name: str, fixed: Mapping, key: str, value: float) -> bool:
     return True
 
 
-__all__ = ["FACTORS", "Tuning", "of_field", "of_heights", "of_parameters"]
+__all__ = ["FACTORS", "Tuning", "of_field", "of_heights", "of_levels", "of_parameters"]
