@@ -58,6 +58,21 @@ def test_runs_of_older_releases_are_viewed_alike(path):
     assert f"{len(run)} of {len(run)} births pass" in page
 
 
+def test_islands_are_words_of_an_axis(archipelago):
+    run = evocity.open_run(archipelago)
+    view = run.view(measures=["island", "alignment"])
+    view.brushes = {"island": "crowd"}
+    assert sorted(view.filtered.index) == run.where("island == 'crowd'").index.tolist()
+    assert "parallel coordinates of island, alignment" in view._repr_html_()
+
+
+def test_a_view_may_have_no_axes(run):
+    view = run.view(measures=[])
+    assert (view.widget.axes, view.order) == ([], "id")
+    assert view.filtered.index.tolist() == run.told.ids.tolist()
+    assert "parallel coordinates" not in view._repr_html_()
+
+
 def test_what_is_chosen_there_is_known_here(run, tmp_path):
     view = run.view()
     heard = []
@@ -164,7 +179,7 @@ def test_failed_births_are_told_with_their_reason(tmp_path):
     failed = {"status": "error", "error": HOSTILE, "genome": None, "values": {}}
     late = {"status": "timeout", "error": "took 3 s"}
     births = [[{"id": 0}, {"id": 1} | failed, {"id": 2} | late]]
-    view = evocity.open_run(written(tmp_path / "run", births, [[0]])).view()
+    view = written(tmp_path / "run", births).view()
     ((told, _),) = answer(view, {"tiles": [0, 1, 2], "side": 192})
     assert told["lacking"] == [[1, f"error: {HOSTILE}"]]
     assert told["tiles"] == [0, 2]  # it has a map, though it was too slow
@@ -222,7 +237,7 @@ def test_a_run_that_goes_on_is_looked_at_anew(night, tmp_path):
 
 def test_an_empty_run_and_an_empty_choice(run, tmp_path):
     with pytest.raises(RunError, match="no whole generation"):
-        evocity.open_run(written(tmp_path / "run", [], [])).view()
+        written(tmp_path / "run", []).view()
     view = run.view("fsi < 0")
     assert (len(view.filtered), view.selected) == (0, [])
     assert "0 of 0 births pass" in view._repr_html_()
