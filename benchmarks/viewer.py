@@ -8,7 +8,6 @@ processor seconds.
 """
 
 import argparse
-import json
 import sys
 import time
 from pathlib import Path
@@ -109,7 +108,6 @@ def python(path: Path) -> None:
         began = time.process_time()
         ask()
         print(f"{name:20} {time.process_time() - began:7.3f} s", flush=True)
-    print(json.dumps({"selected": len(view.selected), "passing": len(view.filtered_ids)}))
 
 
 if __name__ == "__main__":
