@@ -6,7 +6,7 @@ from typing import assert_type
 import numpy as np
 
 import evocity
-from evocity.analysis import Run
+from evocity.analysis import Individual, Run, View
 from evocity.coding import Decoding, Encoding
 from evocity.fitness import Family, Measure, Objective, Undefined
 from evocity.operators import Operator, make
@@ -103,6 +103,11 @@ assert_type(run, Run)
 assert_type(run.genome(2), evocity.Genome)
 assert_type(run.generations, range)
 births = run.births(columns=["id", "status"])
+view = run.view(of="alive", measures=["gsi"], order="-gsi")
+assert_type(view, View)
+view.selected = [2, 3]
+view.brushes = {"gsi": [(0.2, 0.4)]}
+picked: list[Individual] = view.selected
 evocity.plot.convergence(run)
 archive = evocity.archive(run)
 assert_type(archive, Archive)

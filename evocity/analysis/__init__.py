@@ -12,12 +12,14 @@ notebooks share.
 - `keeping`: which few to keep, and why
 - `scoring`: measures that the run did not log
 - `comparing`: two runs beside each other
+- `view`, `thumbnails`: births on a page of pictures and axes; small pictures of them
 - `exporting`: CSV, and a zip of chosen births
 - `extras`: libraries that are asked for when they are needed
 """
 
 from evocity.analysis.individual import Individual
 from evocity.analysis.run import Run, open_run
+from evocity.analysis.view import View
 from evocity.analysis.wanted import Aim
 
-__all__ = ["Aim", "Individual", "Run", "open_run"]
+__all__ = ["Aim", "Individual", "Run", "View", "open_run"]

@@ -6,6 +6,7 @@ from numbers import Integral
 import numpy as np
 
 from evocity.analysis.births import Told
+from evocity.analysis.condition import Condition
 from evocity.errors import EvocityError, RunError, shown
 
 
@@ -32,6 +33,19 @@ def ids_of(which: object, told: Told) -> np.ndarray:
     return told.ids[told.rows([getattr(one, "id", one) for one in listed])]
 
 
+def ids_of_any(which: object, told: Told) -> np.ndarray:
+    """As `ids_of`, and of a condition, as `evocity.analysis.Run.where` has it, those that meet
+    it."""
+    if isinstance(which, str):
+        return told.ids[kept_by(which, told)]
+    return ids_of(which, told)
+
+
+def kept_by(condition: str, told: Told) -> np.ndarray:
+    """Bool ``(n,)``: which births meet a ``condition``."""
+    return Condition.read(condition, told.columns).kept(told.column, len(told))
+
+
 def check_count(name: str, count: object, most: int) -> None:
     """Raise `EvocityError` unless ``count`` is a whole number from 1 to ``most``."""
     whole = isinstance(count, Integral) and not isinstance(count, bool)
@@ -43,4 +57,4 @@ def check_count(name: str, count: object, most: int) -> None:
         )
 
 
-__all__ = ["check_count", "ids_of"]
+__all__ = ["check_count", "ids_of", "ids_of_any", "kept_by"]

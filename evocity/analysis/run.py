@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity.analysis.asked import check_count, ids_of
+from evocity.analysis.asked import check_count, ids_of, ids_of_any, kept_by
 from evocity.analysis.births import Told
 from evocity.analysis.clusters import labelled, medoids
 from evocity.analysis.compromise import best_compromise, weights_of
-from evocity.analysis.condition import Condition
 from evocity.analysis.credit import credit_of
 from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
     from evocity.analysis.comparing import Comparison
     from evocity.analysis.keeping import Keeping
+    from evocity.analysis.view import View
     from evocity.search import Archive
 
 
@@ -125,7 +125,7 @@ class Run(opening.Run, Displayed):
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        kept = pa.array(self.told.ids[self._kept(where)])
+        kept = pa.array(self.told.ids[kept_by(where, self.told)])
         asked = columns if columns is None else [*self._known(columns), "id"]
         table = super().births(generation, None if asked is None else list(dict.fromkeys(asked)))
         table = table.filter(pc.is_in(table["id"], value_set=kept))
@@ -158,12 +158,7 @@ class Run(opening.Run, Displayed):
 
         Raises `EvocityError` for what is none, and for a name that is no column.
         """
-        return self.frame(self._kept(condition))
-
-    def _kept(self, condition: str) -> np.ndarray:
-        """Bool: which births meet a ``condition``."""
-        told = self.told
-        return Condition.read(condition, told.columns).kept(told.column, len(told))
+        return self.frame(kept_by(condition, self.told))
 
     @property
     def series(self) -> "pd.DataFrame":
@@ -249,6 +244,23 @@ class Run(opening.Run, Displayed):
         check_count("n", min(n, len(ids)), len(ids))
         return kept_of(self.told, ids, self._likeness, n)
 
+    def view(
+        self, of: object = None, measures: Sequence[str] | None = None, order: str | None = None
+    ) -> "View":
+        """All births, or ``of`` these, as a gallery and parallel coordinates with one filter: a
+        widget of Jupyter. What is chosen there is ``view.selected``, what passes the filter
+        ``view.filtered``; where widgets do not live, a picture stands in its place.
+
+        measures : the axes at first; those that something was wanted of unless they are given.
+        order : a name of `scores`; ``-`` before it turns the order. By the first measure, best
+            first, unless it is given.
+
+        Raises `EvocityError` without anywidget, and for a name that is none.
+        """
+        from evocity.analysis.view import View
+
+        return View(self, of, measures, order)
+
     # -- who is like whom --------------------------------------------------------------------
 
     @cached_property
@@ -258,9 +270,7 @@ class Run(opening.Run, Displayed):
     def _ids(self, of: object) -> np.ndarray:
         """The births that ``of`` names: one or many ids or individuals, a frame, a condition; None
         for the archive."""
-        if isinstance(of, str):
-            return self.told.ids[self._kept(of)]
-        return ids_of(self.archive.ids if of is None else of, self.told)
+        return ids_of_any(self.archive.ids if of is None else of, self.told)
 
     def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
         """The `scores` of the archive, or ``of`` these births, in ``k`` groups of like ones:

@@ -1,7 +1,7 @@
 """How things look in a notebook: static HTML, escaped, without script, at most 150 kB each.
 
-`html_of` finds what shows a thing; `maps`, `genomes`, `recipes`, `archives`, `runs` show theirs by
-the templates beside them.
+`html_of` finds what shows a thing; `maps`, `genomes`, `recipes`, `archives`, `runs`, `views` show
+theirs by the templates beside them.
 """
 
 from collections.abc import Callable
@@ -10,12 +10,14 @@ from html import escape
 from evocity.analysis.individual import Individual
 from evocity.analysis.keeping import Keeping
 from evocity.analysis.run import Run
+from evocity.analysis.view import View
 from evocity.citymap import CityMap
 from evocity.displays.archives import archive_html
 from evocity.displays.genomes import genome_html
 from evocity.displays.maps import map_html
 from evocity.displays.recipes import recipe_html
 from evocity.displays.runs import individual_html, keeping_html, run_html
+from evocity.displays.views import view_html
 from evocity.errors import EvocityError
 from evocity.genome import Genome
 from evocity.search import Archive, Recipe
@@ -28,12 +30,13 @@ _WAYS: dict[type, Callable] = {
     Run: run_html,
     Individual: individual_html,
     Keeping: keeping_html,
+    View: view_html,
 }
 
 
 def html_of(thing: object) -> str:
-    """What a notebook shows of a map, a genome, a recipe, a run, an individual or an archive: HTML
-    that fetches nothing and runs nothing.
+    """What a notebook shows of a map, a genome, a recipe, a run, a view of it, an individual or an
+    archive: HTML that fetches nothing and runs nothing.
 
     What cannot be shown is told by the message of its fault. Raises TypeError for anything else.
     """

@@ -271,7 +271,7 @@ def _sheet(
     sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
     title = _fitting(name, size, width + beside)
-    draw.text((margin, margin), _shortened(name, title, width + beside), INK, title, "lt")
+    draw.text((margin, margin), shortened(name, title, width + beside), INK, title, "lt")
     sheet.paste(fabric, (margin, top))
     draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
     right, low = margin + width, top + height
@@ -321,7 +321,7 @@ def _key_rows(entries: _Entries, font, width: float) -> list[_Entries]:
                 break
             rows.append([])
             room = width
-        rows[-1].append((colour, _shortened(text, font, width - 2.6 * font.size)))
+        rows[-1].append((colour, shortened(text, font, width - 2.6 * font.size)))
         room -= needed
     return rows
 
@@ -384,7 +384,7 @@ def wrapped(text: str, font, width: float) -> list[str]:
     return lines
 
 
-def _shortened(text: str, font, width: float) -> str:
+def shortened(text: str, font, width: float) -> str:
     while len(text) > 1 and font.getlength(text) > width:
         text = text[:-2] + "…"
     return text
@@ -434,6 +434,7 @@ __all__ = [
     "render_field",
     "render_shares",
     "scale_end",
+    "shortened",
     "text_size",
     "wrapped",
 ]

@@ -3,20 +3,14 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from PIL import Image
 
 from evocity.analysis import Aim, Individual, Run
-from evocity.analysis.asked import ids_of
+from evocity.analysis.asked import ids_of_any
 from evocity.analysis.births import Told, unknown
-from evocity.analysis.condition import Condition
+from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, shown
 from evocity.genome import Genome
-from evocity.pictures import render
-from evocity.pictures.picture import scale_end
-
-# Individuals whose genomes are held at a time.
-_AT_A_TIME = 64
 
 
 def told_of(run: object) -> Told:
@@ -34,9 +28,7 @@ def told_of(run: object) -> Told:
 def rows_of(told: Told, of: object, usual: Iterable[int]) -> np.ndarray:
     """The rows of the births that ``of`` names: ids, individuals, a frame of births, a condition as
     `evocity.analysis.Run.where` has it; of those ``usual`` if it is None."""
-    if isinstance(of, str):
-        return np.flatnonzero(Condition.read(of, told.columns).kept(told.column, len(told)))
-    return told.rows(ids_of(usual if of is None else of, told))
+    return told.rows(ids_of_any(usual if of is None else of, told))
 
 
 def aims_on(told: Told, measures: str | Sequence[str] | None) -> list[Aim]:
@@ -63,29 +55,6 @@ def worded(aim: Aim) -> str:
     """A measure, its unit and its sign: "street_width, m ↑"."""
     named = f"{aim.name}, {aim.unit}" if aim.unit else aim.name
     return f"{named} {aim.sign}".rstrip()
-
-
-def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
-    """The decoded cities of births; those that stand for none are left out."""
-    express, found = told.run.header.chromosome.express, {}
-    for start in range(0, len(ids), _AT_A_TIME):
-        for birth in told.run.individuals([int(n) for n in ids[start : start + _AT_A_TIME]]):
-            city = None if birth.genome is None else express(birth.genome).city
-            if city is not None:
-                found[birth.id] = city
-    return found
-
-
-def highest_of(told: Told) -> float:
-    """Metres at which the colours of all maps of a run end: above its parents' roofs."""
-    return max((scale_end(source.city) for source in told.run.sources()), default=10.0)
-
-
-def thumbnail(city: CityMap, highest: float, largest: int) -> Image.Image:
-    """The bare map, at most ``largest`` px along its longer side."""
-    picture = render(city, highest=highest, legend=False)
-    picture.thumbnail((largest, largest), Image.Resampling.BOX)
-    return picture
 
 
 def genome_of(thing: object) -> Genome:

@@ -1,0 +1,93 @@
+"""Births as maps: decoded, and as small pictures on one scale of heights."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from PIL import Image
+
+from evocity.analysis.births import Told
+from evocity.citymap import CityMap
+from evocity.pictures import render
+from evocity.pictures.picture import scale_end
+from evocity.store import Birth
+
+# Individuals whose genomes are held at a time.
+_AT_A_TIME = 64
+# Bytes of small pictures that are kept; letters of a fault that are told.
+_KEPT, _LETTERS = 64_000_000, 300
+
+
+def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
+    """The decoded cities of births; those that stand for none are left out."""
+    express, found = told.run.header.chromosome.express, {}
+    for start in range(0, len(ids), _AT_A_TIME):
+        for birth in told.run.individuals([int(n) for n in ids[start : start + _AT_A_TIME]]):
+            city = None if birth.genome is None else express(birth.genome).city
+            if city is not None:
+                found[birth.id] = city
+    return found
+
+
+def highest_of(told: Told) -> float:
+    """Metres at which the colours of all maps of a run end: above its parents' roofs."""
+    return max((scale_end(source.city) for source in told.run.sources()), default=10.0)
+
+
+def thumbnail(city: CityMap, highest: float, largest: int) -> Image.Image:
+    """The bare map, at most ``largest`` px along its longer side."""
+    picture = render(city, highest=highest, legend=False)
+    picture.thumbnail((largest, largest), Image.Resampling.BOX)
+    return picture
+
+
+class Thumbnails:
+    """Small pictures of the births that are ``told``, made when they are asked for; the last ones
+    are kept."""
+
+    def __init__(self, told: Told):
+        self._told = told
+        self._kept: OrderedDict[tuple[int, int], np.ndarray] = OrderedDict()
+        self._bytes = 0
+
+    @cached_property
+    def highest(self) -> float:
+        """Metres at which their colours end."""
+        return highest_of(self._told)
+
+    def of(self, ids: Sequence[int], side: int) -> tuple[dict[int, np.ndarray], dict[int, str]]:
+        """Pictures of the births ``ids``, uint8 ``(height, width, 3)``, at most ``side`` px along
+        the longer side; of those that have none, why. What a log leaves out is not bred again for
+        a picture."""
+        missing = [one for one in ids if (one, side) not in self._kept]
+        lacking = {}
+        for birth in self._told.run.individuals(missing, rebred=False):
+            found = self._made(birth, side)
+            if isinstance(found, str):
+                lacking[birth.id] = found
+            else:
+                self._kept[birth.id, side] = found
+                self._bytes += found.nbytes
+        pictures = {}
+        for one in ids:
+            if (one, side) in self._kept:
+                self._kept.move_to_end((one, side))
+                pictures[one] = self._kept[one, side]
+        while self._bytes > _KEPT:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
+        return pictures, lacking
+
+    def _made(self, birth: Birth, side: int) -> np.ndarray | str:
+        """A picture, or why there is none."""
+        if birth.left_out:
+            return f"the log leaves its genome out; run[{birth.id}].picture() breeds it again"
+        if birth.genome is None:
+            return f"{birth.status}: {birth.error or ''}"[:_LETTERS]
+        expressed = self._told.run.header.chromosome.express(birth.genome)
+        if expressed.city is None:
+            return f"{birth.status}: {expressed.problem}"[:_LETTERS]
+        return np.asarray(thumbnail(expressed.city, self.highest, side))
+
+
+__all__ = ["Thumbnails", "cities_of", "highest_of", "thumbnail"]

@@ -1,0 +1,272 @@
+import { axisPanel } from "./axis.js";
+import { Births, brushOf } from "./births.js";
+import { Gallery } from "./gallery.js";
+import { counted, made, number } from "./made.js";
+import { Parallel } from "./parallel.js";
+import { Tiles } from "./tiles.js";
+
+/** What is chosen, brushed and ordered: the same for all views and for the host. */
+const STATE = ["chosen", "brushes", "order", "axes"];
+
+/** The page of a host: `about` and `buffer` of the births; `state`, see STATE; `save(changes)` of
+ * it; `tiles(ids, side)`, a promise of pictures, see Tiles. */
+export class Viewer {
+  constructor(element, host) {
+    this.host = host;
+    this.state = { chosen: [], brushes: {}, order: { name: "id" }, axes: [], ...host.state };
+    this.root = made(element, "section", "view");
+    this.tiles = new Tiles(host.tiles, () => this.arrived());
+    const top = made(this.root, "div", "row");
+    this.title = made(top, "b");
+    this.count = made(top, "output", "count");
+    this.button(top, "clear filter", () => this.change({ brushes: {} }));
+    this.button(top, "choose all that pass", () =>
+      this.change({ chosen: Array.from(this.rows, (row) => this.births.ids[row]) }));
+    this.button(top, "choose none", () => this.change({ chosen: [] }));
+    this.parallel = new Parallel(this.root, {
+      brushed: (brushes, ended) => (ended ? this.change({ brushes }) : this.later({ brushes })),
+      axed: (axes) => this.change({ axes }),
+      opened: (name) => this.open(this.parallel.open === name ? null : name, true),
+    });
+    this.panel = made(this.root, "div", "panel", "", { role: "group" });
+    this.controls();
+    this.gallery = new Gallery(this.root, this.tiles, {
+      choose: (chosen) => this.change({ chosen }),
+      wake: (row) => this.detail(row),
+    });
+    this.nobody = made(this.root, "p", "faint", "No birth passes the filter.");
+    this.about = made(this.root, "div", "detail");
+    this.credit = made(this.root, "p", "faint");
+    this.load(host.about, host.buffer);
+    this.observer = new ResizeObserver(() => this.resize());
+    this.observer.observe(this.root);
+  }
+
+  button(parent, text, act) {
+    const found = made(parent, "button", "", text, { type: "button" });
+    found.addEventListener("click", act);
+    return found;
+  }
+
+  controls() {
+    const row = made(this.root, "div", "row");
+    const order = made(row, "label", "", "order ");
+    this.order = made(order, "select");
+    this.order.addEventListener("change", () => this.change({ order: { name: this.order.value, reversed: false } }));
+    this.turn = this.button(row, "", () =>
+      this.change({ order: { ...this.state.order, reversed: !this.state.order.reversed } }));
+    const size = made(row, "label", "", "size ");
+    this.size = made(size, "input", "", "", { type: "range", min: "48", max: "192", step: "16", value: "96" });
+    this.size.addEventListener("input", () => {
+      this.gallery.size = Number(this.size.value);
+      this.gallery.resize();
+    });
+    const add = made(row, "label", "", "add an axis ");
+    this.add = made(add, "select");
+    this.add.addEventListener("change", () => {
+      if (this.add.value) this.change({ axes: [...this.state.axes, { name: this.add.value, turned: false }] });
+    });
+  }
+
+  close() {
+    this.observer.disconnect();
+    this.root.remove();
+  }
+
+  // -- what is shown -----------------------------------------------------------------------------
+
+  /** Other births. */
+  load(about, buffer) {
+    this.births = new Births(about, buffer);
+    this.tiles.forget();
+    this.title.textContent = about.title;
+    this.credit.textContent =
+      `Heights from 0 to ${number(about.highest)} m in all maps. ${about.credit}`;
+    this.order.replaceChildren(...this.births.columns.map((one) =>
+      made(null, "option", "", one.name, { value: one.name })));
+    this.update(this.state);
+  }
+
+  /** What was changed here, and is told to the host. */
+  change(changes) {
+    if (changes.brushes) {
+      const kept = Object.entries(changes.brushes).filter(([, brush]) => brush.length);
+      changes = { ...changes, brushes: Object.fromEntries(kept) };
+    }
+    this.update(changes);
+    this.host.save(changes);
+  }
+
+  /** What changes while the hand moves: seen at the next frame, not told. */
+  later(changes) {
+    const isWaiting = this.coming;
+    this.coming = { ...this.coming, ...changes };
+    if (!isWaiting) {
+      requestAnimationFrame(() => {
+        const coming = this.coming;
+        this.coming = null;
+        if (coming) this.update(coming);
+      });
+    }
+  }
+
+  /** Show what is changed of the state. */
+  update(changes) {
+    this.coming = null;
+    Object.assign(this.state, changes);
+    const { chosen, brushes, order, axes } = this.state;
+    if ("axes" in changes) {
+      this.parallel.show(this.births, axes);
+      const shown = new Set(axes.map((one) => one.name));
+      this.add.replaceChildren(made(null, "option", "", "…", { value: "" }), ...this.births.columns
+        .filter((one) => !shown.has(one.name)).map((one) => made(null, "option", "", one.name, { value: one.name })));
+      if (!shown.has(this.parallel.open)) this.open(null);
+    }
+    if ("brushes" in changes) {
+      this.parallel.brushes = brushes;
+      this.mask = this.births.passing(brushes);
+      if (this.parallel.open && !this.isFromPanel) this.open(this.parallel.open);
+    }
+    if ("order" in changes) {
+      this.order.value = order.name;
+      this.turn.textContent = this.births.byName.get(order.name).order(order.reversed);
+      this.gallery.root.scrollTop = 0;
+    }
+    if ("brushes" in changes || "order" in changes) {
+      const ordered = this.births.ordered(order);
+      this.rows = ordered.filter((row) => this.mask[row]);
+    }
+    if ("chosen" in changes) {
+      this.gallery.chosen = new Set(chosen);
+      this.parallel.chosen = chosen.map((id) => this.births.row(id)).filter((row) => row >= 0);
+    }
+    if ("brushes" in changes || "order" in changes) {
+      this.gallery.anchor = -1;
+      this.gallery.show(this.births, this.rows, this.births.byName.get(order.name));
+    } else if ("chosen" in changes) this.gallery.draw();
+    this.nobody.hidden = this.rows.length > 0;
+    const told = [`${counted(this.rows.length)} of ${counted(this.births.count)} births pass`];
+    told.push(`${counted(this.parallel.chosen.length)} chosen`);
+    this.count.textContent = told.join(", ");
+    const awake = this.gallery.active < 0 ? this.parallel.chosen.at(-1) : this.rows[this.gallery.active];
+    this.detail(awake === undefined ? -1 : awake);
+  }
+
+  resize() {
+    const width = this.root.clientWidth;
+    if (!width || width === this.width) return;
+    this.width = width;
+    this.parallel.resize();
+    this.gallery.resize();
+    this.parallel.draw(this.mask, this.rows.length);
+  }
+
+  arrived() {
+    this.gallery.later();
+    if (this.awake >= 0) this.detail(this.awake);
+  }
+
+  // -- one axis, one birth -------------------------------------------------------------------------
+
+  /** Open the panel of an axis; none for null. */
+  open(name, isAsked = false) {
+    const was = document.activeElement;
+    this.parallel.open = name;
+    this.panel.hidden = !name;
+    this.panel.setAttribute("aria-label", name ? `axis ${name}` : "axis");
+    for (const [k, head] of [...this.parallel.heads.children].entries()) {
+      head.setAttribute("aria-expanded", String(this.parallel.columns[k].name === name));
+    }
+    if (!name) return;
+    const place = () => this.state.axes.findIndex((one) => one.name === name);
+    const column = this.births.byName.get(name);
+    const kept = this.panel.contains(was) ? [...this.panel.querySelectorAll("input, button")].indexOf(was) : -1;
+    const first = axisPanel(this.panel, column, brushOf(this.state.brushes, name), {
+      brush: (brush) => {
+        this.isFromPanel = true; // which need not be made anew under the hand
+        this.change({ brushes: { ...this.state.brushes, [name]: brush } });
+        this.isFromPanel = false;
+      },
+      clear: () => this.change({ brushes: { ...this.state.brushes, [name]: [] } }),
+      move: (by) => this.parallel.move(name, place() + by),
+      turn: () => this.change({ axes: this.state.axes.map((one) =>
+        (one.name === name ? { ...one, turned: !one.turned } : one)) }),
+      hide: () => this.change({ axes: this.state.axes.filter((one) => one.name !== name) }),
+      close: () => {
+        const head = this.parallel.heads.children[place()];
+        this.open(null);
+        if (head) head.focus();
+      },
+    });
+    if (isAsked) first.focus();
+    else if (kept >= 0) ([...this.panel.querySelectorAll("input, button")][kept] || first).focus();
+  }
+
+  /** All that is known of a birth; draws its line. */
+  detail(row) {
+    this.awake = row;
+    this.parallel.active = this.gallery.active >= 0 ? row : -1;
+    this.parallel.draw(this.mask, this.rows.length);
+    this.about.replaceChildren();
+    if (row < 0) {
+      made(this.about, "p", "faint", "Choose a birth to see its numbers: click, Shift or Ctrl and click, " +
+        "or arrows and space. Draw along an axis to filter; its name opens more.");
+      return;
+    }
+    const id = this.births.ids[row], reason = this.tiles.reason(id);
+    made(this.about, "b", "", `birth ${id}`);
+    if (reason) made(this.about, "p", "", reason);
+    const list = made(this.about, "div", "facts");
+    for (const column of this.births.columns) {
+      if (column.name === "id") continue;
+      const value = column.values[row];
+      const pair = made(list, "div", "fact", "", column.wanted ? { title: column.wanted } : {});
+      made(pair, "span", "faint", column.name.replaceAll("_", " "));
+      const told = column.isWords ? column.words[value].replaceAll("_", " ") : `${number(value)} ${column.unit}`;
+      made(pair, "span", "", told.trimEnd());
+    }
+  }
+}
+
+/** A view of a widget's model, as Jupyter asks for it; returns what ends it. */
+function render({ model, el }) {
+  const own = Math.random().toString(36).slice(2), waiting = new Map();
+  let asked = 0;
+  el.addEventListener("focusin", ({ target }) => { // else keys pressed here are commands of Jupyter's
+    target.dataset.lmSuppressShortcuts = "true";
+  });
+  const answered = (told, buffers) => {
+    const resolve = told && waiting.get(told.request);
+    if (!resolve) return; // another view's
+    waiting.delete(told.request);
+    resolve({ ...told, image: new Blob([buffers[0]], { type: "image/png" }) });
+  };
+  const viewer = new Viewer(el, {
+    about: model.get("about"),
+    buffer: model.get("births"),
+    state: Object.fromEntries(STATE.map((name) => [name, model.get(name)])),
+    save(changes) {
+      for (const [name, value] of Object.entries(changes)) model.set(name, value);
+      model.save_changes();
+    },
+    tiles: (tiles, side) => new Promise((resolve) => {
+      const request = `${own}-${++asked}`;
+      waiting.set(request, resolve);
+      model.send({ tiles, side, request });
+    }),
+  });
+  const heard = { "msg:custom": answered, "change:births": () => viewer.load(model.get("about"), model.get("births")) };
+  for (const name of STATE) {
+    heard[`change:${name}`] = () => {
+      const value = model.get(name);
+      if (JSON.stringify(value) !== JSON.stringify(viewer.state[name])) viewer.update({ [name]: value });
+    };
+  }
+  for (const [name, act] of Object.entries(heard)) model.on(name, act);
+  return () => {
+    for (const [name, act] of Object.entries(heard)) model.off(name, act);
+    viewer.close();
+  };
+}
+
+export default { render };

@@ -1,0 +1,441 @@
+"""The page of a view in chromium without a window: one filter, what is chosen, what is drawn."""
+
+import json
+import time
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("anywidget")
+playwright = pytest.importorskip("playwright.sync_api")
+
+from served_page import BROWSER, served  # noqa: E402
+
+from evocity.viewer.sheet import Sheet  # noqa: E402
+from evocity.viewer.table import Column, Table  # noqa: E402
+from evocity.viewer.widget import Widget  # noqa: E402
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
+
+HOSTILE = "<img src=x onerror='window.hacked=1'><script>window.hacked=1</script>\"'&${1}"
+COUNT = 900
+
+
+def births(count: int = COUNT) -> Table:
+    """Four measures, one with ties, one with a target, some without a value; some failed."""
+    rng = np.random.default_rng(5)
+    first = rng.normal(size=count)
+    with_gaps = np.where(rng.random(count) < 0.1, np.nan, rng.normal(size=count))
+    columns = (
+        Column("density", first.astype(np.float32), sign="↑", goal="max", wanted="more is better"),
+        Column("crumbs", np.round(-first + rng.normal(size=count)).astype(np.float32), goal="min"),
+        Column("cover", with_gaps.astype(np.float32), sign="→0.5", target=0.5),
+        Column("height", rng.random(count).astype(np.float32), unit="m"),
+        Column.of_words("operator", rng.choice(["mutation", "fusion", "relocation"], count)),
+        Column.of_words("status", np.where(np.arange(count) % 7, "ok", "timeout")),
+        Column.of_flags("feasible", rng.random(count) < 0.8),
+        Column("id", 2 * np.arange(count, dtype=np.float32)),
+    )
+    return Table(2 * np.arange(count), columns)  # no odd ids
+
+
+def pictures(ids: list[int], side: int) -> Sheet:
+    """Of each birth a colour of its own: red tells which one it is."""
+    lacking = {one: f"timeout: {HOSTILE}" for one in ids if one // 2 % 7 == 0}
+    colours = {n: np.full((4, 4, 3), (n % 256, 200, 30), np.uint8) for n in ids if n not in lacking}
+    return Sheet.of(colours, lacking)
+
+
+def widget(
+    table: Table, axes: tuple[str, ...] = ("density", "crumbs", "cover", "height")
+) -> Widget:
+    told = {"title": "run night", "credit": "© them", "highest": 35, "ratio": 1}
+    shown = [{"name": name, "turned": name == "crumbs"} for name in axes]
+    order = {"name": axes[0], "reversed": False}
+    return Widget(table, told, pictures, axes=shown, order=order)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with playwright.sync_playwright() as started:
+        found = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """Opens the page of a widget; afterwards the console must have been silent, and nothing asked
+    of another host."""
+    said, asked, open_pages = [], [], []
+
+    def open_page(shown: Widget, width: int = 900, height: int = 1100) -> SimpleNamespace:
+        server = served(shown)
+        address = server.__enter__()
+        page = browser.new_page(viewport={"width": width, "height": height})
+        open_pages.append((server, page))
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append((address, request.url)))
+        page.goto(address)
+        until(page, "window.view !== undefined")
+        return page
+
+    yield open_page
+    for server, page in open_pages:
+        page.close()
+        server.__exit__(None, None, None)
+    assert said == []
+    assert [url for own, url in asked if not url.startswith((own, "blob:", "data:"))] == []
+
+
+def until(page, condition: str) -> None:
+    """Wait for a condition: under this policy the page evaluates no text by itself."""
+    end = time.monotonic() + 20
+    while not page.evaluate(f"() => Boolean({condition})"):
+        assert time.monotonic() < end, condition
+        time.sleep(0.02)
+
+
+def saved(page) -> dict:
+    """What the page has told its model in all."""
+    return page.evaluate("Object.assign({}, ...view.model.saved)")
+
+
+def frames(page) -> None:
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def draw_along(page, place: int, start: float, stop: float, axes: int = 4) -> None:
+    """Draw with the pointer along an axis, px from the upper end of the lines."""
+    box = page.locator(".evocity-lines").bounding_box()
+    x = box["x"] + box["width"] / axes * (place + 0.5)
+    page.mouse.move(x, box["y"] + start)
+    page.mouse.down()
+    page.mouse.move(x, box["y"] + (start + stop) / 2)
+    page.mouse.move(x, box["y"] + stop)
+    page.mouse.up()
+    frames(page)
+
+
+def shown_ids(page) -> list[int]:
+    """The ids that the list has in view."""
+    labels = page.locator("[role=option]").evaluate_all("all => all.map((one) => one.ariaLabel)")
+    return [int(one.split(",")[0]) for one in labels]
+
+
+def test_only_what_is_in_view_is_asked_for_and_it_is_drawn(opened):
+    page = opened(widget(births()))
+    until(page, "view.model.sent.length > 0")
+    page.wait_for_timeout(300)
+    sent = page.evaluate("view.model.sent")
+    asked = [one for message in sent for one in message["tiles"]]
+    assert asked == shown_ids(page)
+    assert len(asked) < 60
+    colours = page.evaluate(
+        """() => {
+          const canvas = document.querySelector(".evocity-spacer canvas"), wide = canvas.width;
+          const { data } = canvas.getContext("2d").getImageData(0, 0, wide, canvas.height);
+          return [...document.querySelectorAll("[role=option]")].slice(0, 16).map((one) => {
+            const at = 4 * ((parseInt(one.style.top) + 40) * wide + parseInt(one.style.left) + 48);
+            return [...data.slice(at, at + 3)];
+          });
+        }"""
+    )
+    for one, colour in zip(shown_ids(page), colours, strict=False):
+        if one // 2 % 7:
+            assert colour == [one % 256, 200, 30]
+    page.locator(".evocity-tiles").evaluate("one => { one.scrollTop = 5000; }")
+    until(page, "view.model.sent.length > 1")
+    more = [one for message in page.evaluate("view.model.sent") for one in message["tiles"]]
+    assert len(more) == len(set(more)) < 140  # nobody twice, nobody who was passed by
+
+
+def test_one_filter_in_both_views_and_in_python(opened):
+    table = births()
+    shown = widget(table)
+    page = opened(shown)
+    draw_along(page, 0, 40, 110)
+    draw_along(page, 0, 150, 190)  # another one on the same axis
+    draw_along(page, 3, 30, 130)
+    brushes = saved(page)["brushes"]
+    assert [len(brushes[name]) for name in ("density", "height")] == [2, 1]
+    kept = table.passing(brushes)
+    assert 0 < kept.sum() < COUNT
+    assert (
+        page.locator(".evocity-count").inner_text()
+        == f"{kept.sum()} of {COUNT} births pass, 0 chosen"
+    )
+    rows = table.ordered("density")
+    assert shown_ids(page) == table.ids[rows[kept[rows]]][: len(shown_ids(page))].tolist()
+    draw_along(page, 0, 70, 90)  # carried along the axis
+    moved = saved(page)["brushes"]["density"]
+    assert np.diff(moved[1]) == pytest.approx(np.diff(brushes["density"][1]), rel=1e-6)
+    assert moved[1][1] < brushes["density"][1][1]
+    draw_along(page, 0, 90, 90)  # pressed: taken away
+    assert len(saved(page)["brushes"]["density"]) == 1
+    page.get_by_role("button", name="clear filter").click()
+    assert saved(page)["brushes"] == {}
+
+
+def test_page_and_python_order_and_filter_alike(opened):
+    table = births()
+    page = opened(widget(table))
+    orders = page.evaluate(
+        """async () => {
+          const { Births } = await import("/module.js");
+          const births = new Births(view.model.get("about"), view.model.get("births"));
+          const all = {};
+          for (const { name } of births.columns) {
+            for (const reversed of [false, true]) {
+              all[`${name} ${reversed}`] = [...births.ordered({ name, reversed })];
+            }
+          }
+          return all;
+        }"""
+    )
+    for told, rows in orders.items():
+        name, is_reversed = told.split()
+        assert rows == table.ordered(name, is_reversed == "true").tolist(), told
+    some = [
+        {"cover": [[-0.5, 0.25]], "operator": ["fusion", "mutation"]},
+        {"crumbs": [[1, 1], [-2, -1]], "status": ["ok"]},
+        {"cover": [[-100, 100]]},
+        {"operator": []},
+    ]
+    kept = page.evaluate(
+        """async (some) => {
+          const { Births } = await import("/module.js");
+          const births = new Births(view.model.get("about"), view.model.get("births"));
+          return some.map((brushes) => [...births.passing(brushes)]);
+        }""",
+        some,
+    )
+    assert kept == [table.passing(brushes).astype(int).tolist() for brushes in some]
+
+
+def test_births_are_chosen_by_pointer_and_keys(opened):
+    page = opened(widget(births()))
+    ids = shown_ids(page)
+    options = page.locator("[role=option]")
+    options.nth(1).click()
+    assert saved(page)["chosen"] == [ids[1]]
+    options.nth(4).click(modifiers=["Shift"])
+    assert saved(page)["chosen"] == ids[1:5]
+    options.nth(2).click(modifiers=["Control"])
+    options.nth(9).click(modifiers=["Control"])
+    assert saved(page)["chosen"] == [ids[1], *ids[3:5], ids[9]]
+    gallery = page.get_by_role("listbox")
+    gallery.focus()
+    page.keyboard.press("Escape")
+    assert saved(page)["chosen"] == []
+    for key in ("Home", "ArrowRight", "ArrowDown", "Space"):
+        page.keyboard.press(key)
+    tops = options.evaluate_all("all => all.map((one) => one.style.top)")
+    across = tops.count(tops[0])
+    assert saved(page)["chosen"] == [ids[1 + across]]
+    page.keyboard.press("Shift+ArrowRight")
+    assert saved(page)["chosen"] == ids[1 + across : 3 + across]
+    page.keyboard.press("End")
+    active = page.locator(f"#{gallery.get_attribute('aria-activedescendant')}")
+    assert (
+        active.get_attribute("aria-posinset") == active.get_attribute("aria-setsize") == str(COUNT)
+    )
+    assert active.is_visible()
+    page.keyboard.press("Control+a")
+    assert len(saved(page)["chosen"]) == COUNT
+    assert page.locator("[role=option][aria-selected=false]").count() == 0
+
+
+def test_what_python_sets_is_seen(opened):
+    table = births()
+    page = opened(widget(table))
+    page.evaluate(
+        """() => {
+          view.model.set("brushes", { operator: ["fusion"] });
+          view.model.set("order", { name: "height", reversed: true });
+          view.model.set("chosen", [2, 8]);
+          view.model.set("axes", [{ name: "operator", turned: false }, { name: "height" }]);
+        }"""
+    )
+    kept = table.passing({"operator": ["fusion"]})
+    told = f"{kept.sum()} of {COUNT} births pass, 2 chosen"
+    assert page.locator(".evocity-count").inner_text() == told
+    rows = table.ordered("height", True)
+    assert shown_ids(page)[:20] == table.ids[rows[kept[rows]]][:20].tolist()
+    assert page.locator(".evocity-head").all_inner_texts()[0].startswith("operator")
+    assert page.locator("select").first.input_value() == "height"
+    assert page.evaluate("view.model.saved") == []  # it does not tell what it was told
+
+
+def test_axes_are_carried_turned_hidden_and_added(opened):
+    page = opened(widget(births()))
+    heads = page.locator(".evocity-head")
+    box = heads.nth(0).bounding_box()
+    page.mouse.move(box["x"] + 30, box["y"] + 10)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 200, box["y"] + 10)
+    page.mouse.move(box["x"] + 30 + 2 * (box["width"] + 4), box["y"] + 10)
+    page.mouse.up()
+    names = [one["name"] for one in saved(page)["axes"]]
+    assert names == ["crumbs", "cover", "density", "height"]
+    assert page.locator(".evocity-panel").is_hidden()  # carried, not pressed
+    heads.nth(1).focus()
+    page.keyboard.press("Enter")
+    panel = page.get_by_role("group", name="axis cover")
+    for name in ("turn over", "move left"):
+        panel.get_by_role("button", name=name).focus()
+        page.keyboard.press("Enter")
+    assert saved(page)["axes"][:2] == [
+        {"name": "cover", "turned": True},
+        {"name": "crumbs", "turned": True},
+    ]
+    panel.get_by_label("cover from, span 1").fill("-0.25")
+    panel.get_by_label("cover to, span 1").fill("0.5")
+    page.keyboard.press("Tab")
+    panel.get_by_label("cover from, span 2").fill("1")
+    panel.get_by_label("cover to, span 2").fill("0.75")  # the lower first, whoever writes them
+    page.keyboard.press("Tab")
+    assert saved(page)["brushes"] == {"cover": [[-0.25, 0.5], [0.75, 1]]}
+    panel.get_by_role("button", name="hide").click()
+    assert [one["name"] for one in saved(page)["axes"]] == ["crumbs", "density", "height"]
+    assert page.locator(".evocity-panel").is_hidden()
+    page.get_by_label("add an axis").select_option("operator")
+    assert saved(page)["axes"][-1] == {"name": "operator", "turned": False}
+    heads.nth(3).click()
+    page.get_by_label("fusion").check()
+    assert saved(page)["brushes"]["operator"] == ["fusion"]
+    page.keyboard.press("Escape")
+    assert page.evaluate("document.activeElement.classList.contains('evocity-head')")
+
+
+def test_words_of_an_axis_are_taken_by_the_pointer(opened):
+    page = opened(widget(births(), ("operator", "density")))
+    draw_along(page, 0, 180, 180, axes=2)  # the lowest of three
+    assert saved(page)["brushes"] == {"operator": ["fusion"]}
+    draw_along(page, 0, 30, 120, axes=2)
+    assert saved(page)["brushes"] == {"operator": ["fusion", "mutation", "relocation"]}
+    draw_along(page, 0, 180, 180, axes=2)
+    assert saved(page)["brushes"] == {"operator": ["mutation", "relocation"]}
+
+
+def test_failed_births_are_shown_as_failed_with_their_reason(opened):
+    page = opened(widget(births()))
+    page.evaluate("view.model.set('order', { name: 'status', reversed: true })")
+    first = page.locator("[role=option]").first
+    assert "failed: timeout" in first.get_attribute("aria-label")
+    until(page, "view.model.sent.length > 0")
+    first.click()
+    until(page, "document.querySelector('.evocity-detail').textContent.includes('timeout: ')")
+    assert HOSTILE in page.locator(".evocity-detail").inner_text()
+
+
+def test_no_text_of_a_stranger_becomes_a_part_of_the_page(opened):
+    plain = births(60)
+    named = (
+        Column(HOSTILE, plain.columns[0].values, unit=HOSTILE, sign=HOSTILE, wanted=HOSTILE),
+        Column.of_words("operator", np.array([HOSTILE, "__proto__", "constructor"] * 20)),
+        Column("__proto__", plain.columns[3].values),
+        *plain.columns[5:],
+    )
+    shown = widget(Table(plain.ids, named), (HOSTILE, "operator", "__proto__"))
+    shown.about = shown.about | {"title": HOSTILE, "credit": HOSTILE}
+    page = opened(shown)
+    for place in range(3):
+        page.locator(".evocity-head").nth(place).click()
+    page.locator("select").first.select_option("operator")
+    page.locator("[role=option]").nth(3).click()
+    page.wait_for_timeout(200)
+    assert page.evaluate("window.hacked") is None
+    assert page.locator(".evocity-view script, .evocity-view img").count() == 0
+    assert HOSTILE in page.locator(".evocity-row").first.inner_text()
+    draw_along(page, 2, 40, 120, axes=3)
+    assert not page.locator(".evocity-count").inner_text().startswith("60 ")
+
+
+def test_new_births_are_shown_when_a_run_goes_on(opened):
+    shown = widget(births(500))
+    page = opened(shown)
+    page.evaluate("view.model.set('chosen', [4, 998])")
+    more = births()
+    shown.show(more, {"title": "run night", "credit": "", "highest": 35, "ratio": 1})
+    page.evaluate("view.model.renew()")
+    assert f"of {COUNT} births pass" in page.locator(".evocity-count").inner_text().replace(
+        "\u202f", ""
+    )
+    assert shown_ids(page)[:10] == more.ids[more.ordered("density")[:10]].tolist()
+
+
+@pytest.mark.parametrize(("width", "axes"), [(420, 4), (900, 2), (900, 12)])
+def test_nothing_is_cut_or_lies_over_another(opened, width, axes):
+    plain = births()
+    long = "a_measure_with_a_rather_long_name"
+    extra = [Column(f"{long}_{k}", plain.columns[k % 4].values, unit="m") for k in range(12)]
+    table = Table(plain.ids, (*extra, *plain.columns))
+    page = opened(widget(table, tuple(one.name for one in extra[:axes])), width)
+    page.locator(".evocity-head").nth(1).click()
+    page.locator("[role=option]").nth(1).click()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    cut = page.evaluate(
+        """() => [...document.querySelectorAll("button, select")]
+          .filter((one) => one.offsetParent && !one.closest(".evocity-axes"))
+          .filter((one) => one.scrollWidth > one.clientWidth + 1)
+          .map((one) => one.textContent)"""
+    )
+    assert cut == []
+    boxes = page.evaluate(
+        """() => [...document.querySelectorAll("button, select, input")]
+          .filter((one) => one.offsetParent).map((one) => one.getBoundingClientRect())
+          .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+    )
+    for k, (left, top, right, bottom) in enumerate(boxes):
+        for other in boxes[k + 1 :]:
+            apart = right <= other[0] or other[2] <= left or bottom <= other[1] or other[3] <= top
+            assert apart, (boxes[k], other)
+
+
+def test_density_counts_every_line(opened):
+    page = opened(widget(births()))
+    sums = page.evaluate(
+        """async () => {
+          const { crossings, levels } = await import("/density.js");
+          const column = (of) => ({
+            values: Float32Array.from({ length: 5000 }, (_, k) => of(k) % 97),
+            share: (value) => (value === 5 ? NaN : value / 96),
+          });
+          const left = levels(column((k) => k), false), right = levels(column((k) => 7 * k), true);
+          const mask = Uint8Array.from({ length: 5000 }, (_, k) => k % 3 > 0);
+          const wide = 300, tall = 190, counts = crossings(left, right, mask, wide, tall);
+          const known = left.reduce((sum, level, k) =>
+            sum + (mask[k] && level !== 255 && right[k] !== 255), 0);
+          const columns = Array.from({ length: wide }, (_, x) =>
+            counts.subarray(x * tall, (x + 1) * tall).reduce((a, b) => a + b));
+          return { known, columns };
+        }"""
+    )
+    assert set(sums["columns"]) == {sums["known"]}  # none of them is steep: a pixel each
+
+
+def test_modules_one_by_one_are_the_same_page(opened):
+    page = opened(widget(births()))
+    told = page.evaluate(
+        """async () => {
+          const names = ["viewer", "gallery", "parallel", "births", "tiles"];
+          const parts = await Promise.all(names.map((one) => import(`/${one}.js`)));
+          const { Viewer, Gallery, Parallel, Births, Tiles } = Object.assign({}, ...parts);
+          const whole = await import("/module.js");
+          return [typeof parts[0].default.render, ...[Viewer, Gallery, Parallel, Births, Tiles]
+            .map((one) => whole[one.name].toString() === one.toString())];
+        }"""
+    )
+    assert told == ["function", *[True] * 5]
+
+
+def test_a_view_that_ends_leaves_nothing_behind(opened):
+    page = opened(widget(births()))
+    page.evaluate("view.end()")
+    assert page.locator("#main *").count() == 0
+    page.evaluate("view.model.set('brushes', { operator: ['fusion'] })")
+    assert json.loads(page.evaluate("JSON.stringify(view.model.saved)")) == []

@@ -1,0 +1,134 @@
+"""Births as columns: who passes, in which order, as bytes; what is no filter."""
+
+import io
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from evocity.errors import EvocityError
+from evocity.viewer import joined
+from evocity.viewer.sheet import Sheet
+from evocity.viewer.table import Column, Table
+
+NUMBERS = st.floats(width=32, allow_nan=True, allow_infinity=True)
+FINITE = st.floats(-1e6, 1e6, width=32)
+
+
+def table(**more) -> Table:
+    numbers = np.array([2.0, np.nan, -1.0, 2.0, np.inf], np.float32)
+    columns = (
+        Column("size", numbers, **more),
+        Column.of_words("operator", np.array(["b", "a", "b", "c", ""])),
+        Column.of_flags("alive", np.array([True, False, True, True, False])),
+    )
+    return Table(np.array([3, 5, 8, 13, 21]), columns)
+
+
+@given(st.lists(NUMBERS, max_size=20), st.lists(st.tuples(FINITE, FINITE), max_size=3))
+def test_who_passes_lies_in_one_of_the_spans(values, ends):
+    spans = [tuple(sorted(one)) for one in ends]
+    births = Table(np.arange(len(values)), (Column("x", np.array(values, np.float32)),))
+    kept = births.passing({"x": spans})
+    naive = [not spans or any(low <= one <= high for low, high in spans) for one in values]
+    assert kept.tolist() == naive
+
+
+@given(
+    st.lists(NUMBERS, max_size=20),
+    st.sampled_from([{}, {"goal": "max"}, {"goal": "min"}, {"target": 0.5}]),
+    st.booleans(),
+)
+def test_orders_are_what_they_say(values, wanted, is_reversed):
+    column = Column("x", np.array(values, np.float32), **wanted)
+    rows = Table(np.arange(len(values)), (column,)).ordered("x", is_reversed)
+    assert sorted(rows.tolist()) == list(range(len(values)))
+    loss = {"max": lambda one: -one, "target": lambda one: np.float32(abs(one - 0.5))}
+    key = loss.get(wanted.get("goal", "target" if "target" in wanted else ""), lambda one: one)
+    told = [float(values[row]) for row in rows]
+    for (a, first), (b, second) in pairwise(zip(told, rows, strict=True)):
+        if np.isnan(a) or np.isnan(b):
+            assert np.isnan(b)
+        else:
+            assert key(b) <= key(a) if is_reversed else key(a) <= key(b)
+        if a == b:
+            assert first < second
+
+
+def test_brushes_are_made_plain():
+    births = table()
+    assert births.checked({"size": (1, 2)}) == {"size": [[1.0, 2.0]]}
+    assert births.checked({"size": [(1, None), (None, 0)]}) == {"size": [[-1.0, 0.0], [1.0, 2.0]]}
+    assert births.checked({"operator": "a"}) == {"operator": ["a"]}
+    assert births.checked({"operator": ["b", "a", "b"], "size": []}) == {"operator": ["b", "a"]}
+    assert births.passing({"operator": ["b", ""], "alive": ["yes"]}).tolist() == [1, 0, 1, 0, 0]
+    assert births.passing({"size": (None, None)}).tolist() == [1, 0, 1, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("brushes", "told"),
+    [
+        ({"sise": (1, 2)}, "did you mean size"),
+        ({"size": (2, 1)}, "the lower first"),
+        ({"size": [1, 2, 3]}, "two numbers"),
+        ({"size": "ab"}, "two numbers"),
+        ({"size": [(0, float("nan"))]}, "two numbers"),
+        ({"size": True}, "two numbers"),
+        ({"operator": ["d"]}, "some of"),
+        ({"operator": 3}, "some of"),
+        (3, "a brush a column"),
+        ([("size", 1)], "a brush a column"),
+    ],
+)
+def test_what_is_no_brush_is_refused(brushes, told):
+    with pytest.raises(EvocityError, match=told):
+        table().checked(brushes)
+
+
+def test_the_buffer_is_ids_and_columns():
+    births = table()
+    whole = births.buffer
+    assert np.frombuffer(whole, "<i4", 5).tolist() == births.ids.tolist()
+    columns = np.frombuffer(whole, "<f4", offset=20).reshape(3, 5)
+    assert np.array_equal(columns, [one.values for one in births.columns], equal_nan=True)
+    assert [one["words"] for one in births.about["columns"]] == [
+        [],
+        ["", "a", "b", "c"],
+        ["no", "yes"],
+    ]
+    assert births.among([13, 4, 10**30, -1, 3]) == [13, 3]
+
+
+def test_pictures_lie_side_by_side_in_their_order():
+    pictures = {n: np.full((4, 6, 3), 10 * n, np.uint8) for n in range(11)}
+    sheet = Sheet.of(pictures, {99: "timeout"})
+    seen = np.asarray(Image.open(io.BytesIO(sheet.image)))
+    for place, one in enumerate(sheet.ids):
+        top, left = place // sheet.across * 4, place % sheet.across * 6
+        assert (seen[top : top + 4, left : left + 6] == 10 * one).all()
+    assert sheet.about["lacking"] == [[99, "timeout"]]
+    assert Sheet.of({}, {}).image == b""
+
+
+def test_the_page_is_one_module_that_fetches_nothing():
+    whole = joined.module()
+    assert "import " not in whole
+    assert whole.count("export default") == 1
+    assert len(whole) + len(joined.text("viewer.css")) < 100_000
+    for name in joined.MODULES:
+        text = joined.text(f"{name}.js")
+        for forbidden in (
+            "innerHTML",
+            "outerHTML",
+            "insertAdjacent",
+            "eval",
+            "Function(",
+            "http",
+            "fetch",
+            "document.write",
+        ):
+            assert forbidden not in text, f"{name}: {forbidden}"
+    assert {path.stem for path in joined.PAGE.glob("*.js")} == set(joined.MODULES)
