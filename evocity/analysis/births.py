@@ -52,7 +52,7 @@ class Told:
     @cached_property
     def _table(self) -> "pa.Table":
         header = self.run.header
-        columns = ["generation", "id", "operator", "status", "seconds"]
+        columns = ["generation", "id", "parents", "operator", "status", "seconds"]
         columns += ["island"] if header.islands else []
         columns += [f"fitness.{name}" for name in header.columns]
         table = self.read(columns)
@@ -85,6 +85,11 @@ class Told:
     def generation(self) -> np.ndarray:
         """Int32 ``(n,)``: when each was born."""
         return array_of(self._table["generation"])
+
+    @property
+    def parents(self) -> "pa.ListArray":
+        """Int64 lists ``(n,)``: the ids of what each was bred from."""
+        return self._table["parents"].combine_chunks()
 
     @cached_property
     def operator(self) -> np.ndarray:

@@ -19,7 +19,7 @@ class Pedigree:
         """Where the parents of each row begin, ``(n + 1,)``, and their rows. Raises `RunError` if
         one is none of the births, or no older than its child."""
         told = self._told
-        column = told.read(["parents"])["parents"].combine_chunks()
+        column = told.parents
         starts = np.concatenate([[0], np.cumsum(column.value_lengths().fill_null(0).to_numpy())])
         rows = told.rows(column.flatten().to_numpy())
         if (rows >= np.repeat(np.arange(len(told)), np.diff(starts))).any():

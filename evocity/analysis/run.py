@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from evocity.analysis.view import View
     from evocity.search import Archive
 
+# Births whose genomes are held at a time.
+_AT_A_TIME = 256
+
 
 def open_run(path: str | os.PathLike) -> "Run":
     """Open a run folder to see what happened in it; nothing in it is executed, nothing changed.
@@ -357,9 +360,10 @@ class Run(opening.Run, Displayed):
         rows = self._pedigree.ancestors(rows, steps_of(generations))
         names = [name for name in told.columns if name not in ("id", "lived")]
         columns = [told.column(name)[rows].tolist() for name in names]
-        about = (dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True))
         graph = networkx.DiGraph()
-        graph.add_nodes_from(zip(told.ids[rows].tolist(), about, strict=True))
+        graph.add_nodes_from(told.ids[rows].tolist())
+        for node, values in zip(graph.nodes.values(), zip(*columns, strict=True), strict=True):
+            node.update(zip(names, values, strict=True))
         parents, children = self._pedigree.edges(rows)
         graph.add_edges_from(zip(parents.tolist(), children.tolist(), strict=True))
         return graph
@@ -371,11 +375,12 @@ class Run(opening.Run, Displayed):
             return self[int(self._ids(which)[0])].ancestry()
         pandas = library("pandas", "a table of shares")
         ids = self._ids(which)
-        births = self.individuals(ids.tolist())
-        shares = [np.nan if one.genome is None else one.genome.shares for one in births]
-        found = np.empty((len(ids), len(self.header.cities)))
-        for row, one in zip(found, shares, strict=True):
-            row[:] = one
+        found = np.full((len(ids), len(self.header.cities)), np.nan)
+        order = np.argsort(ids, kind="stable")  # those of a generation lie together in the log
+        for rows in np.array_split(order, len(ids) // _AT_A_TIME + 1):
+            for row, birth in zip(rows, self.individuals(ids[rows].tolist()), strict=True):
+                if birth.genome is not None:
+                    found[row] = birth.genome.shares
         index = pandas.Index(ids, name="id")
         return pandas.DataFrame(found, index, list(self.header.cities))
 

@@ -41,6 +41,8 @@ from evocity.plot.style import (
 #: Maps beside a front, at most, and px along each.
 MOST_MAPS, _PX = 18, 200
 _IN_A_COLUMN = 6
+# Of a larger front so many, evenly along it, are compared with each other: the pairs fit in 72 MB.
+_COMPARED = 3000
 
 
 def front(
@@ -123,6 +125,9 @@ def _wide_apart(values: np.ndarray, rows: np.ndarray, count: int) -> np.ndarray:
     rows = rows[~np.isnan(values[rows, 0])]
     if not (len(rows) and count):
         return rows[:0]
+    if len(rows) > _COMPARED:
+        along = rows[np.argsort(values[rows, 0], kind="stable")]
+        rows = along[np.linspace(0, len(along) - 1, _COMPARED).astype(np.intp)]
     points = values[rows] / 2
     ranges = np.ptp(points, axis=0)
     points = points / np.where(ranges > 0, ranges, 1)

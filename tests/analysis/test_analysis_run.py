@@ -5,6 +5,7 @@ import shutil
 import sys
 import zipfile
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -51,6 +52,14 @@ def test_runs_of_older_releases_are_asked_alike(path):
     for one in (0, 11, 23):
         assert set(run.lineage(one)) == naive_ancestors(run, one)
         assert sum(run.ancestry(one).values()) == pytest.approx(1)
+    some = [23, 0, 11, 7, 2]
+    with patch("evocity.analysis.run._AT_A_TIME", 2):
+        shares = run.ancestry(some)
+    assert shares.index.tolist() == some
+    for one, share in zip(some, shares.to_dict("records"), strict=True):
+        assert {city: part for city, part in share.items() if part} == pytest.approx(
+            run.ancestry(one)
+        )
     assert run.credit()["births"].sum() == len(run)
     assert set(run.clusters(2, by="scores", of=run.where("feasible"))["cluster"]) == {0, 1}
 

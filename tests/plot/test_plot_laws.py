@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from evocity import plot
 from evocity.coding.usage import usage
 from evocity.pictures import city_colours, render
+from evocity.plot.fronts import _wide_apart
 from evocity.plot.generations import in_place, quantiles
 from evocity.plot.style import BROKEN, FIRST, LIVING, folded
 from evocity.search.fronts import Hypervolume
@@ -138,6 +139,17 @@ def test_credit_draws_what_the_table_tells(run):
 
 
 # -- fronts -----------------------------------------------------------------------------------
+
+
+def test_of_a_large_front_an_even_part_is_compared(monkeypatch):
+    x = np.random.default_rng(4).permutation(1000) / 999
+    values = np.column_stack([x, 1 - x])
+    chosen = _wide_apart(values, np.arange(1000), 3)
+    assert x[chosen].tolist() == pytest.approx([0, 0.5, 1], abs=1e-3)
+    monkeypatch.setattr("evocity.plot.fronts._COMPARED", 11)
+    assert x[_wide_apart(values, np.arange(1000), 3)].tolist() == pytest.approx(
+        [0, 0.5, 1], abs=0.1
+    )
 
 
 def test_front_draws_each_birth_once_where_it_lies(run):
