@@ -9,6 +9,9 @@ Numba also counts the functions it compiles, from 1 in each process, and finds w
 in all that is loaded from the cache, by a name with that number. Where two processes give one
 kernel one number, once as another kernel calls it and once by itself, its code may take the other's
 constants. So each process counts from a number of its own.
+
+And numba loads all that it would compile with, scipy's linear algebra too, before it looks whether
+a kernel is in the cache: a third of a second, and a command takes one. Here it looks first.
 """
 
 import contextlib
@@ -17,7 +20,8 @@ import os
 from collections.abc import Iterator
 
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.runtime import rtsys
 
 try:
     import fcntl
@@ -44,8 +48,18 @@ class SharedCacheFile(IndexDataCacheFile):
             return super().load(key)
 
 
+class SharedCache(FunctionCache):
+    """One kernel, found on disk without what compiles; a miss loads that, as it compiles."""
+
+    def load_overload(self, sig, target_context):
+        rtsys.initialize(target_context)  # the arrays that a kernel makes are counted there
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 def share_cache(dispatcher) -> None:
-    """Let the kernel's cache on disk be written by several processes at once."""
+    """Let the kernel's cache on disk be written by several processes at once, and read soon."""
+    dispatcher._cache.__class__ = SharedCache
     dispatcher._cache._cache_file.__class__ = SharedCacheFile
 
 

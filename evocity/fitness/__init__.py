@@ -10,6 +10,7 @@
 - `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
 - `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
   `roof_flatness`
+- `roots`: where a function is 0
 - `sizes`: how the sizes of buildings are distributed: `salingaros`,
   `salingaros_buildings`, `fit_sizes`, `crumbs`, `small_buildings`,
   `slivers`

@@ -227,3 +227,32 @@ def off_squared(labels, heights, means, squares):
             i = np.uintp(labels[y, x] - 1)
             if labels[y, x]:
                 squares[i] += (heights[y, x] - means[i]) ** 2
+
+
+@kernel
+def nearest(y, x, distances, which):
+    """``distances`` and ``which`` (n, k) get how far the k points are that are nearest to each of
+    n, itself among them, and their numbers, rising. Returns whether any two of the k + 1 nearest
+    are equally far: then others may stand in another order."""
+    count, most = distances.shape
+    squares, numbers = np.empty(most + 1), np.empty(most + 1, np.int64)
+    tied = False
+    for i in range(count):
+        kept = 0
+        for j in range(count):
+            down, across = y[j] - y[i], x[j] - x[i]
+            square = down * down + across * across
+            if kept <= most:
+                kept += 1
+            elif square >= squares[most]:
+                continue
+            k = kept - 1
+            while k > 0 and squares[k - 1] > square:
+                squares[k], numbers[k] = squares[k - 1], numbers[k - 1]
+                k -= 1
+            squares[k], numbers[k] = square, j
+        for k in range(1, kept):
+            tied |= squares[k] == squares[k - 1]
+        for k in range(most):
+            distances[i, k], which[i, k] = np.sqrt(squares[k]), numbers[k]
+    return tied

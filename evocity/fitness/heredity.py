@@ -9,7 +9,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.coding.decode import decode
 from evocity.errors import FitnessError
 from evocity.fitness._kernels import trace_copies
 from evocity.fitness.measure import Undefined
@@ -38,6 +37,8 @@ def heritability(genome: Genome, intended: np.ndarray) -> Heritability:
 
     intended : float32 ``(H, W)``, metres, as in the `Draft` of an operator.
     """
+    from evocity.coding.decode import decode
+
     decoded = decode(genome).city
     meant = decoded.replace(intended)
     distance = math.sqrt(float(np.mean((decoded.heights - meant.heights) ** 2, dtype=np.float64)))

@@ -3,7 +3,6 @@
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.coding.matching import best_correlations
 from evocity.fitness.registry import fitness
 
 #: Range blocks of this many pixels a side are looked for among blocks twice as large.
@@ -32,6 +31,8 @@ def autosimilarity(city: CityMap) -> float:
     >>> round(autosimilarity(CityMap(stripes, 2.0)), 6)
     1.0
     """
+    from evocity.coding.matching import best_correlations
+
     height, width = (side - side % BLOCK for side in city.shape)
     heights = np.ascontiguousarray(city.heights[:height, :width])
     rho2, uniform = best_correlations(heights, BLOCK, (2,), REACH)

@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
+from evocity.fitness.roots import root_between
 from evocity.views.buildings import CRUMB
 
 #: Bounds of the sizes that count, metres: from a garage (25 m²; below are `crumbs`), four
@@ -216,9 +216,7 @@ def _slope(mean: float) -> float:
         return _STEEPEST
     if _mean(-_STEEPEST) <= mean:
         return -_STEEPEST
-    return float(
-        scipy.optimize.brentq(lambda y: _mean(y) - mean, -_STEEPEST, _STEEPEST, xtol=1e-10)
-    )
+    return float(root_between(lambda y: _mean(y) - mean, -_STEEPEST, _STEEPEST, 1e-10))
 
 
 def _mean(y: float) -> float:

@@ -10,8 +10,8 @@
 - `condensing`: what of a map decoding shall keep, by masks and footprints
 - `bundled`: the districts that come with evocity
 - `writing`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_windows`, and the
-  tables of writers
-- `polygons`: the writers of footprints, GeoPackage and GeoJSON
+  tables of writers; `windows`: what is written a band at a time
+- `tiff`, `polygons`: the writers of GeoTIFF, and of footprints, GeoPackage and GeoJSON
 """
 
 from evocity.rooms import lazily

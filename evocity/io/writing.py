@@ -1,37 +1,23 @@
 """`write_map` and its like: rasters, pictures, footprints, whole or not."""
 
-import contextlib
 import functools
 import os
-import unicodedata
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-import rasterio
 from PIL import Image, PngImagePlugin
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap, Walls
 from evocity.errors import MapError, keyword
 from evocity.files import whole_file
-from evocity.io.polygons import write_geojson, write_geopackage
-from evocity.io.raster import PIXEL_TAG
-from evocity.io.sources import north_up
+from evocity.io.windows import Windowed, bands
 from evocity.pictures.field import Field, Shares
 from evocity.pictures.leaves import CLOSEST, Leaves, render_leaves
 from evocity.pictures.picture import render, render_field, render_shares
 
 # A picture's map is drawn at least this large, pixels.
 _PICTURE_SIDE = 768
-
-# What the libraries that write raise where they cannot.
-_TROUBLE = (OSError, RasterioError)
-
-# Side of a GeoTIFF's tiles, px, and bytes GDAL may keep of one that is written by windows.
-_TILE, _CACHE = 256, 64 << 20
 
 
 def write_map(
@@ -115,21 +101,6 @@ def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
     _write(leaves, path, LEAVES_WRITERS)
 
 
-class Windowed(Protocol):
-    """A map that may be too large to be held: it is asked for its windows."""
-
-    shape: tuple[int, int]
-    metres_per_pixel: float
-    name: str
-    attribution: str
-    origin: tuple[float, float] | None
-    crs: str | None
-
-    def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
-        """Float32 ``(height, width)``, metres, from pixel (top, left) on."""
-        ...
-
-
 def write_windows(
     what: Windowed,
     path: str | os.PathLike,
@@ -147,32 +118,11 @@ def write_windows(
     _write(what, path, writers)
 
 
-def _bands(what: Windowed, progress) -> Iterator[tuple[int, np.ndarray]]:
-    """The map from north to south, as (first row, heights) of bands as wide as it is."""
-    height, width = what.shape
-    for top in range(0, height, _TILE):
-        rows = min(_TILE, height - top)
-        yield top, what.window(top, 0, rows, width)
-        if progress is not None:
-            progress(top + rows, height)
-
-
-def _write_windows_geotiff(what: Windowed, path: Path, progress) -> None:
-    layout = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "bigtiff": "if_safer"}
-    with (
-        rasterio.Env(GDAL_CACHEMAX=_CACHE),
-        _band(what, "height above ground", "metre", path, **layout) as target,
-    ):
-        for top, heights in _bands(what, progress):
-            window = rasterio.windows.Window(0, top, heights.shape[1], heights.shape[0])
-            target.write(heights, 1, window=window)
-
-
 def _write_windows_npy(what: Windowed, path: Path, progress) -> None:
     header = {"descr": "<f4", "fortran_order": False, "shape": tuple(what.shape)}
     with open(path, "wb") as file:
         np.lib.format.write_array_header_2_0(file, header)
-        for _, heights in _bands(what, progress):
+        for _, heights in bands(what, progress):
             file.write(heights.astype("<f4", copy=False).tobytes())
 
 
@@ -197,7 +147,7 @@ def _write(
     try:
         with whole_file(path) as temporary:
             write(what, temporary)
-    except _TROUBLE as error:
+    except OSError as error:
         raise MapError(
             f"{str(path)!r} cannot be written: {error}",
             "a folder this user may write to, with room left",
@@ -206,63 +156,33 @@ def _write(
 
 
 def _write_geotiff(city: CityMap, path: Path) -> None:
-    with _band(city, "height above ground", "metre", path) as target:
-        target.write(city.heights, 1)
+    _tiff().write_geotiff(city, path)
 
 
 def _write_field_geotiff(field: Field, path: Path) -> None:
-    values = field.values.astype(np.float32, copy=False)
-    layout = {"nodata": np.nan} if np.isnan(values).any() else {}
-    with _band(field.city, field.title, field.unit, path, **layout) as target:
-        target.write(values, 1)
+    _tiff().write_field_geotiff(field, path)
 
 
-@contextlib.contextmanager
-def _band(
-    about: "CityMap | Windowed", title: str, unit: str, path: Path, **layout
-) -> Iterator[rasterio.io.DatasetWriter]:
-    """A GeoTIFF of one float32 band, with all that is known of a map, open to be written."""
-    side = about.metres_per_pixel
-    left, top = about.origin or (0.0, about.shape[0] * side)
-    with (
-        warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
-        rasterio.open(
-            path,
-            "w",
-            driver="GTiff",
-            height=about.shape[0],
-            width=about.shape[1],
-            count=1,
-            dtype="float32",
-            crs=about.crs,
-            transform=north_up(left, top, side),
-            compress="deflate",
-            predictor=3,
-            **layout,
-        ) as target,
-    ):
-        yield target
-        target.units = (unit,)
-        target.set_band_description(1, title)
-        target.update_tags(
-            NAME=about.name,
-            ATTRIBUTION=about.attribution,
-            TIFFTAG_COPYRIGHT=_ascii(about.attribution),
-            TIFFTAG_SOFTWARE="evocity",
-            **({} if about.crs else {PIXEL_TAG: repr(side)}),
-        )
+def _write_windows_geotiff(what: Windowed, path: Path, progress) -> None:
+    _tiff().write_windows_geotiff(what, path, bands(what, progress))
 
 
-def _ascii(text: str) -> str:
-    """``text`` for the tags of TIFF, which are ASCII: © as (c), é as e."""
-    for sign, letters in {"©": "(c)", "®": "(R)", "–": "-", "—": "-", "’": "'"}.items():
-        text = text.replace(sign, letters)
-    plain = unicodedata.normalize("NFKD", text)
-    return (
-        "".join(c for c in plain if not unicodedata.combining(c))
-        .encode("ascii", "replace")
-        .decode()
-    )
+def _tiff():
+    from evocity.io import tiff  # which loads GDAL
+
+    return tiff
+
+
+def _write_geopackage(city: CityMap, path: Path, **how) -> None:
+    from evocity.io.polygons import write_geopackage
+
+    write_geopackage(city, path, **how)
+
+
+def _write_geojson(city: CityMap, path: Path, **how) -> None:
+    from evocity.io.polygons import write_geojson
+
+    write_geojson(city, path, **how)
 
 
 def _write_png(city: CityMap, path: Path) -> None:
@@ -316,14 +236,14 @@ WRITERS = {
     ".tiff": _write_geotiff,
     ".png": _write_png,
     ".npy": _write_npy,
-    ".gpkg": write_geopackage,
-    ".geojson": write_geojson,
+    ".gpkg": _write_geopackage,
+    ".geojson": _write_geojson,
 }
 
 #: Those of footprints along the pixels' edges.
 RAW_WRITERS = {
-    ".gpkg": functools.partial(write_geopackage, raw=True),
-    ".geojson": functools.partial(write_geojson, raw=True),
+    ".gpkg": functools.partial(_write_geopackage, raw=True),
+    ".geojson": functools.partial(_write_geojson, raw=True),
 }
 
 #: The same of maps written by windows.
@@ -354,7 +274,6 @@ __all__ = [
     "SHARES_WRITERS",
     "WINDOW_WRITERS",
     "WRITERS",
-    "Windowed",
     "save_picture",
     "write_field",
     "write_leaves",

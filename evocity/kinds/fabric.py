@@ -6,8 +6,6 @@ import numpy as np
 import pyarrow as pa
 
 from evocity.citymap import CityMap
-from evocity.coding.decoded import decoded
-from evocity.coding.encode import encode
 from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, shown
@@ -104,6 +102,8 @@ class Fabric:
         return faults
 
     def prepare(self, city: CityMap, how: Mapping, locked: Condensation | None) -> Genome:
+        from evocity.coding.encode import encode
+
         return encode(city, condensation=locked, **how).genome
 
     def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
@@ -118,6 +118,8 @@ class Fabric:
         )
 
     def express(self, genome: Genome) -> Expressed:
+        from evocity.coding.decoded import decoded  # who reads a run need not decode it
+
         try:
             decoding = decoded(genome)
         except EvocityError as error:

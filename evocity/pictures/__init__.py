@@ -2,6 +2,7 @@
 
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
 - `picture`: a map, a field, or shares, as a picture
+- `light`: cast shadows, edges of roofs
 - `palette`: one colour a source city, everywhere
 - `classes`: what stands on a map, each class in its colour
 - `leaves`: the range blocks of a code, over its map

@@ -4,7 +4,8 @@ import numpy as np
 from PIL import Image
 
 from evocity.citymap import CityMap, Classes
-from evocity.pictures.picture import GROUND, drawn_with_key, lit
+from evocity.pictures.light import lit
+from evocity.pictures.picture import GROUND, drawn_with_key
 
 
 def render_classes(

@@ -7,11 +7,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import scipy
 from PIL import Image, ImageDraw, ImageFont
 
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.pictures.field import Field, Shares
+from evocity.pictures.light import edges, lit
 from evocity.pictures.palette import city_colours
 
 PAPER = (250, 248, 244)
@@ -24,8 +24,6 @@ NOTHING = (196, 202, 209)
 # From the lowest roof to the highest, each step as much darker as the one before (OKLab).
 _RAMP = ("#edd5ae", "#e8b682", "#de9262", "#cb6b54", "#a94a56", "#7c355c", "#4e2655", "#241741")
 
-# The light comes from the north-west and falls 2 m in 1 m; its shadows, metres, end here.
-_LIGHT_FALL, _LONGEST_SHADOW = 2.0, 40.0
 
 # Lightness of roofs in `render_shares`, from the lowest to the highest; how pale its ground is.
 _LIGHTER, _DARKER, _PALE = 0.08, 0.26, 0.68
@@ -107,8 +105,8 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     pixels = values.repeat(zoom, axis=0).repeat(zoom, axis=1)
     colours = even(pixels, end)
     if zoom > 1:
-        edges = _edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
-        colours[edges] = np.round(colours[edges] * 0.78).astype(np.uint8)
+        roofs = edges(field.city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1))
+        colours[roofs] = np.round(colours[roofs] * 0.78).astype(np.uint8)
     notes = [f"up to {top:.3g}"] if top > end else []
     if known.size < values.size:
         notes.append("grey: none")
@@ -214,44 +212,6 @@ def _shaded(city: CityMap, end: float, zoom: int) -> np.ndarray:
     """Colours with cast shadows and roof edges, uint8 ``(H·zoom, W·zoom, 3)``."""
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
     return lit(city, ramp(heights, end), zoom)
-
-
-def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
-    """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
-    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    colours = colours.astype(np.float32)
-    depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
-    dark = np.clip(scipy.ndimage.gaussian_filter(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
-    open_ground = (heights <= BUILT_ABOVE)[..., None]
-    tint = np.where(open_ground, np.float32(0.24), np.float32(0.14)) * dark
-    colours += (np.array([70, 66, 92], np.float32) - colours) * tint
-    if zoom > 1:
-        colours[_edges(heights)] *= 0.78
-    return np.round(colours).astype(np.uint8)
-
-
-def _shadow_depth(heights: np.ndarray, side: float) -> np.ndarray:
-    """Metres by which each point lies below the light that passes its north-west neighbours."""
-    fall = side * math.sqrt(2) * _LIGHT_FALL  # metres the light falls in one diagonal step
-    highest = min(float(heights.max(initial=0)), _LONGEST_SHADOW * _LIGHT_FALL)
-    roof = np.zeros_like(heights)
-    for step in range(1, min(int(highest / fall) + 1, min(heights.shape) - 1) + 1):
-        cast = heights[:-step, :-step] - np.float32(step * fall)
-        np.maximum(roof[step:, step:], cast, out=roof[step:, step:])
-    return np.maximum(roof - heights, 0)
-
-
-def _edges(heights: np.ndarray) -> np.ndarray:
-    """Bool: the last pixels of a roof before a drop of a storey or more."""
-    edges = np.zeros(heights.shape, dtype=bool)
-    for axis in (0, 1):
-        drop = np.diff(heights, axis=axis)
-        first = [slice(None)] * 2
-        last = [slice(None)] * 2
-        first[axis], last[axis] = slice(None, -1), slice(1, None)
-        edges[tuple(first)] |= drop < -2
-        edges[tuple(last)] |= drop > 2
-    return edges
 
 
 def _sheet(
@@ -427,7 +387,6 @@ __all__ = [
     "even",
     "font",
     "gradient",
-    "lit",
     "on_sheet",
     "ramp",
     "render",

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
 import shapely
 
 from evocity.citymap import STOREY, CityMap
@@ -22,6 +21,7 @@ from evocity.scene.substitution import Substitution, substituted
 from evocity.scene.writing import check_place, check_suffix, whole, write
 from evocity.views.buildings import outlines
 from evocity.views.classes import Classes, ClassTable
+from evocity.views.pieces import pieces
 from evocity.views.walls import Walls, walls_of
 
 if TYPE_CHECKING:
@@ -93,8 +93,8 @@ class Scene:
         wide, deep = self.about.size
         if city.site is None:
             return np.array([shapely.box(0, 0, wide, deep)], dtype=object)
-        labels, _ = scipy.ndimage.label(city.site)
-        return np.array(outlines(labels.astype(np.int32), pixel, (0.0, deep)), dtype=object)
+        labels, _ = pieces(city.site)
+        return np.array(outlines(labels, pixel, (0.0, deep)), dtype=object)
 
     def _roads(self, ground: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Surfaces of the streets that overlap nowhere, and the kind of each."""

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import shapely
-from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
@@ -26,7 +24,6 @@ COLUMNS = ("id", "class", "height", "atmosphere", "licence", "attribution", "att
 TALLEST = 1000.0
 
 _NEEDED = ("id", "class", "height", "atmosphere", "licence")
-_TROUBLE = (DataSourceError, DataLayerError, FeatureError, GeometryError, CRSError, OSError)
 # Metres that lie nowhere on Earth.
 _METRES = (
     'ENGCRS["metres of a library of objects",EDATUM["none"],CS[Cartesian,2],'
@@ -73,6 +70,8 @@ def read_table(folder: Path) -> tuple[np.ndarray, dict[str, list | np.ndarray]]:
 def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]) -> Path:
     """Write a table into a ``folder`` as `Library.write` tells; its path."""
     kinds = {"height": float, "attached": bool}
+    import pyogrio  # which loads pandas, if it is there
+
     fields = [np.array(columns[name], dtype=kinds.get(name, object)) for name in COLUMNS]
     thanks = "; ".join(sorted(set(columns["attribution"]) - {""}))
     try:
@@ -90,7 +89,7 @@ def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]
                 crs=_METRES,
                 layer_options={"DESCRIPTION": thanks},
             )
-    except _TROUBLE as error:
+    except _trouble() as error:
         raise MapError(
             f"{str(folder / TABLE)!r} cannot be written: {error}",
             "a folder this user may write to, in one that is there",
@@ -131,6 +130,8 @@ def _laid_out(polygons: np.ndarray) -> np.ndarray:
 
 def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray], str | None]:
     """Footprints as WKB, columns by name, and the reference system."""
+    import pyogrio
+
     if not path.is_file():
         what = "no table in it" if folder.is_dir() else "no such folder"
         raise MapError(
@@ -151,7 +152,7 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
             if LAYER not in [str(name) for name, _ in pyogrio.list_layers(path)]:
                 raise MapError(f"{path}: no layer {LAYER}", f"a layer {LAYER}", "rename the layer")
             meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
-    except (*_TROUBLE, UnicodeDecodeError) as error:
+    except (*_trouble(), UnicodeDecodeError) as error:
         raise MapError(
             f"{path} cannot be read: {[*str(error).splitlines(), 'it is damaged'][0][:200]}",
             "a whole GeoPackage",
@@ -164,6 +165,13 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
             "export the table again, with its geometry",
         )
     return shapes, dict(zip(map(str, meta["fields"]), columns, strict=True)), meta["crs"]
+
+
+def _trouble() -> tuple[type[Exception], ...]:
+    """What is raised where a file cannot be read or written."""
+    from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
+
+    return DataSourceError, DataLayerError, FeatureError, GeometryError, CRSError, OSError
 
 
 def _check_metres(path: Path, crs: str | None) -> None:

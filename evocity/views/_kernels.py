@@ -1,4 +1,4 @@
-"""Compiled filters of height maps. The tests hold them against SciPy's."""
+"""Compiled filters and pieces of maps. The tests hold them against SciPy's."""
 
 import numpy as np
 
@@ -77,3 +77,70 @@ def square(along_y, along_x, squared):
             down, across = along_y[y, x], along_x[y, x]
             squared[0, y, x] = across * across - down * down
             squared[1, y, x] = two * across * down
+
+
+@kernel
+def _root(parent, a):
+    while parent[np.uintp(a)] != a:
+        parent[np.uintp(a)] = parent[np.uintp(parent[np.uintp(a)])]
+        a = parent[np.uintp(a)]
+    return a
+
+
+@kernel
+def _unite(parent, a, b):
+    """The lower of the two roots becomes that of both, and is returned."""
+    a, b = _root(parent, a), _root(parent, b)
+    low, high = min(a, b), max(a, b)
+    parent[np.uintp(high)] = low
+    return low
+
+
+@kernel
+def _number(zones, parent, count):
+    """Renumber ``zones`` by their roots, in the order of these; returns how many there are.
+
+    ``zones`` bear numbers 0…count in the order in which they first appear, and a root is the
+    lowest of its set: so the new numbers too are in raster order.
+    """
+    names = np.zeros(count + 1, np.int32)
+    number = 0
+    for a in range(1, count + 1):
+        root = _root(parent, a)
+        if root == a:
+            number += 1
+            names[a] = number
+        else:
+            names[a] = names[root]
+    for y in range(np.uintp(zones.shape[0])):
+        for x in range(np.uintp(zones.shape[1])):
+            zones[y, x] = names[np.uintp(zones[y, x])]
+    return number
+
+
+@kernel
+def label(mask, corners, labels):
+    """``labels`` (H, W) get 1…n on the pieces of a ``mask`` that touch by pixels' sides, or by
+    ``corners`` too, in raster order; returns n."""
+    rows, columns = mask.shape
+    parent = np.empty(mask.size + 1, np.int32)
+    count, aside = 0, 1 if corners else 0
+    for y in range(rows):
+        for x in range(columns):
+            labels[y, x] = 0
+            if not mask[y, x]:
+                continue
+            a = labels[y, x - 1] if x else np.int32(0)
+            if y:
+                for beside in range(max(x - aside, 0), min(x + aside, columns - 1) + 1):
+                    above = labels[y - 1, beside]
+                    if a == 0:
+                        a = above
+                    elif above and above != a:
+                        a = np.int32(_unite(parent, a, above))
+            if a == 0:
+                count += 1
+                a = np.int32(count)
+                parent[np.uintp(count)] = a
+            labels[y, x] = a
+    return _number(labels, parent, count)

@@ -44,30 +44,55 @@ COMPUTING = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage",
         {
             ("cities",): {"numpy", "scipy", "pyarrow", "pydantic"},
             ("operators", "list"): {"evocity.search", "evocity.fitness"},
-            ("fitness", "list"): {"evocity.search"},
         },
-        {("status", str(OLD)): {"evocity.search.engine", "evocity.operators"}},
+        {("fitness", "list"): {"evocity.search", "evocity.coding"}},
+        {("status", str(OLD)): {"evocity.search.engine", "evocity.operators", "evocity.coding"}},
     ],
-    ids=["lists", "status"],
+    ids=["lists", "measures", "status"],
 )
 def test_commands_that_list_load_no_more_than_they_tell(commands):
     """Nothing that reads maps or compiles, and of the others no more than said: a second that
     whoever asks would wait for. One after the other in a process."""
+    heavy = {
+        words: found & (READING | COMPUTING | commands[words])
+        for words, found in loaded_by(list(commands)).items()
+    }
+    assert heavy == {words: set() for words in commands}
+
+
+def test_commands_that_draw_load_neither_gdal_nor_what_compiles(tmp_path):
+    """A genome is decoded and drawn with what is compiled already, and with nothing of SciPy's;
+    ``.tif`` and ``.gpkg`` alone load what writes them."""
+    town = write_town(tmp_path / "town.npy")
+    call("encode", town, *AT_2_M, *PLAIN, "-o", tmp_path / "g.parquet")
+    commands = [
+        ("decode", str(tmp_path / "g.parquet"), "-o", str(tmp_path / "g.png")),
+        ("show", str(tmp_path / "g.parquet"), "-o", str(tmp_path / "shown.png")),
+        ("show", str(tmp_path / "g.parquet"), "--leaves", "-o", str(tmp_path / "leaves.png")),
+    ]
+    for words in commands:
+        call(*words)  # compiles what is not yet
+    heavy = COMPUTING - {"numba", "llvmlite"} | READING - {"PIL", "evocity.io.writing"}
+    heavy |= {"numba.np.linalg", "pyproj", "scipy.special"}
+    loaded = loaded_by(commands)
+    assert {words: found & heavy for words, found in loaded.items()} == {
+        words: set() for words in commands
+    }
+
+
+def loaded_by(commands):
+    """By command the modules that are loaded after it, one after the other in a process."""
     program = (
         "import sys\n"
         "from evocity.cli import main\n"
-        f"for words in {list(commands)!r}:\n"
+        f"for words in {commands!r}:\n"
         "    main(words, prog_name='evocity', standalone_mode=False)\n"
         "    print('loaded', *sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = [line.split() for line in done.stdout.splitlines() if line.startswith("loaded ")]
-    loaded = dict(zip(commands, map(set, lines), strict=True))
-    heavy = {
-        words: found & (READING | COMPUTING | commands[words]) for words, found in loaded.items()
-    }
-    assert heavy == {words: set() for words in commands}
+    return dict(zip(commands, map(set, lines), strict=True))
 
 
 def test_a_bad_input_ends_a_process_with_2_and_one_message(tmp_path):

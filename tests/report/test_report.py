@@ -21,6 +21,7 @@ from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID
 from evocity.operators.crossing import assembled
+from evocity.pages import of_few_colours
 from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, tables, write_report
 from evocity.report.facts import MOST_SHOWN, Facts
@@ -296,6 +297,19 @@ def test_rare_colours_survive_the_palette(town):
     code = data_uri(picture).partition(",")[2]
     kept = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
     assert np.abs(np.asarray(kept, int) - np.asarray(picture, int)).max() <= 8
+
+
+def test_few_colours_are_kept_and_many_are_as_near_as_pillow_has_them(town):
+    few = Image.fromarray(np.arange(360).astype(np.uint8).reshape(10, 12, 3))
+    assert np.array_equal(np.asarray(of_few_colours(few).convert("RGB")), np.asarray(few))
+    picture = render(town, zoom=4, legend=False)
+    assert len(picture.getcolors(picture.width * picture.height)) > 200
+    own = picture.quantize(128, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+    off = [
+        np.square(np.asarray(one.convert("RGB"), float) - np.asarray(picture)).mean()
+        for one in (of_few_colours(picture), own)
+    ]
+    assert off[0] <= 1.05 * off[1]
 
 
 def test_measures_that_ask_for_sources_get_the_cities_of_the_run(tmp_path):

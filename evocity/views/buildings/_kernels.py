@@ -3,45 +3,7 @@
 import numpy as np
 
 from evocity.accelerate import kernel
-
-
-@kernel
-def _root(parent, a):
-    while parent[np.uintp(a)] != a:
-        parent[np.uintp(a)] = parent[np.uintp(parent[np.uintp(a)])]
-        a = parent[np.uintp(a)]
-    return a
-
-
-@kernel
-def _unite(parent, a, b):
-    """The lower of the two roots becomes that of both, and is returned."""
-    a, b = _root(parent, a), _root(parent, b)
-    low, high = min(a, b), max(a, b)
-    parent[np.uintp(high)] = low
-    return low
-
-
-@kernel
-def _number(zones, parent, count):
-    """Renumber ``zones`` by their roots, in the order of these; returns how many there are.
-
-    ``zones`` bear numbers 0…count in the order in which they first appear, and a root is the
-    lowest of its set: so the new numbers too are in raster order.
-    """
-    names = np.zeros(count + 1, np.int32)
-    number = 0
-    for a in range(1, count + 1):
-        root = _root(parent, a)
-        if root == a:
-            number += 1
-            names[a] = number
-        else:
-            names[a] = names[root]
-    for y in range(np.uintp(zones.shape[0])):
-        for x in range(np.uintp(zones.shape[1])):
-            zones[y, x] = names[np.uintp(zones[y, x])]
-    return number
+from evocity.views._kernels import _number, _root, _unite
 
 
 @kernel
@@ -380,7 +342,9 @@ def level(heights, zones, count, step, roofs):
         for x in range(columns):
             pixels[np.uintp(zones[y, x])] += 1
     pixels[0] = 0
-    ends = np.cumsum(pixels) - pixels  # where zone a begins in by_zone, and once filled ends
+    ends = np.zeros(count + 1, np.int64)  # where zone a begins in by_zone, and once filled ends
+    for a in range(1, count + 1):
+        ends[a] = ends[a - 1] + pixels[a - 1]
     by_zone = np.empty(heights.size, np.float32)
     for y in range(rows):
         for x in range(columns):

@@ -1,9 +1,9 @@
 """What stands on a map besides buildings, and how all of it is shaped."""
 
 import numpy as np
-import scipy
 
 from evocity.views.buildings import Buildings, measured, zones_of
+from evocity.views.pieces import pieces, widened
 
 #: An object stands higher than this, metres: less than a kerb. Heights of a raster may be a
 #: centimetre off the ground anywhere.
@@ -36,24 +36,19 @@ def low_objects(
     low = (heights > LOW) & ~built
     if not low.any():
         return None
-    pieces = _pieces(low)
-    zones = zones_of(heights, pieces, metres_per_pixel, LOW_STEP, 0.0)
-    table = measured(heights, pieces, zones, metres_per_pixel, site)
+    labels, count = pieces(low)
+    zones = zones_of(heights, labels, metres_per_pixel, LOW_STEP, 0.0)
+    table = measured(heights, labels, zones, metres_per_pixel, site)
     kept = (table.height >= TRACE[0]) | (table.area >= TRACE[1])
-    attached = np.zeros(pieces.max() + 1, bool)
-    attached[pieces[low & scipy.ndimage.binary_dilation(built, np.ones((3, 3), bool))]] = True
+    attached = np.zeros(count + 1, bool)
+    attached[labels[low & widened(built, corners=True)]] = True
     foot = _without_square(zones, len(table))
     foot |= _facing_higher(zones, built, table.height) > FRINGE * table.sides
     kept &= ~(attached[table.component + 1] & foot)
     if not kept.any():
         return None
     zones = np.concatenate([[0], np.where(kept, np.cumsum(kept), 0)]).astype(np.int32)[zones]
-    return measured(heights, _pieces(zones > 0), zones, metres_per_pixel, site)
-
-
-def _pieces(mask: np.ndarray) -> np.ndarray:
-    """Int32 ``(H, W)``: 1…k on the pieces of a ``mask`` that touch by sides."""
-    return scipy.ndimage.label(mask)[0].astype(np.int32, copy=False)
+    return measured(heights, pieces(zones > 0)[0], zones, metres_per_pixel, site)
 
 
 def _without_square(zones: np.ndarray, count: int) -> np.ndarray:

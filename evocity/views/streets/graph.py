@@ -8,11 +8,11 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from evocity.errors import MapError, setting
 from evocity.views.buildings import outlines
 from evocity.views.ground.distance import nearest_built
+from evocity.views.pieces import pieces
 from evocity.views.streets._kernels import middles, smoothed, straight_on, thickness
 from evocity.views.streets.kinds import StreetKinds, packaged
 from evocity.views.streets.lines import Lines, across, chosen, reaching, whole
@@ -119,8 +119,8 @@ class StreetGraph:
         halves = made.ground.across.ravel()[made.lines.path] * (made.pixel / 2)
         shape = made.open_ground.shape
         own = np.ones(shape, bool) if made.site is None else made.site
-        solid = [outlines(_labelled(~own), made.pixel, made.corner)]
-        built = _labelled(own & ~made.open_ground)
+        solid = [outlines(pieces(~own)[0], made.pixel, made.corner)]
+        built = pieces(own & ~made.open_ground)[0]
         solid.append(outlines(built, made.pixel, made.corner) if walls is None else walls)
         solid = np.array([polygon for some in solid for polygon in some], dtype=object)
         left, top = made.corner
@@ -321,14 +321,10 @@ def _most(edge: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 def _quarters(building_labels: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Int32: of each building the piece between ``lines`` it stands in, from 0."""
-    pieces, _ = scipy.ndimage.label(~lines)
+    between, _ = pieces(~lines)
     own = np.zeros(building_labels.max(initial=0) + 1, np.int64)
-    own[building_labels] = pieces
+    own[building_labels] = between
     return np.unique(own[1:], return_inverse=True)[1].astype(np.int32)
-
-
-def _labelled(mask: np.ndarray) -> np.ndarray:
-    return scipy.ndimage.label(mask)[0].astype(np.int32, copy=False)
 
 
 def _check_number(name: str, value: object, wanted: str) -> None:

@@ -8,6 +8,7 @@ import scipy
 
 from evocity.views.buildings import outlines
 from evocity.views.ground.distance import nearest_built
+from evocity.views.pieces import pieces
 from evocity.views.streets.kinds import StreetKinds
 from evocity.views.streets.skeleton import Ground
 
@@ -84,9 +85,9 @@ def _in_one_piece(numbers: np.ndarray) -> np.ndarray:
     piece that hangs together by pixels' sides."""
     kept = np.zeros_like(numbers)
     for number, window in enumerate(scipy.ndimage.find_objects(numbers), start=1):
-        pieces, _ = scipy.ndimage.label(numbers[window] == number)
-        largest = np.bincount(pieces.ravel())[1:].argmax() + 1
-        kept[window][pieces == largest] = number
+        parts, _ = pieces(numbers[window] == number)
+        largest = np.bincount(parts.ravel())[1:].argmax() + 1
+        kept[window][parts == largest] = number
     return kept
 
 

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from evocity.views.ground._kernels import thin, widths_across
 from evocity.views.ground.distance import nearest_built
 from evocity.views.ground.lines import DENT
+from evocity.views.pieces import pieces, widened
 from evocity.views.streets._kernels import exits
-
-_ALL_ROUND = np.ones((3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +54,7 @@ def skeleton(
     """
     within = np.pad(np.ones(ground.shape, bool) if site is None else site, 1)
     ground = np.pad(ground, 1)
-    frame = (
-        np.zeros(ground.shape, bool) if closed else ground & scipy.ndimage.binary_dilation(~within)
-    )
+    frame = np.zeros(ground.shape, bool) if closed else ground & widened(~within)
     walls = ~ground if closed else within & ~ground
     if not walls.any():  # an open city without a wall has no middle but the map's
         walls, place = ~ground, None
@@ -66,7 +62,7 @@ def skeleton(
     room, what = squares, (~within).astype(np.int32)
     middles, hubs = np.zeros(ground.shape, np.int32), np.zeros(1, np.int32)
     if place is not None:
-        middles, count = scipy.ndimage.label(ground & (4 * squares >= place**2))
+        middles, count = pieces(ground & (4 * squares >= place**2))
         if count:
             hubs = np.arange(1, count + 2, dtype=np.int32)
             hubs[0] = 0
@@ -79,8 +75,7 @@ def skeleton(
     if not closed:
         for step, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
             side = ground & np.roll(~within, step, axis) & (4 * squares >= least**2)
-            pieces, _ = scipy.ndimage.label(side, _ALL_ROUND)
-            exits(pieces, squares, out)
+            exits(pieces(side, corners=True)[0], squares, out)
     lines, across = ground.copy(), np.empty(ground.shape, np.float32)
     thin(~ground, squares, nearest, out, DENT, lines)
     widths_across(squares, ground, across)

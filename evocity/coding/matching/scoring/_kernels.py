@@ -55,7 +55,10 @@ def exact_gains(shrunk, step, y, x, block, images, cap, domain, gains, slopes):
 def closest(records, places):
     """Which of the ``records``, that rise with their ``places``, exceeds the one before it by
     least; not the highest, which tells who is near enough."""
-    best, found, least = np.argmax(records), -1, np.inf
+    best, found, least = 0, -1, np.inf
+    for k in range(1, records.size):
+        if records[k] > records[best]:
+            best = k
     for k in range(records.size):
         before = -np.inf
         for other in range(records.size):
@@ -115,7 +118,10 @@ def settle(which, y, x, shrunk, step, block, blocks, sources, cap, slack, record
         if beaten:
             continue
         exact_gains(shrunk, step, y[n], x[n], block, images, cap, domain, gains, slopes)
-        count[i] = keep(gains.max(), place, slack[i], records[i], places[i], count[i])
+        gain = gains[0]
+        for k in range(1, 8):
+            gain = max(gain, gains[k])
+        count[i] = keep(gain, place, slack[i], records[i], places[i], count[i])
 
 
 @kernel

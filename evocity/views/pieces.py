@@ -1,0 +1,28 @@
+"""What of a mask hangs together."""
+
+import numpy as np
+
+from evocity.views._kernels import label
+
+
+def pieces(mask: np.ndarray, *, corners: bool = False) -> tuple[np.ndarray, int]:
+    """Int32 ``(H, W)``, 1…n on the pieces of a bool ``(H, W)`` ``mask``, 0 elsewhere; and n.
+
+    Pixels of a piece touch by their sides, or by their ``corners`` too; pieces are numbered in the
+    order of their first pixels, row by row. About 0.3 ms at 256².
+    """
+    labels = np.empty(mask.shape, np.int32)
+    return labels, label(np.ascontiguousarray(mask), corners, labels)
+
+
+def widened(mask: np.ndarray, *, corners: bool = False) -> np.ndarray:
+    """Bool ``(H, W)``: the pixels of a ``mask`` and those that touch one by a side, or by their
+    ``corners`` too."""
+    padded = np.pad(mask, 1)
+    across = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
+    if corners:
+        return across[:-2] | across[1:-1] | across[2:]
+    return across[1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1]
+
+
+__all__ = ["pieces", "widened"]
