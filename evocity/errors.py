@@ -207,6 +207,14 @@ def told(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def told_bytes(count: int) -> str:
+    """Bytes in words: 4 GB."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"
+
+
 def with_near_miss(found: str, name: str, known: Iterable[str]) -> str:
     """``found``, and what was perhaps meant by ``name``."""
     near = near_miss(name, known)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 
+from evocity.errors import told_bytes
 from evocity.search.generation import Generation
 from evocity.search.overnight import moment_of
 from evocity.search.recipe import Recipe
 from evocity.search.stopping import Clock, now, size_of
-from evocity.search.worker import told_bytes
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 
 

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from evocity.errors import RecipeError
+from evocity.errors import RecipeError, told_bytes
 from evocity.fitness import Aims, Objective
 from evocity.search.commands import REVISED
 from evocity.search.generation import Generation
 from evocity.search.individual import Individual
 from evocity.search.overnight import StopSection, moment_of
 from evocity.search.signals import Signalled
-from evocity.search.worker import told_bytes
 from evocity.store import Run
 
 #: Tells the time, with its zone.

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from multiprocessing import connection, spawn
 
+from evocity.errors import told_bytes
 from evocity.search.evaluation import processes
 from evocity.search.evaluation.frames import framed, read_of, receive
 from evocity.search.evaluation.output import Budget, stream
@@ -175,11 +176,3 @@ class Limit:
             soft = hard
         with contextlib.suppress(ValueError, OSError):
             self._resource.setrlimit(self._resource.RLIMIT_DATA, (soft, hard))
-
-
-def told_bytes(count: int) -> str:
-    """Bytes in words: 4 GB."""
-    for unit, size in (("GB", 1e9), ("MB", 1e6)):
-        if count >= size:
-            return f"{count / size:.3g} {unit}"
-    return f"{count / 1e3:.3g} kB"

@@ -350,6 +350,12 @@ def test_what_the_worker_has_does_not_count_and_what_births_leave_is_given_back(
 # -- elsewhere ---------------------------------------------------------------------------
 
 
+def test_what_a_worker_runs_is_loaded_first_where_processes_are_spawned():
+    """As on Windows and macOS: nothing of the package is loaded before it."""
+    code = "import evocity.search.worker, sys; sys.exit('evocity.search.worker' not in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
 @pytest.mark.long
 def test_workers_of_other_systems(pool, genome, monkeypatch):
     monkeypatch.setattr(workers.processes, "LINUX", False)

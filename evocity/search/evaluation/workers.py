@@ -9,14 +9,13 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 
-from evocity.errors import RunError
+from evocity.errors import RunError, told_bytes
 from evocity.search.evaluation import processes
 from evocity.search.evaluation.frames import framed
 from evocity.search.evaluation.output import show
 from evocity.search.evaluation.seats import Seat
 from evocity.search.evaluation.starting import Broken, News, Nursed, Spawned, first_words
 from evocity.search.evaluator import Outcome, Setup
-from evocity.search.worker import told_bytes
 
 #: What starts workers may break so often, without an answer in between, before a run gives up.
 _REBUILDS = 3
