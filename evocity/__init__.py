@@ -24,7 +24,7 @@ _ROOMS = {
     "search": ["Recipe", "Search", "archive", "deap_toolbox", "pick", "read_recipe", "refine"],
     "search.repeating": ["replay"],
 }
-_MODULES = ("fitness", "plot", "scene")  # the first and the last can be called
+_MODULES = ("fitness", "plot", "scene", "shapes")  # the first and the third can be called
 
 _HOMES = {name: f"evocity.{room}" for room, names in _ROOMS.items() for name in names}
 _load, _, __all__ = lazily(__name__, __file__, _HOMES)

@@ -6,6 +6,7 @@ from typing import overload
 import evocity.fitness as _fitness
 import evocity.scene as _scene
 from evocity import plot as plot
+from evocity import shapes as shapes
 from evocity.analysis import open_run
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
@@ -42,6 +43,7 @@ __all__ = [
     "refine",
     "replay",
     "scene",
+    "shapes",
     "split",
     "write_map",
 ]

@@ -49,11 +49,13 @@ MAY_IMPORT = {
     "store": CORE | {"coding", "kinds"},
     "search": BREEDING,
     "viewer": set(),
+    "shapes": {"formats"},
     "analysis": BREEDING | {"search", "scene", "viewer"},
     "displays": BREEDING | {"search", "scene", "viewer", "analysis", "pages"},
     "plot": BREEDING | {"search", "scene", "analysis"},
     "report": BREEDING | {"search", "scene", "analysis", "pages"},
-    "cli": BREEDING | {"authoring", "growth", "towns", "scene", "search", "analysis", "report"},
+    "cli": BREEDING
+    | {"authoring", "growth", "towns", "scene", "search", "analysis", "report", "shapes"},
     "__init__": {"rooms"},
     "__main__": {"cli"},
 }

@@ -51,7 +51,7 @@ def test_the_stub_names_what_the_package_names():
             for alias in node.names:
                 assert getattr(home, alias.name) is getattr(evocity, alias.name), alias.name
                 taken.add(alias.name)
-    assert taken | {"fitness", "plot", "scene"} == set(named)
+    assert taken | {"fitness", "plot", "scene", "shapes"} == set(named)
 
 
 @pytest.mark.parametrize("room", ["fitness", "scene"])

@@ -128,3 +128,7 @@ try:
     evocity.read_map("nowhere.gpkg")
 except evocity.EvocityError as error:
     told: tuple[str, str, str] = error.found, error.expected, error.remedy
+
+between = evocity.shapes.metamorphosis(evocity.shapes.known("koch"), evocity.shapes.known("levy"))
+pieces: int = len(between(0.5).pieces(depth=3))
+dimension: float = evocity.shapes.dimension_of(evocity.shapes.known("koch"))

@@ -15,7 +15,7 @@ from evocity.fitness import Family, Measure
 #: The rooms that users import from; what other rooms name is for each other.
 ROOMS = (
     *("analysis", "citymap", "coding", "condensation", "fitness", "genome", "growth", "io"),
-    *("operators", "pavement", "pictures", "plot", "report", "scene", "search", "towns"),
+    *("operators", "pavement", "pictures", "plot", "report", "scene", "search", "shapes", "towns"),
 )
 MEASURES = "../docs/measures.md"
 _TITLE = re.compile(r"^(Parameters|Raises|Returns|Attributes)\n-+\n", re.M)

@@ -22,7 +22,7 @@ PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.M)
 
 GUIDES = (
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
-    *("analysis", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
+    *("analysis", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster", "shapes"),
 )
 WORDS = ("glossary", "papers")
 PROJECT = (

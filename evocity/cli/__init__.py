@@ -16,6 +16,7 @@
   `trials`: what they are tried on
 - `given`: what a word on the command line stands for: a map, a genome, a run
 - `parents`, `settings`: what is bred, maps included; what ``--set key=value`` means
+- `shape`: shapes without any city
 - `common`: options, checks, messages and printing that several commands share
 
 Nothing heavy is imported before a command needs it: ``--help`` answers at once.
@@ -45,6 +46,7 @@ from evocity.cli.resume import resume
 from evocity.cli.run import run
 from evocity.cli.scene import scene
 from evocity.cli.score import score
+from evocity.cli.shape import shape
 from evocity.cli.show import show
 from evocity.cli.status import status
 
@@ -90,6 +92,7 @@ for _command in (
     fitness,
     operators,
     readers,
+    shape,
 ):
     main.add_command(_command)
 

@@ -1,0 +1,20 @@
+"""Shapes of few numbers: iterated function systems of the plane and of space, without any city.
+
+- `shape`: `Shape`, maps with a primitive, a language and colours, and its pieces
+- `checks`: what a shape may be made of
+- `languages`: which words of maps act: automata, counts, union, concatenation, complement
+- `contraction`: whether maps contract, proved or refuted
+- `primitives`: what is drawn at each place
+- `dimension`: exact dimensions, and by counting boxes
+- `drawing`: masks, pictures, SVG
+- `classics`: shapes that everybody knows
+- `wires`: a segment replaced by a line again and again; metamorphosis
+- `files`: shapes in JSON
+- `linear`: small matrices
+
+Source: Tosan, Excoffier, Rondet-Mignotte 2005, papers/003.
+"""
+
+from evocity.rooms import lazily
+
+__getattr__, __dir__, __all__ = lazily(__name__, __file__)

@@ -1,0 +1,151 @@
+"""Compiled walks through the products of a shape's maps. Slow twins stand in tests/naive.py."""
+
+import numpy as np
+
+from evocity.accelerate import kernel
+
+#: No word is longer.
+DEEPEST = 63
+
+
+@kernel
+def walked(
+    maps, table, ending, corners, depth, fine, base, mix, found, lengths, colours, grid, most
+):
+    """How many pieces a shape has, in lexicographic order of their words; as many as there is room
+    for are written: their products into ``found`` ``(room, m, m + 1)``, the lengths of their words
+    into ``lengths`` and their colours into ``colours`` ``(room, C)``. If ``grid`` tells of cells,
+    each marks the cell of its middle instead, and the later covers the earlier: ``grid`` is (marks
+    uint8 ``(side**m,)``, paint ``(side**m, C)``, middle ``(m,)``, scale, offset ``(m,)``, side).
+
+    ``maps`` ``(N, m, m + 1)``; ``table`` ``(S, N)`` the automaton, −1 for none; ``ending``
+    ``(S,)``: where a branch may end; ``corners`` ``(n, m)``: it ends where their box is smaller
+    than ``fine`` on every side, or at ``depth`` ≤ `DEEPEST`; beyond ``most`` pieces it stops.
+    ``base`` ``(N, C)``: colours of the letters, of which each counts ``mix`` times as much as the
+    one before.
+    """
+    marks, paint, middle, scale, offset, side = grid
+    letters, size = maps.shape[0], maps.shape[1]
+    products = np.empty((depth + 1, size, size + 1))
+    products[0] = 0.0
+    for k in range(size):
+        products[0, k, k] = 1.0
+    states = np.zeros(depth + 1, np.int64)
+    letter = np.zeros(depth + 1, np.int64)
+    level, count = 0, 0
+    arrived = True
+    while level >= 0:
+        product = products[level]
+        if arrived:
+            letter[level] = 0
+            if level == depth or _small(product, corners, fine):
+                if ending[states[level]]:
+                    if marks.size:
+                        cell = _cell(product, middle, scale, offset, side)
+                        marks[cell] = 1
+                        _colour(letter, level, base, mix, paint[cell])
+                    elif count < found.shape[0]:
+                        found[count] = product
+                        lengths[count] = level
+                        _colour(letter, level, base, mix, colours[count])
+                    count += 1
+                    if count > most:
+                        return count
+                letter[level] = letters  # nothing below
+        while letter[level] < letters and table[states[level], letter[level]] < 0:
+            letter[level] += 1
+        if letter[level] >= letters:
+            level -= 1
+            arrived = False
+            if level >= 0:
+                letter[level] += 1
+            continue
+        one, below = maps[letter[level]], products[level + 1]
+        for i in range(size):
+            for j in range(size + 1):
+                total = product[i, size] if j == size else 0.0
+                for k in range(size):
+                    total += product[i, k] * one[k, j]
+                below[i, j] = total
+        states[level + 1] = table[states[level], letter[level]]
+        level += 1
+        arrived = True
+    return count
+
+
+@kernel
+def _colour(letter, level, base, mix, colour):
+    """The colour of a word of ``level`` letters: of each, ``mix`` times as much as of the one
+    before it."""
+    for c in range(base.shape[1]):
+        total, share, shares = 0.0, 1.0, 0.0
+        for k in range(level):
+            total += share * base[letter[k], c]
+            shares += share
+            share *= mix
+        colour[c] = total / shares if level else base[0, c]
+
+
+@kernel
+def _cell(product, middle, scale, offset, side):
+    """The number of the cell that a piece's middle lies in: rows from the north, then columns, then
+    layers."""
+    size = product.shape[0]
+    cell = 0
+    for axis in range(size):
+        i = 1 - axis if axis < 2 else axis
+        value = product[i, size]
+        for k in range(size):
+            value += product[i, k] * middle[k]
+        at = min(max(int(np.floor(value * scale + offset[i])), 0), side - 1)
+        cell = cell * side + (side - 1 - at if i == 1 else at)
+    return cell
+
+
+@kernel
+def _small(product, corners, fine):
+    """Whether the box of a piece is smaller than ``fine`` on every side."""
+    size = product.shape[0]
+    for i in range(size):
+        low, high = np.inf, -np.inf
+        for n in range(corners.shape[0]):
+            value = 0.0
+            for k in range(size):
+                value += product[i, k] * corners[n, k]
+            low, high = min(low, value), max(high, value)
+        if high - low >= fine:
+            return False
+    return True
+
+
+@kernel
+def played(maps, backwards, edges, chances, latest, draws, found):
+    """The chaos game of a shape's language, run backwards: the newest letter is the outermost.
+
+    ``backwards`` ``(S + 1,)`` where the edges into each state begin in ``edges`` ``(E, 2)``: (state
+    from which, letter); ``chances`` ``(E,)`` cumulative within a state; ``latest`` ``(S, m)``, the
+    last point of each state, kept for the next call; ``draws`` uniform in 0…1. Where no edge
+    leads to a state, the game goes on from another that was drawn. Writes a point into ``found``
+    ``(len(draws), m)`` whenever it comes to state 0, and returns how many.
+    """
+    size, states = maps.shape[1], len(backwards) - 1
+    state, count = 0, 0
+    for draw in draws:
+        if backwards[state] == backwards[state + 1]:
+            state = min(int(draw * states), states - 1)
+            continue
+        at = backwards[state]
+        while at < backwards[state + 1] - 1 and chances[at] < draw:
+            at += 1
+        one, to = maps[edges[at, 1]], edges[at, 0]
+        moved = np.empty(size)
+        for i in range(size):
+            moved[i] = one[i, size]
+            for k in range(size):
+                moved[i] += one[i, k] * latest[state, k]
+        latest[to] = moved
+        state = to
+        if state == 0:
+            found[count] = moved
+            count += 1
+    return count

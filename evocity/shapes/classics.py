@@ -1,0 +1,84 @@
+"""Shapes that everybody knows, by name."""
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from evocity.errors import shown, with_near_miss
+from evocity.shapes.languages import ShapeError
+from evocity.shapes.primitives import Primitive
+from evocity.shapes.shape import Shape
+from evocity.shapes.wires import wire
+
+
+def _sierpinski() -> Shape:
+    at = [(0, 0), (0.5, 0), (0.25, np.sqrt(3) / 4)]
+    triangle = Primitive.polygon([(0, 0), (1, 0), (0.5, np.sqrt(3) / 2)])
+    return Shape([[[0.5, 0, x], [0, 0.5, y]] for x, y in at], triangle)
+
+
+def _koch() -> Shape:
+    return wire([0j, 1 / 3, 0.5 + 1j * np.sqrt(3) / 6, 2 / 3, 1])
+
+
+def _dragon() -> Shape:
+    """Heighway's."""
+    return wire([0j, 0.5 + 0.5j, 1], arcs=[(0, 1), (2, 1)])
+
+
+def _levy() -> Shape:
+    return wire([0j, 0.5 + 0.5j, 1])
+
+
+def _carpet() -> Shape:
+    at = [(x / 3, y / 3) for x, y in product(range(3), repeat=2) if (x, y) != (1, 1)]
+    return Shape([[[1 / 3, 0, x], [0, 1 / 3, y]] for x, y in at], "square")
+
+
+def _fern() -> Shape:
+    """Barnsley's."""
+    rows = [
+        (0, 0, 0, 0.16, 0, 0),
+        (0.85, 0.04, -0.04, 0.85, 0, 1.6),
+        (0.2, -0.26, 0.23, 0.22, 0, 1.6),
+        (-0.15, 0.28, 0.26, 0.24, 0, 0.44),
+    ]
+    return Shape([[[a, b, e], [c, d, f]] for a, b, c, d, e, f in rows])
+
+
+def _menger() -> Shape:
+    at = [one for one in product(range(3), repeat=3) if one.count(1) < 2]
+    third = np.eye(3) / 3
+    return Shape([np.column_stack([third, np.array(one) / 3]) for one in at], "cube")
+
+
+_KNOWN: dict[str, Callable[[], Shape]] = {
+    "sierpinski": _sierpinski,
+    "koch": _koch,
+    "dragon": _dragon,
+    "levy": _levy,
+    "carpet": _carpet,
+    "fern": _fern,
+    "menger": _menger,
+}
+#: Their names.
+KNOWN = tuple(_KNOWN)
+
+
+def known(name: str) -> Shape:
+    """A shape by one of the names `KNOWN`. Raises `ShapeError` for another.
+
+    Source: Sierpinski 1915 and 1916, von Koch 1904, Davis & Knuth 1970 (Heighway's dragon), Lévy
+    1938, Barnsley 1988 (fern), Menger 1926.
+    """
+    if name not in _KNOWN:
+        raise ShapeError(
+            with_near_miss(f"shape {shown(name)}", name, _KNOWN),
+            f"one of {', '.join(KNOWN)}",
+            "choose one",
+        )
+    return _KNOWN[name]()
+
+
+__all__ = ["KNOWN", "known"]

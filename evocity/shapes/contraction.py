@@ -1,0 +1,75 @@
+"""Whether affine maps contract: proved, refuted, or neither."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.shapes.languages import Language
+from evocity.shapes.linear import norms, radii
+
+#: So many products are looked at, at most.
+MOST_PRODUCTS = 4096
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """What products of some ``length`` say of the joint spectral radius of maps: it lies between
+    ``lower`` and ``upper``. Below 1 long products contract to points, from 1 on they need not.
+    ``word``: of the product whose spectral radius gives ``lower``."""
+
+    lower: float
+    upper: float
+    length: int
+    word: tuple[int, ...]
+
+    @property
+    def proved(self) -> bool:
+        """Whether all long products contract."""
+        return self.upper < 1
+
+    @property
+    def refuted(self) -> bool:
+        """Whether some products never do."""
+        return self.lower >= 1
+
+
+def contraction_of(maps: np.ndarray, language: Language) -> Contraction:
+    """Bounds of the joint spectral radius of ``maps`` ``(N, m, m + 1)`` in the words of a
+    ``language``, by products of growing length until one bound decides it or there are more than
+    `MOST_PRODUCTS`.
+
+    The upper bound is the largest spectral norm of products of length k, to the power 1 / k; the
+    lower one the largest spectral radius of such of them as lead from a state back to it, which can
+    be repeated. Source: ../shared/SHAPES.md §0.
+    """
+    size = maps.shape[1]
+    parts = maps[:, :, :size]
+    kept = np.flatnonzero(language.lasting)
+    table = np.where(np.append(language.lasting, False)[language.table], language.table, -1)
+    products = np.broadcast_to(np.eye(size), (len(kept), size, size))
+    starts, ends = kept, kept
+    words = np.zeros((len(kept), 0), np.int64)
+    lower, upper, word = 0.0, np.inf, ()
+    while True:
+        way, letter = np.nonzero(table[ends] >= 0)
+        length = words.shape[1] + 1
+        if length > 1 and len(way) > MOST_PRODUCTS:
+            return Contraction(lower, upper, length - 1, word)
+        products = np.einsum("kij,kjl->kil", products[way], parts[letter])
+        words = np.column_stack([words[way], letter])
+        starts, ends = starts[way], table[ends[way], letter]
+        if not len(way):
+            return Contraction(0.0, 0.0, length, ())
+        upper = min(upper, float(norms(products).max()) ** (1 / length))
+        round_trips = np.flatnonzero(starts == ends)
+        if len(round_trips):
+            found = radii(products[round_trips])
+            best = int(found.argmax())
+            if found[best] ** (1 / length) > lower:
+                lower = float(found[best]) ** (1 / length)
+                word = tuple(words[round_trips[best]].tolist())
+        if upper < 1 or lower >= 1 or length == 64:
+            return Contraction(lower, upper, length, word)
+
+
+__all__ = ["MOST_PRODUCTS", "Contraction", "contraction_of"]

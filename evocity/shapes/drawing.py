@@ -1,0 +1,174 @@
+"""Shapes as rasters and lines: masks, pictures, SVG."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from evocity.errors import setting
+from evocity.shapes.languages import ShapeError
+from evocity.shapes.shape import MOST_PIECES, Pieces, Shape
+
+#: The largest side of a picture, px.
+MOST_SIDE = 8192
+_INK, _PAPER = (31, 41, 51), (255, 255, 255)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a box of a shape lies in a picture: ``scale`` px a unit, y upwards; ``origin`` is the
+    box's lower left corner in px from the picture's lower left."""
+
+    scale: float
+    low: np.ndarray
+    origin: np.ndarray
+    side: int
+
+    @classmethod
+    def of(cls, box: np.ndarray, side: int) -> "Frame":
+        """The ``box`` ``(2, m)`` in the middle of a square of ``side`` px."""
+        if isinstance(side, bool) or not isinstance(side, int) or not 8 <= side <= MOST_SIDE:
+            raise ShapeError(setting("side", side), f"a whole number, 8…{MOST_SIDE}", "correct it")
+        wide = box[1] - box[0]
+        scale = side / max(float(wide.max()), 1e-300)
+        return cls(scale, box[0], (side - scale * wide) / 2, side)
+
+    @property
+    def offset(self) -> np.ndarray:
+        """Where the shape's origin lies, in px from the lower left ``(m,)``."""
+        return self.origin - self.low * self.scale
+
+    def placed(self, points: np.ndarray) -> np.ndarray:
+        """``points`` ``(…, m)`` in px, y upwards."""
+        return points * self.scale + self.offset
+
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Which cells ``points`` lie in, int; row from the top, then column, and layer."""
+        at = np.clip(np.floor(self.placed(points)), 0, self.side - 1).astype(np.int64)
+        return np.concatenate([self.side - 1 - at[..., 1:2], at[..., 0:1], at[..., 2:]], axis=-1)
+
+
+def box_of(shape: Shape, depth: int | None) -> np.ndarray:
+    """What a picture shows: the attractor; at a ``depth`` the pieces of it."""
+    if depth is None:
+        return shape.box
+    points = shape.pieces(depth).points.reshape(-1, shape.size)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def mask_of(
+    shape: Shape,
+    side: int = 512,
+    depth: int | None = None,
+    box: np.ndarray | None = None,
+    most: int = MOST_PIECES,
+) -> np.ndarray:
+    """Which of ``side`` × ``side`` cells (× ``side`` in space) a shape fills, bool, north up.
+
+    Unless a ``depth`` is told, pieces are as fine as a cell, and each marks the cell of its middle.
+    ``box``: what is shown, ``(2, m)``; all of the shape unless told.
+
+    Raises `ShapeError` for too many pieces, and for a depth in space.
+    """
+    if depth is not None:
+        if shape.size == 3:
+            raise ShapeError(setting("depth", depth), "None for a mask in space", "leave it out")
+        return np.asarray(picture_of(shape, side, depth, box, most).convert("L")) < 255
+    frame = Frame.of(shape.box if box is None else np.asarray(box, float), side)
+    return shape.laid(side, frame.scale, frame.offset)[0]
+
+
+def picture_of(
+    shape: Shape,
+    side: int = 512,
+    depth: int | None = None,
+    box: np.ndarray | None = None,
+    most: int = MOST_PIECES,
+) -> Image.Image:
+    """A shape of the plane as a picture, ``side`` × ``side`` px. Pieces are painted in the order
+    of their words, later ones over earlier ones, each in its colour: so each point has that of its
+    greatest address (Barnsley 2005, tops). Arguments and errors as of `mask_of`."""
+    _check_plane(shape)
+    frame = Frame.of(box_of(shape, depth) if box is None else np.asarray(box, float), side)
+    if depth is not None:
+        return _painted(shape.pieces(depth, most=most), frame)
+    marks, paint = shape.laid(side, frame.scale, frame.offset)
+    found = np.full((side, side, 3), _PAPER, np.uint8)
+    found[marks] = np.round(paint[marks] * 255) if paint.shape[2] else _INK
+    return Image.fromarray(found)
+
+
+def _painted(pieces: Pieces, frame: Frame) -> Image.Image:
+    image = Image.new("RGB", (frame.side, frame.side), _PAPER)
+    draw = ImageDraw.Draw(image)
+    primitive = pieces.primitive
+    placed = frame.placed(pieces.points)
+    placed[..., 1] = frame.side - placed[..., 1]
+    for points, colour in zip(placed, map(tuple, _colours(pieces).tolist()), strict=True):
+        for face in primitive.faces:
+            draw.polygon([tuple(points[k]) for k in face], fill=colour, outline=colour)
+        for start, end in primitive.lines:
+            draw.line([tuple(points[start]), tuple(points[end])], fill=colour)
+        if not len(primitive.faces) and not len(primitive.lines):
+            draw.point([tuple(one) for one in points], fill=colour)
+    return image
+
+
+def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
+    """A shape of the plane at a ``depth`` as SVG, one path a colour, in the order of the words."""
+    _check_plane(shape)
+    pieces = shape.pieces(depth, most=most)
+    frame = Frame.of(box_of(shape, depth), side)
+    placed = frame.placed(pieces.points)
+    placed[..., 1] = side - placed[..., 1]
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{side}" height="{side}" '
+        f'viewBox="0 0 {side} {side}">'
+    ]
+    for path, colour, filled in _paths(placed, pieces):
+        style = f'fill="{colour}"' if filled else f'fill="none" stroke="{colour}"'
+        lines.append(f'<path {style} d="{path}"/>')
+    return "\n".join([*lines, "</svg>\n"])
+
+
+def _paths(placed: np.ndarray, pieces: Pieces) -> Iterator[tuple[str, str, bool]]:
+    """Runs of pieces of one colour: what is drawn, in which colour, and whether it is filled."""
+    primitive, colours = pieces.primitive, _colours(pieces)
+    changes = np.flatnonzero((colours[1:] != colours[:-1]).any(axis=1)) + 1
+    for some in np.split(np.arange(len(pieces)), changes):
+        if not len(some):
+            continue
+        colour = "#{:02x}{:02x}{:02x}".format(*colours[some[0]].tolist())
+        for parts, filled in ((primitive.faces, True), (primitive.lines, False)):
+            if len(parts):
+                yield (
+                    " ".join(_path(placed[k][part], filled) for k in some for part in parts),
+                    colour,
+                    filled,
+                )
+        if not len(primitive.faces) and not len(primitive.lines):
+            dots = [point for k in some for point in placed[k]]
+            yield " ".join(f"M{x:.4g} {y:.4g}h.5" for x, y in dots), colour, False
+
+
+def _path(points: np.ndarray, closed: bool) -> str:
+    told = "L".join(f"{x:.7g} {y:.7g}" for x, y in points.tolist())
+    return f"M{told}{'Z' if closed else ''}"
+
+
+def _colours(pieces: Pieces) -> np.ndarray:
+    """Uint8 ``(n, 3)``."""
+    if not pieces.colours.shape[1]:
+        return np.broadcast_to(np.array(_INK, np.uint8), (len(pieces), 3))
+    return np.round(pieces.colours * 255).astype(np.uint8)
+
+
+def _check_plane(shape: Shape) -> None:
+    if shape.size != 2:
+        raise ShapeError(
+            "a shape of space", "one of the plane", "make a mask of it: evocity.shapes.mask_of"
+        )
+
+
+__all__ = ["MOST_SIDE", "Frame", "box_of", "mask_of", "picture_of", "svg_of"]
