@@ -8,11 +8,12 @@
 - `dimension`: exact dimensions, and by counting boxes
 - `drawing`: masks, pictures, SVG
 - `classics`: shapes that everybody knows
+- `curve`: curves of few control points, Bézier curves and splines among them
 - `wires`: a segment replaced by a line again and again; metamorphosis
 - `files`: shapes in JSON
 - `linear`: small matrices
 
-Source: Tosan, Excoffier, Rondet-Mignotte 2005, papers/003.
+Source: Tosan, Excoffier, Rondet-Mignotte 2005, and Hnaidi, Guérin, Akkouche for curves.
 """
 
 from evocity.rooms import lazily

@@ -1,6 +1,7 @@
 from .classics import KNOWN as KNOWN
 from .classics import known as known
 from .contraction import Contraction as Contraction
+from .curve import Curve as Curve
 from .dimension import Boxes as Boxes
 from .dimension import box_dimension as box_dimension
 from .dimension import boxes_of as boxes_of

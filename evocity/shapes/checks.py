@@ -1,10 +1,12 @@
 """What a shape may be made of."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from evocity.errors import shown
+from evocity.shapes.contraction import Contraction
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.primitives import Primitive
 
@@ -69,6 +71,27 @@ def too_many(count: int, most: int, more: str = "") -> ShapeError:
     )
 
 
+def refused_growth(found: Contraction) -> None:
+    """Raise `ShapeError`, which names them, for maps that do not contract; warn where it is not
+    known."""
+    if found.refuted:
+        named = " ".join(map(str, found.word))
+        raise ShapeError(
+            f"map {named}, whose spectral radius is {found.lower:.4g}"
+            if len(found.word) == 1
+            else f"maps {named} one after another, whose spectral radius is "
+            f"{found.lower ** len(found.word):.4g}",
+            "maps whose long products contract: a spectral radius below 1",
+            "make these maps smaller, or leave their word out of the language",
+        )
+    if not found.proved:
+        warnings.warn(
+            f"maps of which it is not known whether they contract: the joint spectral radius "
+            f"lies between {found.lower:.4g} and {found.upper:.4g}",
+            stacklevel=4,
+        )
+
+
 __all__ = [
     "MOST_MAPS",
     "colours_of",
@@ -76,5 +99,6 @@ __all__ = [
     "in_space",
     "maps_of",
     "no_long_words",
+    "refused_growth",
     "too_many",
 ]

@@ -26,6 +26,14 @@ def solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.linalg.solve(matrix, right)
 
 
+def fixed_of(matrix: np.ndarray) -> np.ndarray:
+    """The vector of sum 1 that a ``matrix`` whose columns sum to 1 leaves as it is."""
+    size = len(matrix)
+    rows = np.vstack([matrix - np.eye(size), np.ones((1, size))])
+    right = np.append(np.zeros(size), 1.0)
+    return np.linalg.lstsq(rows, right, rcond=None)[0]
+
+
 def polar(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A ``matrix`` as a turn, orthogonal, after a symmetric stretch."""
     left, lengths, right = np.linalg.svd(matrix)
@@ -47,4 +55,4 @@ def moved(maps: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,nj->...ni", maps[..., :size], points) + maps[..., None, :, size]
 
 
-__all__ = ["after", "determinants", "moved", "norms", "polar", "radii", "solved"]
+__all__ = ["after", "determinants", "fixed_of", "moved", "norms", "polar", "radii", "solved"]

@@ -1,6 +1,5 @@
 """`Shape`: what the products of some affine maps make of a primitive."""
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,6 +15,7 @@ from evocity.shapes.checks import (
     in_space,
     maps_of,
     no_long_words,
+    refused_growth,
     too_many,
 )
 from evocity.shapes.contraction import Contraction, contraction_of
@@ -103,7 +103,7 @@ class Shape:
         if not (isinstance(self.mix, int | float) and 0 < self.mix < 1):
             raise ShapeError(setting("mix", self.mix), "a number between 0 and 1", "correct it")
         _set(self, contraction=contraction_of(maps, language))
-        self._check_contraction()
+        refused_growth(self.contraction)
         primitive = self.primitive
         if primitive is not None:
             primitive = in_space(primitive_of(primitive), maps.shape[1])
@@ -121,25 +121,6 @@ class Shape:
                 "correct them",
             )
         return cls(np.stack([np.column_stack([*one[1:], one[0]]) for one in listed]), **more)
-
-    def _check_contraction(self) -> None:
-        found = self.contraction
-        if found.refuted:
-            named = " ".join(map(str, found.word))
-            raise ShapeError(
-                f"map {named}, whose spectral radius is {found.lower:.4g}"
-                if len(found.word) == 1
-                else f"maps {named} one after another, whose spectral radius is "
-                f"{found.lower ** len(found.word):.4g}",
-                "maps whose long products contract: a spectral radius below 1",
-                "make these maps smaller, or leave their word out of the language",
-            )
-        if not found.proved:
-            warnings.warn(
-                f"maps of which it is not known whether they contract: the joint spectral radius "
-                f"lies between {found.lower:.4g} and {found.upper:.4g}",
-                stacklevel=4,
-            )
 
     # -- what it is --------------------------------------------------------------------------
 
