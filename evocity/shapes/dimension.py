@@ -90,7 +90,7 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
     if not mask.any() or len(sides) < 3:
         raise ShapeError(
             f"a mask of {' × '.join(map(str, mask.shape))} with {np.count_nonzero(mask)} cells",
-            f"some cells, and {4 * base**4} or more along each axis",
+            f"some cells, and {4 * base ** (4 if base == 2 else 3)} or more along each axis",
             "draw it larger",
         )
     parts = 4 if base == 2 else base  # of a box, which offsets of the grid are multiples of

@@ -134,13 +134,15 @@ class Shape:
 
     @cached_property
     def box(self) -> np.ndarray:
-        """Least and greatest coordinates ``(2, m)`` of the attractor, by up to a 200th too wide
-        where maps turn; of a language without words of any length, what all words reach."""
+        """Least and greatest coordinates ``(2, m)`` of the attractor, by up to a 50th too wide
+        where maps turn (in space a tenth); of a language without words of any length, what all
+        words reach."""
         centre, radius = self._ball
         whole = np.stack([centre - radius, centre + radius])
         if not self.language.lasts:
             return whole
-        found = self._walked(DEEPEST, radius / 100, corners(whole), self._goes_on, 10**7)[0]
+        fine = radius / (100 if self.size == 2 else 20)
+        found = self._walked(DEEPEST, fine, corners(whole), self._goes_on, 10**7)[0]
         middle = np.einsum("kij,j->ki", found[:, :, : self.size], centre) + found[:, :, self.size]
         half = np.abs(found[:, :, : self.size]).sum(axis=2) * radius
         rough = np.stack([(middle - half).min(axis=0), (middle + half).max(axis=0)])
