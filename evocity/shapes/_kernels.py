@@ -119,6 +119,51 @@ def _small(product, corners, fine):
 
 
 @kernel
+def farthest(maps, table, points, centre, radius, direction, slack):
+    """How far the attractor reaches in a ``direction`` ``(m,)``, by up to ``slack`` too little: the
+    greatest of its dot products with known ``points`` ``(S, m)``, one of each state's attractor,
+    under all products of which a ball about ``centre`` with ``radius`` could reach farther.
+    ``table`` has no dead ends."""
+    letters, size = maps.shape[0], maps.shape[1]
+    # of a product, the direction as it has it, and how far its origin lies along it
+    rows = np.empty((DEEPEST + 1, size))
+    rows[0] = direction
+    along = np.zeros(DEEPEST + 1)
+    states = np.zeros(DEEPEST + 1, np.int64)
+    letter = np.zeros(DEEPEST + 1, np.int64)
+    best, level = -np.inf, 0
+    while level >= 0:
+        if letter[level] == 0:
+            value, middle, length = along[level], along[level], 0.0
+            for k in range(size):
+                value += rows[level, k] * points[states[level], k]
+                middle += rows[level, k] * centre[k]
+                length += rows[level, k] ** 2
+            best = max(best, value)
+            if level == DEEPEST or middle + np.sqrt(length) * radius <= best + slack:
+                letter[level] = letters
+        if letter[level] >= letters:
+            level -= 1
+            continue
+        one = letter[level]
+        letter[level] += 1
+        to = table[states[level], one]
+        if to < 0:
+            continue
+        below = level + 1
+        along[below] = along[level]
+        for k in range(size):
+            along[below] += rows[level, k] * maps[one, k, size]
+            total = 0.0
+            for j in range(size):
+                total += rows[level, j] * maps[one, j, k]
+            rows[below, k] = total
+        states[below], letter[below] = to, 0
+        level = below
+    return best
+
+
+@kernel
 def played(maps, backwards, edges, chances, latest, draws, found):
     """The chaos game of a shape's language, run backwards: the newest letter is the outermost.
 

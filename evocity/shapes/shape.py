@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evocity.errors import setting
-from evocity.shapes._kernels import DEEPEST, played, walked
+from evocity.shapes._kernels import DEEPEST, farthest, played, walked
 from evocity.shapes.checks import (
     colours_of,
     corners,
@@ -134,18 +134,21 @@ class Shape:
 
     @cached_property
     def box(self) -> np.ndarray:
-        """Least and greatest coordinates ``(2, m)`` of the attractor, by up to a 50th too wide
-        where maps turn (in space a tenth); of a language without words of any length, what all
+        """Least and greatest coordinates ``(2, m)`` of the attractor, by up to a 100th too wide
+        where maps turn; of a language without words of any length, what all
         words reach."""
         centre, radius = self._ball
         whole = np.stack([centre - radius, centre + radius])
         if not self.language.lasts:
             return whole
-        fine = radius / (100 if self.size == 2 else 20)
-        found = self._walked(DEEPEST, fine, corners(whole), self._goes_on, 10**7)[0]
-        middle = np.einsum("kij,j->ki", found[:, :, : self.size], centre) + found[:, :, self.size]
-        half = np.abs(found[:, :, : self.size]).sum(axis=2) * radius
-        rough = np.stack([(middle - half).min(axis=0), (middle + half).max(axis=0)])
+        table, _ = self._goes_on
+        points, slack = self._points(table), radius / (1000 if self.size == 2 else 200)
+        ends = [
+            [farthest(self.maps, table, points, centre, radius, sign * axis, slack) + slack
+             for axis in np.eye(self.size)]
+            for sign in (-1.0, 1.0)
+        ]  # fmt: skip
+        rough = np.stack([-np.array(ends[0]), np.array(ends[1])])
         return self._tightened(rough, whole)
 
     def _tightened(self, rough: np.ndarray, whole: np.ndarray) -> np.ndarray:
