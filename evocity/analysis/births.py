@@ -8,7 +8,7 @@ import numpy as np
 
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
 from evocity.columns import array_of
-from evocity.errors import RunError, near_miss
+from evocity.errors import RunError, near_miss, shown
 from evocity.fitness import Aims
 from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run, broken_by, losses_of
@@ -293,14 +293,24 @@ class Told:
 
     def rows(self, ids: Iterable[int]) -> np.ndarray:
         """The row of each of these ``ids``. Raises `RunError` for one that is none."""
-        sought = np.asarray(ids if isinstance(ids, np.ndarray) else list(ids))
+        listed = ids if isinstance(ids, np.ndarray) else list(ids)
+        try:
+            sought = np.asarray(listed)
+        except ValueError:  # lists of several lengths among them
+            sought = np.asarray(listed, object)
         if not sought.size:
             return np.zeros(0, np.intp)
-        if sought.ndim != 1 or sought.dtype.kind not in "iu":
-            self.run.individuals(list(sought.ravel().tolist()))  # says what is wrong with it
+        if sought.ndim != 1:
+            raise RunError(
+                f"{self.run.path}: ids {shown(sought.tolist())}",
+                "ids one after the other, not lists of them",
+                "give for example [1, 2]",
+            )
+        if sought.dtype.kind not in "iu":
+            self.run.individuals(sought.tolist())  # says what is wrong with it
         found = np.searchsorted(self.ids, sought)
-        known = np.append(self.ids, -1)  # beyond the last there is none
-        missing = sought[known[found] != sought]
+        beyond = found == len(self.ids)
+        missing = sought[beyond | (np.append(self.ids, 0)[found] != sought)]
         if missing.size:
             raise RunError(
                 f"{self.run.path}: no individual {missing[0]}",

@@ -3,10 +3,11 @@
 import csv
 import math
 import os
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -45,13 +46,16 @@ def write_csv(told: Told, ids: np.ndarray, path: str | os.PathLike, form: str = 
             "choose another name, or remove it",
         )
     individuals = [Individual(told, one) for one in ids.tolist()]
-    with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
-        made = Path(hidden) / "pictures"
-        made.mkdir()
-        for one in individuals:
-            one.save(made / f"{one.id}.png")
-        _write(temporary, *_explored(told, individuals, pictures.name))
-        made.rename(pictures)
+    with ExitStack() as undo:
+        with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
+            made = Path(hidden) / "pictures"
+            made.mkdir()
+            for one in individuals:
+                one.save(made / f"{one.id}.png")
+            _write(temporary, *_explored(told, individuals, pictures.name))
+            made.rename(pictures)
+            undo.callback(shutil.rmtree, pictures, ignore_errors=True)
+        undo.pop_all()  # the table stands: so do its pictures
 
 
 def _explored(
