@@ -1,6 +1,7 @@
 """All births of a run as columns: read once, settled at one generation. numpy alone."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -8,17 +9,20 @@ import numpy as np
 
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
 from evocity.columns import array_of
-from evocity.errors import RunError, near_miss, shown
+from evocity.errors import RunError, check_word, near_miss, shown
 from evocity.fitness import Aims
+from evocity.kinds import Expressed
 from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run, broken_by, losses_of
-from evocity.store import Run
+from evocity.store import Birth, Run
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 #: What a birth has besides its measures, in the order of tables; islands where there are some.
 OWN = ("generation", "id", "island", "operator", "status", "feasible", "seconds", "alive", "lived")
+#: Why a birth without a genome has no map.
+NEVER_BRED = "it was never bred"
 
 
 class Told:
@@ -43,6 +47,11 @@ class Told:
         return len(self.ids)
 
     # -- columns -----------------------------------------------------------------------------
+
+    @cached_property
+    def history(self) -> list[dict]:
+        """What the log tells of each generation, as `evocity.store.Run.history` has it."""
+        return [one for one in Run.history(self.run) if one["generation"] <= self.last]
 
     @property
     def read_already(self) -> bool:
@@ -139,6 +148,11 @@ class Told:
         """One a measure that is recorded besides."""
         return recorded_of(self.run)
 
+    @property
+    def logged(self) -> list[Aim]:
+        """One a measure of the log: those in which something was wanted, then the recorded."""
+        return [*self.aims, *self.recorded]
+
     @cached_property
     def ok(self) -> np.ndarray:
         """Bool ``(n,)``: it was bred, and has a value of all that is sought. One of before a
@@ -192,24 +206,23 @@ class Told:
         Raises `RunError` for an unknown name, and for a measure of which the run wanted neither
         more nor less, unless a goal is given.
         """
-        if goal not in (None, "max", "min"):
-            raise RunError(f"goal = {goal!r}", "max or min", "leave it out for the run's own")
+        if goal is not None:
+            check_word("goal", goal, ("max", "min"), "leave it out for the run's own", RunError)
         sums = sorted({aim.total for aim in self.aims} - {None})
         if name not in self.run.header.columns:
             if name in sums and goal is None:
                 return self.losses[:, self.goals.index(name)]
             raise unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
-        aim = next(one for one in [*self.aims, *self.recorded] if one.name == name)
-        if goal is None and aim.target is not None:
-            return np.abs(self.value(name) - aim.target)
-        goal = goal or aim.goal
-        if goal not in ("max", "min"):
+        aim = next(one for one in self.logged if one.name == name)
+        if goal is not None:
+            aim = replace(aim, goal=goal, target=None)
+        if aim.target is None and aim.goal not in ("max", "min"):
             raise RunError(
                 f"{self.run.path}: the run wanted neither more nor less of {name} ({aim.wanted})",
                 "a measure with a goal",
                 f'say which: run.best("{name}", goal="max")',
             )
-        return self.value(name) if goal == "min" else -self.value(name)
+        return aim.losses(self.value(name))
 
     def quality_on(self, island: str | None = None) -> str:
         """What the best of a cell is the best by, on an ``island`` or in the run as a whole: a
@@ -319,6 +332,12 @@ class Told:
             )
         return found
 
+    def expressed(self, birth: Birth) -> Expressed:
+        """What a ``birth`` of the run stands for: its map, or why it has none."""
+        if birth.genome is None:
+            return Expressed(None, NEVER_BRED)
+        return self.run.header.chromosome.express(birth.genome)
+
     @property
     def columns(self) -> list[str]:
         """Names of what each birth has, as tables call it: a measure by its own name, unless that
@@ -349,4 +368,4 @@ def unknown(name: object, known: Collection[str], where: str) -> RunError:
     )
 
 
-__all__ = ["OWN", "Told", "label", "unknown"]
+__all__ = ["NEVER_BRED", "OWN", "Told", "label", "unknown"]

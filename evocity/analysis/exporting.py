@@ -14,7 +14,7 @@ import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.individual import Individual
-from evocity.errors import RunError, shown
+from evocity.errors import RunError, check_word
 from evocity.files import whole_file
 
 FORMS = ("plain", "design-explorer")
@@ -28,8 +28,7 @@ def write_csv(told: Told, ids: np.ndarray, path: str | os.PathLike, form: str = 
     """The scores of the births ``ids`` as CSV, see `Run.to_csv`. Raises `RunError` for another
     ``form``, and where it cannot be written; nothing is left half-written."""
     path = Path(path)
-    if form not in FORMS:
-        raise RunError(f"form = {shown(form)}", f"one of {', '.join(FORMS)}", "choose one")
+    check_word("form", form, FORMS, error=RunError)
     rows = told.rows(ids)
     if form == "plain":
         names = told.columns

@@ -35,7 +35,7 @@ def run_html(run: Run) -> str:
         told += _state(run)
         best = {aim.name: _best(run, aim) for aim in run.aims if aim.sought}
         aims = [_aim(aim, best.get(aim.name)) for aim in run.aims]
-        highest = max((scale_end(one.city) for one in run.sources()), default=10.0)
+        highest = scale_end(*(one.city for one in run.sources()))
         maps = _row(run, {name: one for name, one in best.items() if one}, highest)
     else:
         told.append(("generations", "none is whole yet"))
@@ -71,8 +71,7 @@ def individual_html(one: Individual) -> str:
         told.append(("status", f"{one.status}: {(one.error or '')[:_LONGEST]}"))
     scores = one.scores
     rows = [
-        (aim.name, number(scores.get(aim.name), aim.unit), aim.wanted)
-        for aim in [*run.aims, *run.told.recorded]
+        (aim.name, number(scores.get(aim.name), aim.unit), aim.wanted) for aim in run.told.logged
     ]
     return (
         templates_of(TEMPLATES)
@@ -94,7 +93,7 @@ def individual_html(one: Individual) -> str:
 def keeping_html(keeping: Keeping) -> str:
     """A `Keeping` as HTML: each with its map, its role, why it is kept, what it gave up."""
     cities = [one.individual.city for one in keeping[:_MOST]]
-    highest = max(map(scale_end, cities), default=10.0)
+    highest = scale_end(*cities)
     shown = []
     for place, one in enumerate(keeping[:_MOST_TOLD]):
         note = {"title": f"{one.individual.id}: {one.role}", "why": one.why, "lost": one.gave_up}

@@ -81,9 +81,7 @@ def pedigree(
     inch = min(1.0, (width - 2.2) / across)
     drawn = np.unique(np.concatenate([one.rows for one in rows]))
     births = {birth.id: birth for birth in told.run.individuals(told.ids[drawn].tolist())}
-    express = told.run.header.chromosome.express
-    cities = {one: None if b.genome is None else express(b.genome).city
-              for one, b in births.items()}  # fmt: skip
+    cities = {one: told.expressed(birth).city for one, birth in births.items()}
     known = [city for city in cities.values() if city is not None]
     tall = _WIDE * (known[0].shape[0] / known[0].shape[1] if known else 1.0)
     words, between = _WORDS / inch, _BETWEEN / inch

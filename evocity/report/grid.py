@@ -54,7 +54,7 @@ def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
     sheet = Image.new("RGB", (layout.width, layout.words + _LINE * len(lines) + 16), PAPER)
     draw = ImageDraw.Draw(sheet)
     of = facts.title if island is None else f"{facts.title}, {island}"
-    draw.text((20, 18), f"{of}, generation {facts.last}", INK, title)
+    draw.text((20, 18), f"{of}, generation {facts.told.last}", INK, title)
     for number in range(len(layout.slices)):
         _draw_axes(sheet, draw, layout, number, plain)
     _fill(sheet, draw, facts, binned, layout, highest)

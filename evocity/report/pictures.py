@@ -24,7 +24,7 @@ _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stay
 
 def common_scale(facts: Facts) -> float:
     """Metres at which the colours of all pictures of a run end: above its parents' roofs."""
-    return max(scale_end(source.city) for source in facts.sources)
+    return scale_end(*(source.city for source in facts.sources))
 
 
 def map_uri(city: CityMap, highest: float) -> str:
@@ -85,7 +85,7 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
 def _caption(facts: Facts, one: Shown) -> list[str]:
     values = [
         f"{aim.name} {one.birth.values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip()
-        for aim in [*facts.aims, *facts.recorded]
+        for aim in facts.told.logged
     ]
     return [f"individual {one.birth.id}", *values]
 
@@ -102,7 +102,7 @@ def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Ima
     low = top + -(-len(cells) // columns) * step + 8
     sheet = Image.new("RGB", (width, low + 52 + gap + line * len(credits)), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((gap, 20), f"{facts.title}, generation {facts.last}", INK, title)
+    draw.text((gap, 20), f"{facts.title}, generation {facts.told.last}", INK, title)
     for number, cell in enumerate(cells):
         if cell is None:
             continue
