@@ -14,7 +14,7 @@ from evocity.fitness import Aims
 from evocity.kinds import Expressed
 from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run, broken_by, losses_of
-from evocity.store import Birth, Run
+from evocity.store import Birth, Run, Source
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -171,6 +171,20 @@ class Told:
             within &= aim.within(self.value(aim.name))
         return within
 
+    @cached_property
+    def sources(self) -> list[Source]:
+        """The source cities, maps and genomes."""
+        return self.run.sources()
+
+    @cached_property
+    def islands_noted(self) -> dict[str, Mapping]:
+        """What provenance notes of each island, by their names."""
+        recipe = self.run.provenance.get("recipe")
+        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
+        listed = listed if isinstance(listed, list) else ()
+        tables = [one for one in listed if isinstance(one, Mapping)]
+        return {str(one.get("name")): one for one in tables}
+
     # -- goals -------------------------------------------------------------------------------
 
     @cached_property
@@ -227,10 +241,7 @@ class Told:
     def quality_on(self, island: str | None = None) -> str:
         """What the best of a cell is the best by, on an ``island`` or in the run as a whole: a
         measure, or a sum; all of them where there are several."""
-        recipe = self.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
-        tables = [one for one in listed or () if isinstance(one, Mapping)]
-        own = next((one.get("measures") for one in tables if one.get("name") == island), None)
+        own = self.islands_noted.get(island, {}).get("measures")
         goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.aims if aim.sought}
         kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
         return ", ".join(kept)

@@ -11,7 +11,7 @@ import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.extras import library
-from evocity.analysis.wanted import recipe_of
+from evocity.analysis.wanted import overrides_of, recipe_of
 from evocity.search.archiving import volume_is_quick
 from evocity.search.fronts import Hypervolume, not_dominated
 
@@ -223,9 +223,7 @@ def _dominated(front: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _asked(told: Told) -> dict:
     """What the run's recipe says, with what replaced its values."""
     recipe = recipe_of(told.run)
-    noted = told.run.provenance.get("recipe")
-    overrides = noted.get("overrides") if isinstance(noted, Mapping) else None
-    for key, value in (overrides if isinstance(overrides, Mapping) else {}).items():
+    for key, value in overrides_of(told.run).items():
         section, _, name = str(key).partition(".")
         table = recipe.setdefault(section, {})
         if isinstance(table, dict):

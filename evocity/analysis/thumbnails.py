@@ -32,7 +32,7 @@ def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
 
 def highest_of(told: Told) -> float:
     """Metres at which the colours of all maps of a run end: above its parents' roofs."""
-    return scale_end(*(source.city for source in told.run.sources()))
+    return scale_end(*(source.city for source in told.sources))
 
 
 def thumbnail(city: CityMap, highest: float, largest: int) -> Image.Image:

@@ -110,6 +110,13 @@ def recipe_of(run: Run) -> dict:
         return {}
 
 
+def overrides_of(run: Run) -> dict:
+    """What replaced the recipe's values, as {"run.seed": 8}."""
+    recipe = run.provenance.get("recipe")
+    found = recipe.get("overrides") if isinstance(recipe, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
 def aims_of(run: Run) -> list[Aim]:
     """What was wanted of each measure, one a measure in the recipe's order; what the run noted
     goes before what its recipe says."""
@@ -155,4 +162,4 @@ def number_of(value: object) -> float | None:
         return None
 
 
-__all__ = ["Aim", "aims_of", "number_of", "recipe_of", "recorded_of"]
+__all__ = ["Aim", "aims_of", "number_of", "overrides_of", "recipe_of", "recorded_of"]

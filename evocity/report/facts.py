@@ -11,7 +11,7 @@ from evocity import fitness
 from evocity.analysis.births import Told
 from evocity.analysis.keeping import Keeping, kept_of
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.wanted import Aim, number_of, recipe_of
+from evocity.analysis.wanted import Aim, number_of, overrides_of, recipe_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.genome import VOID
@@ -87,9 +87,7 @@ class Facts:
     @property
     def overrides(self) -> dict:
         """What replaced the recipe's values, as {"run.seed": 8}."""
-        recipe = self.run.provenance.get("recipe")
-        found = recipe.get("overrides") if isinstance(recipe, dict) else None
-        return found if isinstance(found, dict) else {}
+        return overrides_of(self.run)
 
     @property
     def times(self) -> list[tuple[str, str]]:
@@ -100,7 +98,7 @@ class Facts:
     @cached_property
     def sources(self) -> list[Source]:
         """The parents. Raises `RunError` if there is none."""
-        sources = self.run.sources()
+        sources = self.told.sources
         if not sources:
             raise RunError(
                 f"{self.run.path / 'sources'} holds no city",

@@ -23,14 +23,6 @@ class Islands:
         return self.facts.run.header.islands
 
     @cached_property
-    def _noted(self) -> dict[str, Mapping]:
-        """What provenance notes of each."""
-        recipe = self.facts.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
-        tables = [one for one in listed or () if isinstance(one, Mapping)]
-        return {str(one.get("name")): one for one in tables}
-
-    @cached_property
     def _homes(self) -> dict[int, str]:
         """Where each birth was born."""
         told = self.facts.told
@@ -41,7 +33,7 @@ class Islands:
         """Of each island its name, algorithm, operators with their weights, and goals."""
         found = []
         for name in self.names:
-            noted = self._noted.get(name, {})
+            noted = self.facts.told.islands_noted.get(name, {})
             search, measures = noted.get("search"), noted.get("measures")
             algorithm = search.get("algorithm") if isinstance(search, Mapping) else None
             goals = ", ".join(map(str, measures)) if isinstance(measures, list) else "all"

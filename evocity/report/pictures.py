@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.pages import data_uri
-from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render, scale_end
+from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
 from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
 from evocity.scene import scene
@@ -20,11 +21,6 @@ FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
 _WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
-
-
-def common_scale(facts: Facts) -> float:
-    """Metres at which the colours of all pictures of a run end: above its parents' roofs."""
-    return scale_end(*(source.city for source in facts.sources))
 
 
 def map_uri(city: CityMap, highest: float) -> str:
@@ -75,7 +71,7 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     facts = Facts(run)
     parents = [source.city for source in facts.sources]
     chosen = facts.best(best)
-    highest = common_scale(facts)
+    highest = highest_of(facts.told)
     cells: list = [(city, [city.name, "parent"]) for city in parents]
     cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
     cells += [(one.city, _caption(facts, one)) for one in chosen]

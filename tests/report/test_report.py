@@ -15,6 +15,7 @@ from codes import uniformly
 from PIL import Image
 
 from evocity import fitness
+from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import RunError
@@ -30,7 +31,7 @@ from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
 from evocity.report.html import page_of
 from evocity.report.kept import best_of_last, few_to_keep
-from evocity.report.pictures import Pictures, _caption, common_scale, data_uri, map_uri
+from evocity.report.pictures import Pictures, _caption, data_uri, map_uri
 from evocity.report.summary import Summary, gain
 from evocity.report.words import WORDS
 from evocity.scene import scene
@@ -263,7 +264,7 @@ def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
         assert len(code) < 150_000
         picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
         whole = scene(one.city).picture(
-            width=picture.width, highest=common_scale(facts), legend=False
+            width=picture.width, highest=highest_of(facts.told), legend=False
         )
         assert picture.size == whole.size
         assert np.abs(np.asarray(picture, int) - np.asarray(whole, int)).mean() < 2
