@@ -6,7 +6,7 @@ Every message has three parts: what was found, what was expected, what to do.
 import contextlib
 import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 
 class EvocityError(Exception):
@@ -213,6 +213,23 @@ def told_bytes(count: int) -> str:
         if count >= size:
             return f"{count / size:.3g} {unit}"
     return f"{count / 1e3:.3g} kB"
+
+
+def check_word(
+    name: str,
+    value: object,
+    known: Collection[str],
+    remedy: str = "choose one",
+    error: type[EvocityError] = EvocityError,
+) -> None:
+    """Raise an ``error`` unless the ``value`` of a parameter is one of the words ``known``; its
+    remedy is the word that was perhaps meant, or else what is given."""
+    if not (isinstance(value, str) and value in known):
+        raise error(
+            setting(name, value),
+            f"one of {', '.join(known)}",
+            near_miss(str(value), known) or remedy,
+        )
 
 
 def with_near_miss(found: str, name: str, known: Iterable[str]) -> str:

@@ -2,7 +2,19 @@
 
 import pickle
 
-from evocity.errors import MapError, keyword, setting, told_by, unset
+import numpy as np
+import pytest
+
+from evocity.errors import (
+    EvocityError,
+    MapError,
+    RunError,
+    check_word,
+    keyword,
+    setting,
+    told_by,
+    unset,
+)
 
 
 def test_python_reads_parameters_as_it_types_them():
@@ -30,3 +42,16 @@ def test_a_text_that_looks_marked_does_no_harm():
     error = MapError(odd, setting("name", odd), keyword("name", odd))
     for part in (error.found, error.expected, error.remedy):
         assert not set(part) & set("\ufdd0\ufdd1\ufdd2")
+
+
+def test_a_word_is_one_of_those_that_are_known():
+    known = {"looks": 1, "scores": 2}
+    check_word("by", "looks", known)
+    for value in ("look", "", None, ["looks"], {"looks"}, 1, np.array(["looks", "scores"])):
+        with pytest.raises(RunError, match="by = ") as caught:
+            check_word("by", value, known, "leave it out", RunError)
+        assert caught.value.expected == "one of looks, scores"
+    for value, remedy in (("look", "did you mean looks?"), (1, "leave it out")):
+        with pytest.raises(EvocityError) as caught:
+            check_word("by", value, known, "leave it out")
+        assert caught.value.remedy == remedy

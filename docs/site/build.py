@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 BUILT = ROOT / "build" / "docs"
 LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=(?:#[^)\s]*)?\))")
 PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.M)
+_AT_ITS_SIZE = r"[\g<0>](\1)"  # a click shows it so
 
 GUIDES = (
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
@@ -71,7 +72,7 @@ def lay(pages: Path) -> None:
             if not link.endswith(".ipynb"):
                 todo.append((source.parent / link).resolve().relative_to(ROOT).as_posix())
         text = re.sub(r"^(```\w+) no-run$", r"\1", text, flags=re.M)  # a word for the tests alone
-        text = PICTURE.sub(r"[\g<0>](\1)", text)  # a click shows it at its own size
+        text = PICTURE.sub(_AT_ITS_SIZE, text)
         target.write_text(LINK.sub(_page_of_notebook, text), encoding="utf-8")
     for name, text in api.pages().items():
         _write(pages / "api" / name, text.encode())
@@ -81,7 +82,7 @@ def lay(pages: Path) -> None:
 def lay_notebooks(pages: Path) -> None:
     """Execute every notebook, and lay the page of each."""
     for name, text, pictures in rendering.rendered(sorted((ROOT / "notebooks").glob("*.ipynb"))):
-        text = LINK.sub(_page_of_notebook, text)
+        text = LINK.sub(_page_of_notebook, PICTURE.sub(_AT_ITS_SIZE, text))
         _write(pages / "notebooks" / f"{name}.md", text.encode())
         for file, content in pictures.items():
             _write(pages / "notebooks" / file, content)

@@ -10,6 +10,10 @@ import nbclient
 import nbformat
 
 PICTURES = {"image/png": "png", "image/jpeg": "jpg", "image/svg+xml": "svg"}
+# Seconds of a cell: the first may have to compile.
+_LONGEST = 600
+# A kernel would warn that it speaks to this machine unencrypted.
+_QUIET = "--IPKernelApp.log_level=ERROR"
 
 
 def executed(path: Path, folder: Path) -> nbformat.NotebookNode:
@@ -24,7 +28,9 @@ def executed(path: Path, folder: Path) -> nbformat.NotebookNode:
     _set(own)
     try:
         where = {"metadata": {"path": str(folder)}}
-        nbclient.NotebookClient(notebook, timeout=120, resources=where).execute()
+        client = nbclient.NotebookClient(notebook, timeout=_LONGEST, resources=where)
+        client.extra_arguments = [_QUIET]
+        client.execute()
     finally:
         _set(before)
     return notebook

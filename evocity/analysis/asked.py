@@ -46,12 +46,17 @@ def kept_by(condition: str, told: Told) -> np.ndarray:
     return Condition.read(condition, told.columns).kept(told.column, len(told))
 
 
-def check_count(name: str, count: object, most: int) -> None:
-    """Raise `EvocityError` unless ``count`` is a whole number from 1 to ``most``."""
+def check_count(name: str, count: object, most: int | None = None) -> None:
+    """Raise `EvocityError` unless ``count`` is a whole number, 1 or more, and at most ``most``,
+    which is how many births ``of=`` names."""
     whole = isinstance(count, Integral) and not isinstance(count, bool)
-    if not whole or not 1 <= count <= most:
+    if not whole or count < 1:
         raise EvocityError(
-            f"{name} = {count!r} of {most} births" if whole else f"{name} = {count!r}",
+            f"{name} = {shown(count)}", "a whole number, 1 or more", "give for example 5"
+        )
+    if most is not None and count > most:
+        raise EvocityError(
+            f"{name} = {count} of {most} births",
             f"a whole number from 1 to {most}" if most else "births to choose from",
             "choose a smaller one, or name other births with of=" if most else "name births: of=",
         )

@@ -1,6 +1,7 @@
 """All births of a run as columns: read once, settled at one generation. numpy alone."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -8,17 +9,20 @@ import numpy as np
 
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
 from evocity.columns import array_of
-from evocity.errors import RunError, near_miss
+from evocity.errors import RunError, check_word, near_miss, shown
 from evocity.fitness import Aims
+from evocity.kinds import Expressed
 from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run, broken_by, losses_of
-from evocity.store import Run
+from evocity.store import Birth, Run, Source
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 #: What a birth has besides its measures, in the order of tables; islands where there are some.
 OWN = ("generation", "id", "island", "operator", "status", "feasible", "seconds", "alive", "lived")
+#: Why a birth without a genome has no map.
+NEVER_BRED = "it was never bred"
 
 
 class Told:
@@ -43,6 +47,11 @@ class Told:
         return len(self.ids)
 
     # -- columns -----------------------------------------------------------------------------
+
+    @cached_property
+    def history(self) -> list[dict]:
+        """What the log tells of each generation, as `evocity.store.Run.history` has it."""
+        return [one for one in Run.history(self.run) if one["generation"] <= self.last]
 
     @property
     def read_already(self) -> bool:
@@ -139,6 +148,11 @@ class Told:
         """One a measure that is recorded besides."""
         return recorded_of(self.run)
 
+    @property
+    def logged(self) -> list[Aim]:
+        """One a measure of the log: those in which something was wanted, then the recorded."""
+        return [*self.aims, *self.recorded]
+
     @cached_property
     def ok(self) -> np.ndarray:
         """Bool ``(n,)``: it was bred, and has a value of all that is sought. One of before a
@@ -156,6 +170,20 @@ class Told:
         for aim in self.aims:
             within &= aim.within(self.value(aim.name))
         return within
+
+    @cached_property
+    def sources(self) -> list[Source]:
+        """The source cities, maps and genomes."""
+        return self.run.sources()
+
+    @cached_property
+    def islands_noted(self) -> dict[str, Mapping]:
+        """What provenance notes of each island, by their names."""
+        recipe = self.run.provenance.get("recipe")
+        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
+        listed = listed if isinstance(listed, list) else ()
+        tables = [one for one in listed if isinstance(one, Mapping)]
+        return {str(one.get("name")): one for one in tables}
 
     # -- goals -------------------------------------------------------------------------------
 
@@ -192,32 +220,28 @@ class Told:
         Raises `RunError` for an unknown name, and for a measure of which the run wanted neither
         more nor less, unless a goal is given.
         """
-        if goal not in (None, "max", "min"):
-            raise RunError(f"goal = {goal!r}", "max or min", "leave it out for the run's own")
+        if goal is not None:
+            check_word("goal", goal, ("max", "min"), "leave it out for the run's own", RunError)
         sums = sorted({aim.total for aim in self.aims} - {None})
         if name not in self.run.header.columns:
             if name in sums and goal is None:
                 return self.losses[:, self.goals.index(name)]
             raise unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
-        aim = next(one for one in [*self.aims, *self.recorded] if one.name == name)
-        if goal is None and aim.target is not None:
-            return np.abs(self.value(name) - aim.target)
-        goal = goal or aim.goal
-        if goal not in ("max", "min"):
+        aim = next(one for one in self.logged if one.name == name)
+        if goal is not None:
+            aim = replace(aim, goal=goal, target=None)
+        if aim.target is None and aim.goal not in ("max", "min"):
             raise RunError(
                 f"{self.run.path}: the run wanted neither more nor less of {name} ({aim.wanted})",
                 "a measure with a goal",
                 f'say which: run.best("{name}", goal="max")',
             )
-        return self.value(name) if goal == "min" else -self.value(name)
+        return aim.losses(self.value(name))
 
     def quality_on(self, island: str | None = None) -> str:
         """What the best of a cell is the best by, on an ``island`` or in the run as a whole: a
         measure, or a sum; all of them where there are several."""
-        recipe = self.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
-        tables = [one for one in listed or () if isinstance(one, Mapping)]
-        own = next((one.get("measures") for one in tables if one.get("name") == island), None)
+        own = self.islands_noted.get(island, {}).get("measures")
         goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.aims if aim.sought}
         kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
         return ", ".join(kept)
@@ -293,14 +317,24 @@ class Told:
 
     def rows(self, ids: Iterable[int]) -> np.ndarray:
         """The row of each of these ``ids``. Raises `RunError` for one that is none."""
-        sought = np.asarray(ids if isinstance(ids, np.ndarray) else list(ids))
+        listed = ids if isinstance(ids, np.ndarray) else list(ids)
+        try:
+            sought = np.asarray(listed)
+        except ValueError:  # lists of several lengths among them
+            sought = np.asarray(listed, object)
         if not sought.size:
             return np.zeros(0, np.intp)
-        if sought.ndim != 1 or sought.dtype.kind not in "iu":
-            self.run.individuals(list(sought.ravel().tolist()))  # says what is wrong with it
+        if sought.ndim != 1:
+            raise RunError(
+                f"{self.run.path}: ids {shown(sought.tolist())}",
+                "ids one after the other, not lists of them",
+                "give for example [1, 2]",
+            )
+        if sought.dtype.kind not in "iu":
+            self.run.individuals(sought.tolist())  # says what is wrong with it
         found = np.searchsorted(self.ids, sought)
-        known = np.append(self.ids, -1)  # beyond the last there is none
-        missing = sought[known[found] != sought]
+        beyond = found == len(self.ids)
+        missing = sought[beyond | (np.append(self.ids, 0)[found] != sought)]
         if missing.size:
             raise RunError(
                 f"{self.run.path}: no individual {missing[0]}",
@@ -308,6 +342,12 @@ class Told:
                 f"take one from `evocity status {self.run.path}`, the report, or run.scores",
             )
         return found
+
+    def expressed(self, birth: Birth) -> Expressed:
+        """What a ``birth`` of the run stands for: its map, or why it has none."""
+        if birth.genome is None:
+            return Expressed(None, NEVER_BRED)
+        return self.run.header.chromosome.express(birth.genome)
 
     @property
     def columns(self) -> list[str]:
@@ -339,4 +379,4 @@ def unknown(name: object, known: Collection[str], where: str) -> RunError:
     )
 
 
-__all__ = ["OWN", "Told", "label", "unknown"]
+__all__ = ["NEVER_BRED", "OWN", "Told", "label", "unknown"]

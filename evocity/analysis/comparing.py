@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.extras import library
-from evocity.analysis.wanted import recipe_of
+from evocity.analysis.wanted import overrides_of, recipe_of
 from evocity.search.archiving import volume_is_quick
 from evocity.search.fronts import Hypervolume, not_dominated
 
@@ -35,12 +36,19 @@ class Side:
 
 class Comparison:
     """Two runs beside each other; ``run.compare(other)`` makes it. ``str()`` tells it in sentences;
-    ``goals`` names those that both have, alike to the target and the weights."""
+    ``goals`` names those that both have, alike to the target, the weights and the source of each
+    measure; ``namesakes`` those that are alike but for that: a file of another content, other
+    cities to compare with, another part of the map."""
 
     def __init__(self, one: Side, other: Side):
         self.one, self.other = one, other
-        terms = [_terms(side.told) for side in (one, other)]
-        self.goals = tuple(name for name in terms[0] if terms[0][name] == terms[1].get(name))
+        terms, other_terms = (_terms(side.told) for side in (one, other))
+        both = [name for name in terms if terms[name] == other_terms.get(name)]
+        names = {name: {term[0] for term in terms[name]} for name in both}
+        sources, other_sources = (_sources(side.told) for side in (one, other))
+        differ = {name for name, told in sources.items() if told != other_sources.get(name)}
+        self.goals = tuple(name for name in both if not names[name] & differ)
+        self.namesakes = tuple(name for name in both if names[name] & differ)
 
     @property
     def _sides(self) -> tuple[Side, Side]:
@@ -152,6 +160,10 @@ class Comparison:
                     f"{one.name} {first['hypervolume']:.4g}, "
                     f"{other.name} {second['hypervolume']:.4g}."
                 )
+        if self.namesakes:
+            lines.append(
+                f"Of one name, and measured otherwise in each: {', '.join(self.namesakes)}."
+            )
         keys = [
             f"{key} {_short(a) or 'unset'} / {_short(b) or 'unset'}"
             for key, (a, b) in self.differing.items()
@@ -173,6 +185,33 @@ def _terms(told: Told) -> dict[str, list[tuple]]:
     return found
 
 
+def _sources(told: Told) -> dict[str, tuple]:
+    """Measure -> what it is besides its name: the hash of its source, unless it is evocity's own,
+    which mean the same in all releases; the cities it compares with; the part of the map."""
+    maps = _hashes(told, "maps") | _hashes(told, "references")
+    masks = _hashes(told, "within")
+    found = {}
+    for one in told.run.provenance["fitness"]:  # which names each, see `aims_of_run`
+        place = PurePosixPath(str(one.get("file")))
+        ours = "kept" not in one and place.parts[-3:-1] == ("evocity", "fitness")
+        cities = one.get("reference")
+        if isinstance(cities, Mapping):  # names and hashes of files
+            cities = [maps.get(name) or hashed or name for name, hashed in cities.items()]
+        elif cities is not None:  # the parents
+            cities = list(_hashes(told, "maps").values())
+        part = str(one.get("within"))
+        source = None if ours else one.get("hash")
+        found[one["name"]] = source, cities, masks.get(part, part)
+    return found
+
+
+def _hashes(told: Told, key: str) -> dict[str, object]:
+    """Name -> hash of what provenance lists under a ``key``."""
+    listed = told.run.provenance.get(key)
+    tables = [one for one in listed if isinstance(one, Mapping)] if isinstance(listed, list) else []
+    return {str(one.get("name")): one.get("hash") for one in tables}
+
+
 def _dominated(front: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Bool: which of a ``front`` (n, goals) one of the ``others`` dominates."""
     found = np.zeros(len(front), bool)
@@ -184,9 +223,7 @@ def _dominated(front: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _asked(told: Told) -> dict:
     """What the run's recipe says, with what replaced its values."""
     recipe = recipe_of(told.run)
-    noted = told.run.provenance.get("recipe")
-    overrides = noted.get("overrides") if isinstance(noted, Mapping) else None
-    for key, value in (overrides if isinstance(overrides, Mapping) else {}).items():
+    for key, value in overrides_of(told.run).items():
         section, _, name = str(key).partition(".")
         table = recipe.setdefault(section, {})
         if isinstance(table, dict):

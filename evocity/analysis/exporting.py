@@ -3,17 +3,18 @@
 import csv
 import math
 import os
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.individual import Individual
-from evocity.errors import RunError, shown
+from evocity.errors import RunError, check_word
 from evocity.files import whole_file
 
 FORMS = ("plain", "design-explorer")
@@ -27,8 +28,7 @@ def write_csv(told: Told, ids: np.ndarray, path: str | os.PathLike, form: str = 
     """The scores of the births ``ids`` as CSV, see `Run.to_csv`. Raises `RunError` for another
     ``form``, and where it cannot be written; nothing is left half-written."""
     path = Path(path)
-    if form not in FORMS:
-        raise RunError(f"form = {shown(form)}", f"one of {', '.join(FORMS)}", "choose one")
+    check_word("form", form, FORMS, error=RunError)
     rows = told.rows(ids)
     if form == "plain":
         names = told.columns
@@ -45,13 +45,16 @@ def write_csv(told: Told, ids: np.ndarray, path: str | os.PathLike, form: str = 
             "choose another name, or remove it",
         )
     individuals = [Individual(told, one) for one in ids.tolist()]
-    with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
-        made = Path(hidden) / "pictures"
-        made.mkdir()
-        for one in individuals:
-            one.save(made / f"{one.id}.png")
-        _write(temporary, *_explored(told, individuals, pictures.name))
-        made.rename(pictures)
+    with ExitStack() as undo:
+        with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
+            made = Path(hidden) / "pictures"
+            made.mkdir()
+            for one in individuals:
+                one.save(made / f"{one.id}.png")
+            _write(temporary, *_explored(told, individuals, pictures.name))
+            made.rename(pictures)
+            undo.callback(shutil.rmtree, pictures, ignore_errors=True)
+        undo.pop_all()  # the table stands: so do its pictures
 
 
 def _explored(

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from evocity.analysis.births import Told
+from evocity.analysis.births import NEVER_BRED, Told
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, RunError, shown
+from evocity.errors import EvocityError, RunError, check_word
 from evocity.genome import Genome
 from evocity.genome.nucleotides import packed, unpacked
 from evocity.search.fronts import Scale
@@ -36,8 +36,7 @@ class Likeness:
     def points(self, ids: np.ndarray, by: str) -> np.ndarray:
         """What the births ``ids`` are compared by, a row each. Raises `EvocityError` for no way of
         `WAYS`, `RunError` for a birth without a map, or without scores."""
-        if by not in WAYS:
-            raise EvocityError(f"by = {shown(by)}", f"one of {', '.join(WAYS)}", "choose one")
+        check_word("by", by, WAYS)
         if by == "scores":
             rows = self._told.rows(ids)
             if not self._told.ok[rows].all():
@@ -48,16 +47,19 @@ class Likeness:
         self._told.rows(missing)
         for start in range(0, len(missing), _AT_A_TIME):
             for birth in self._told.run.individuals(missing[start : start + _AT_A_TIME]):
-                if birth.genome is None:
-                    raise self._lacks(birth.id, "it was never bred")
-                kept[birth.id] = _stones(birth.genome) if by == "kin" else self._look(birth)
+                kept[birth.id] = self._look(birth) if by == "looks" else self._places(birth)
         return np.array([kept[one] for one in ids.tolist()])
 
     def _look(self, birth) -> np.ndarray:
-        expressed = self._told.run.header.chromosome.express(birth.genome)
+        expressed = self._told.expressed(birth)
         if expressed.city is None:
             raise self._lacks(birth.id, expressed.problem)
         return look_of(expressed.city)
+
+    def _places(self, birth) -> np.ndarray:
+        if birth.genome is None:
+            raise self._lacks(birth.id, NEVER_BRED)
+        return _stones(birth.genome)
 
     def _lacks(self, identifier: int, why: str) -> RunError:
         return RunError(

@@ -199,12 +199,13 @@ class Run(opening.Run, Displayed):
         losses = told.losses_by(measure, goal)
         rows = np.flatnonzero(told.feasible & np.isfinite(losses) & (told.alive | (not alive)))
         if not len(rows):
-            raise RunError(
-                f"{self.path}: no birth keeps the constraints and has a value of {measure}",
-                "one at least",
-                "see why: run.scores, or evocity status",
-            )
+            raise self._nobody(f"no birth keeps the constraints and has a value of {measure}")
         return self[int(told.ids[rows[np.argmin(losses[rows])]])]
+
+    def _nobody(self, found: str) -> RunError:
+        return RunError(
+            f"{self.path}: {found}", "one at least", "see why: run.scores, or evocity status"
+        )
 
     @cached_property
     def archive(self) -> "Archive":
@@ -228,11 +229,7 @@ class Run(opening.Run, Displayed):
         rows = told.rows(ids)
         rows = rows[told.feasible[rows]]
         if not len(rows):
-            raise RunError(
-                f"{self.path}: none of {len(ids)} births keeps the constraints",
-                "one at least",
-                "see why: run.scores, or evocity status",
-            )
+            raise self._nobody(f"none of {len(ids)} births keeps the constraints")
         heavy = weights_of(weights, told.goals)
         return self[int(told.ids[rows[best_compromise(told.losses[rows], heavy)]])]
 
@@ -242,9 +239,10 @@ class Run(opening.Run, Displayed):
         ``individual``, ``role``, ``why`` and what it ``gave_up``; ``print`` tells all in lines."""
         from evocity.analysis.keeping import kept_of
 
-        check_count("n", n, n)
+        check_count("n", n)
         ids = self.archive.ids
-        check_count("n", min(n, len(ids)), len(ids))
+        if not len(ids):
+            raise self._nobody("no birth keeps the constraints, so the archive is empty")
         return kept_of(self.told, ids, self._likeness, n)
 
     def view(
@@ -320,7 +318,7 @@ class Run(opening.Run, Displayed):
         """How far two of the living are from each other in the mean, ``apart``, in so many
         ``generations`` evenly from the first to the last, index ``generation``. ``by`` as
         `clusters` has it; by looks all of the living are decoded."""
-        check_count("generations", generations, generations)
+        check_count("generations", generations)
         pandas = library("pandas", "a table of generations")
         numbers, apart = diversity_of(self.told, self._likeness, by, generations)
         return pandas.DataFrame({"apart": apart}, pandas.Index(numbers, name="generation"))
@@ -333,7 +331,7 @@ class Run(opening.Run, Displayed):
         lived = self.told.lived
         rows = np.lexsort((self.told.ids, -lived))[: np.count_nonzero(lived)]
         if n is not None:
-            check_count("n", n, n)
+            check_count("n", n)
             rows = rows[:n]
         return self.frame(rows, lived=lived[rows])
 

@@ -3,7 +3,6 @@
 import numpy as np
 
 from evocity.analysis.births import Told
-from evocity.store import Run
 
 #: What a generation's summary may tell, in the order of tables.
 _SUMMED = ("births", "failures", "hypervolume", "evaluations_per_second")
@@ -14,7 +13,7 @@ def series_of(told: Told) -> dict[str, np.ndarray]:
     hypervolume, evaluations_per_second, ``best.<measure>`` and ``mean.<measure>`` of the living;
     NaN where the log does not tell."""
     run, count = told.run, told.last + 1
-    history = {one["generation"]: one for one in Run.history(run)}
+    history = {one["generation"]: one for one in told.history}
     summaries = [history.get(generation, {}) for generation in range(count)]
     born, rows = told.lives
     columns: dict[str, np.ndarray] = {"generation": np.arange(count)}

@@ -21,10 +21,10 @@ _KEPT, _LETTERS = 64_000_000, 300
 
 def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
     """The decoded cities of births; those that stand for none are left out."""
-    express, found = told.run.header.chromosome.express, {}
+    found = {}
     for start in range(0, len(ids), _AT_A_TIME):
         for birth in told.run.individuals([int(n) for n in ids[start : start + _AT_A_TIME]]):
-            city = None if birth.genome is None else express(birth.genome).city
+            city = told.expressed(birth).city
             if city is not None:
                 found[birth.id] = city
     return found
@@ -32,7 +32,7 @@ def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
 
 def highest_of(told: Told) -> float:
     """Metres at which the colours of all maps of a run end: above its parents' roofs."""
-    return max((scale_end(source.city) for source in told.run.sources()), default=10.0)
+    return scale_end(*(source.city for source in told.sources))
 
 
 def thumbnail(city: CityMap, highest: float, largest: int) -> Image.Image:
@@ -82,11 +82,10 @@ class Thumbnails:
         """A picture, or why there is none."""
         if birth.left_out:
             return f"the log leaves its genome out; run[{birth.id}].picture() breeds it again"
-        if birth.genome is None:
-            return f"{birth.status}: {birth.error or ''}"[:_LETTERS]
-        expressed = self._told.run.header.chromosome.express(birth.genome)
+        expressed = self._told.expressed(birth)
         if expressed.city is None:
-            return f"{birth.status}: {expressed.problem}"[:_LETTERS]
+            why = birth.error or "" if birth.genome is None else expressed.problem
+            return f"{birth.status}: {why}"[:_LETTERS]
         return np.asarray(thumbnail(expressed.city, self.highest, side))
 
 

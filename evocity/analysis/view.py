@@ -85,7 +85,7 @@ class View(Displayed):
 
     @property
     def _aims(self) -> list[Aim]:
-        return [*self.run.told.aims, *self.run.told.recorded]
+        return self.run.told.logged
 
     def _first(self, measures: Sequence[str] | None) -> list[Column]:
         """The axes at first."""

@@ -15,12 +15,14 @@ from evocity import fitness
 from evocity.fitness.part import own_name
 from evocity.store import Run
 
+_MOST = sys.float_info.max
+
 
 @dataclass(frozen=True)
 class Aim:
     """A measure of the run and what was wanted of it: max, min, like, a target, bounds (for a
-    constraint alone), or unknown; what it counted in if it was part of a sum; and what it tells,
-    if it is known here."""
+    constraint alone), or unknown; what it counted in if it was part of a sum; what it tells, if it
+    is known here; and what it should be ``like``."""
 
     name: str
     unit: str
@@ -30,6 +32,7 @@ class Aim:
     high: float | None = None
     total: str | None = None
     meaning: str = ""
+    like: str = "one city"
 
     @property
     def wanted(self) -> str:
@@ -37,7 +40,7 @@ class Aim:
         words = {
             "max": "more is better",
             "min": "less is better",
-            "like": "as in one city",
+            "like": f"as in {self.like}",
             "bounds": "",
             "none": "recorded",
         }
@@ -81,17 +84,22 @@ class Aim:
         low, high = self._bounds
         return (low <= values) & (values <= high) | ((low, high) == (-math.inf, math.inf))
 
+    def losses(self, values: np.ndarray) -> np.ndarray:
+        """Float64, lower is better, in the order of `evocity.fitness.Wanted`; that one needs the
+        measure itself, which a stranger's run may not have. NaN where there is no value; of bounds
+        alone the largest number, for it breaks them."""
+        with np.errstate(all="ignore"):
+            if self.goal == "bounds":
+                low, high = self._bounds
+                beyond = np.fmax(np.fmax(low - values, values - high), 0.0)
+                return np.where(np.isnan(values), _MOST, np.minimum(beyond, _MOST))
+            if self.target is not None:
+                return np.minimum(np.abs(values - self.target), _MOST)
+        return values if self.goal == "min" else -values  # of an unknown goal: an order, no more
+
     def loss(self, value: float) -> float:
-        """Lower is better, in the order of `evocity.fitness.Wanted`; that one needs the measure
-        itself, which a stranger's run may not have."""
-        if self.goal == "bounds":
-            low, high = self._bounds
-            if math.isnan(value):
-                return sys.float_info.max
-            return min(max(low - value, value - high, 0.0), sys.float_info.max)
-        if self.target is not None:
-            return min(abs(float(value) - self.target), sys.float_info.max)
-        return value if self.goal == "min" else -value  # of an unknown goal: an order, no more
+        """As `losses`, of one value."""
+        return float(self.losses(np.float64(value)))
 
 
 def recipe_of(run: Run) -> dict:
@@ -100,6 +108,13 @@ def recipe_of(run: Run) -> dict:
         return tomllib.loads(run.recipe_text)
     except (ValueError, RecursionError):
         return {}
+
+
+def overrides_of(run: Run) -> dict:
+    """What replaced the recipe's values, as {"run.seed": 8}."""
+    recipe = run.provenance.get("recipe")
+    found = recipe.get("overrides") if isinstance(recipe, dict) else None
+    return found if isinstance(found, dict) else {}
 
 
 def aims_of(run: Run) -> list[Aim]:
@@ -147,4 +162,4 @@ def number_of(value: object) -> float | None:
         return None
 
 
-__all__ = ["Aim", "aims_of", "number_of", "recipe_of", "recorded_of"]
+__all__ = ["Aim", "aims_of", "number_of", "overrides_of", "recipe_of", "recorded_of"]

@@ -57,6 +57,7 @@ def status(run: str, as_json: bool) -> None:
     state = opened.status()
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
+    from evocity.analysis.wanted import aims_of
     from evocity.report import Facts, differing, differing_told, failures
     from evocity.report.facts import figures_told
     from evocity.store.events import UNTOLD, ended_untold
@@ -68,7 +69,8 @@ def status(run: str, as_json: bool) -> None:
     members = [] if state["generation"] is None else _members(facts, state["generation"])
     front = sorted(row["id"] for row in members if row["rank"] == 0)
     # runs of old had constraints among the best
-    best = {a.name: state["best"][a.name] for a in facts.sought if a.name in state["best"]}
+    sought = (one.name for one in aims_of(opened) if one.sought)
+    best = {name: state["best"][name] for name in sought if name in state["best"]}
     whole = state["generation"] is not None
     parents = _parents(facts, best) if whole else {}
     steered = _steered(opened, state["generation"])
@@ -167,7 +169,7 @@ def _finished(run: str, state: dict, running: bool, left: float | None, members:
 
 
 def _bounded(facts) -> list:
-    return [aim for aim in facts.aims if aim.bounds]
+    return [aim for aim in facts.told.aims if aim.bounds]
 
 
 def _kept(facts) -> str:

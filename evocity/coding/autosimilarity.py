@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
 from evocity.coding.matching.everywhere import RESOLUTION, Progress, Work, least_errors, pairs
-from evocity.errors import GenomeError, keyword, near_miss, setting, unset
+from evocity.errors import GenomeError, check_word, keyword, setting, unset
 
 #: What µ may be divided by.
 NORMALISATIONS = ("heights", "variance")
@@ -185,12 +185,7 @@ def _checked(city: CityMap, block, domains, threads, normalise) -> tuple[int, tu
             f"1 or more, or {unset('threads')} for all cores",
             "leave it out",
         )
-    if normalise not in NORMALISATIONS:
-        raise GenomeError(
-            setting("normalise", normalise),
-            f"one of {', '.join(NORMALISATIONS)}",
-            near_miss(str(normalise), NORMALISATIONS) or "leave it out for heights",
-        )
+    check_word("normalise", normalise, NORMALISATIONS, "leave it out for heights", GenomeError)
     return block, extents
 
 

@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 
 from evocity.condensation import Condensation, merged
-from evocity.errors import GenomeError, near_miss, setting
+from evocity.errors import GenomeError, check_word, setting
 from evocity.genome import Genome
 
 #: What `low_pass` and `high_pass` may compare with f_c: attributes of `Usage`.
@@ -138,12 +138,7 @@ def _filtered(genome: Genome, name: str, f_c: float, count: str) -> Genome:
         raise GenomeError(
             setting("f_c", f_c), "calls, 0 or more", "give for example 10; see usage(genome)"
         )
-    if count not in COUNTS:
-        raise GenomeError(
-            setting("count", count),
-            f"one of {', '.join(COUNTS)}",
-            near_miss(str(count), COUNTS) or "leave it out for pixels",
-        )
+    check_word("count", count, COUNTS, "leave it out for pixels", GenomeError)
     calls = getattr(usage(genome), count)
     bare = calls > f_c if name == "low_pass" else calls < f_c
     if not bare.any():

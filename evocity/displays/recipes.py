@@ -1,6 +1,10 @@
 """A recipe in a notebook: what it breeds of, by which operators, what it rewards."""
 
+from dataclasses import replace
+
+from evocity.analysis.wanted import Aim
 from evocity.displays.maps import TEMPLATES
+from evocity.fitness import Measure
 from evocity.pages import templates_of
 from evocity.search import Recipe
 from evocity.search.wanted import FitnessEntry
@@ -16,7 +20,7 @@ def recipe_html(recipe: Recipe) -> str:
         ("search", recipe.search.algorithm + (", islands" if recipe.islands else "")),
         ("seed", str(run.seed)),
     ]
-    wanted = [(one.name, _wanted(entry)) for entry in recipe.fitness for one in entry.measures]
+    wanted = [(one.name, _wanted(entry, one)) for entry in recipe.fitness for one in entry.measures]
     wanted += [(one.name, "recorded") for one in recipe.recorded]
     weights = [(n.replace("_", " "), f"{w:g}") for one in recipe.mixtures for n, w in one.items()]
     return (
@@ -37,19 +41,12 @@ def recipe_html(recipe: Recipe) -> str:
 _LONGEST = 20_000
 
 
-def _wanted(entry: FitnessEntry) -> str:
-    words = {"max": "more is better", "min": "less is better", None: ""}
-    told = []
-    if entry.target is not None:
-        told.append(f"{entry.target:g} is wanted")
-    elif entry.like is not None:
-        told.append(f"as in {entry.like}")
-    elif entry.is_objective:
-        own = entry.goal or (entry.measures[0].goal if entry.measures else None)
-        told.append(words.get(own, ""))
-    told += [f"at least {entry.min:g}"] if entry.min is not None else []
-    told += [f"at most {entry.max:g}"] if entry.max is not None else []
-    return ", ".join(filter(None, told)) + (f"; part of {entry.total}" if entry.total else "")
+def _wanted(entry: FitnessEntry, measure: Measure) -> str:
+    goal = "bounds"
+    if entry.is_objective:
+        goal = "like" if entry.like is not None else entry.goal or measure.goal or goal
+    aim = Aim(measure.name, measure.unit, goal, entry.target, entry.min, entry.max, entry.total)
+    return replace(aim, like=entry.like or aim.like).wanted
 
 
 __all__ = ["recipe_html"]

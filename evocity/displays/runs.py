@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from evocity.analysis.individual import Individual
 from evocity.analysis.keeping import Keeping
 from evocity.analysis.run import Run
+from evocity.analysis.thumbnails import highest_of
 from evocity.analysis.wanted import Aim
 from evocity.citymap import CityMap
 from evocity.displays.genomes import stone_of
@@ -35,7 +36,7 @@ def run_html(run: Run) -> str:
         told += _state(run)
         best = {aim.name: _best(run, aim) for aim in run.aims if aim.sought}
         aims = [_aim(aim, best.get(aim.name)) for aim in run.aims]
-        highest = max((scale_end(one.city) for one in run.sources()), default=10.0)
+        highest = highest_of(run.told)
         maps = _row(run, {name: one for name, one in best.items() if one}, highest)
     else:
         told.append(("generations", "none is whole yet"))
@@ -71,8 +72,7 @@ def individual_html(one: Individual) -> str:
         told.append(("status", f"{one.status}: {(one.error or '')[:_LONGEST]}"))
     scores = one.scores
     rows = [
-        (aim.name, number(scores.get(aim.name), aim.unit), aim.wanted)
-        for aim in [*run.aims, *run.told.recorded]
+        (aim.name, number(scores.get(aim.name), aim.unit), aim.wanted) for aim in run.told.logged
     ]
     return (
         templates_of(TEMPLATES)
@@ -94,7 +94,7 @@ def individual_html(one: Individual) -> str:
 def keeping_html(keeping: Keeping) -> str:
     """A `Keeping` as HTML: each with its map, its role, why it is kept, what it gave up."""
     cities = [one.individual.city for one in keeping[:_MOST]]
-    highest = max(map(scale_end, cities), default=10.0)
+    highest = scale_end(*cities)
     shown = []
     for place, one in enumerate(keeping[:_MOST_TOLD]):
         note = {"title": f"{one.individual.id}: {one.role}", "why": one.why, "lost": one.gave_up}
@@ -147,7 +147,7 @@ def _aim(aim: Aim, best: Individual | None) -> tuple[str, str, str, str]:
 
 def _row(run: Run, best: Mapping[str, Individual], highest: float) -> list[dict]:
     """Parents, then the best by each goal, on a scale that ends at ``highest`` metres."""
-    sources = [source.city for source in run.sources()]
+    sources = [source.city for source in run.told.sources]
     shown = [_small(city, city.name, "parent", highest) for city in sources[: _MOST // 2]]
     for one in list(dict.fromkeys(best.values()))[: _MOST - len(shown)]:
         praise = ", ".join(name for name, other in best.items() if other == one)

@@ -46,12 +46,16 @@ def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
     return table[steps.astype(np.int16)]
 
 
-def scale_end(city: CityMap) -> float:
-    """A round number of metres to end a map's colour scale: above nearly all of its roofs.
+def scale_end(*cities: CityMap) -> float:
+    """A round number of metres to end the colour scale of maps: above nearly all roofs of each.
 
     A single tower does not turn the rest pale: the scale ends below it if it is more than
-    twice as high as 99.5 % of what is built.
+    twice as high as 99.5 % of what is built on its map.
     """
+    return max(map(_end, cities), default=10.0)
+
+
+def _end(city: CityMap) -> float:
     roofs = city.heights[city.built]
     if not roofs.size:
         return 10.0

@@ -36,7 +36,7 @@ def aims_on(told: Told, measures: str | Sequence[str] | None) -> list[Aim]:
     those that only had bounds. Raises `RunError` for one that the run does not log."""
     if measures is None:
         return list(told.aims) or list(told.recorded)
-    known = {aim.name: aim for aim in [*told.aims, *told.recorded]}
+    known = {aim.name: aim for aim in told.logged}
     names = [measures] if isinstance(measures, str) else list(measures)
     for name in names:
         if name not in known:

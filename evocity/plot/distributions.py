@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 
 from evocity.analysis import Individual
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, near_miss, shown
+from evocity.errors import EvocityError, check_word, shown
 from evocity.genome import VOID
 from evocity.pictures import city_colours
 from evocity.plot.chosen import city_of
@@ -37,12 +37,7 @@ def buildings(
     """
     if not isinstance(individual, Individual):
         raise EvocityError(shown(individual), "an individual of a run", "give run[97]")
-    if of not in QUANTITIES:
-        raise EvocityError(
-            f"of = {shown(of)}",
-            f"one of {', '.join(QUANTITIES)}",
-            near_miss(str(of), QUANTITIES) or "leave it out for area",
-        )
+    check_word("of", of, QUANTITIES, "leave it out for area")
     what, unit, powers = QUANTITIES[of]
     run = individual.run
     ax = panel(ax, 8.0, 4.2)

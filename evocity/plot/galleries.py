@@ -10,7 +10,7 @@ from evocity.analysis import Run
 from evocity.analysis.births import Told
 from evocity.analysis.clusters import labelled, medoids
 from evocity.analysis.likeness import Likeness
-from evocity.errors import EvocityError, near_miss, shown
+from evocity.errors import EvocityError, check_word, shown
 from evocity.plot.chosen import (
     aims_on,
     cities_of,
@@ -148,13 +148,9 @@ def _check(told: Told, rows, columns, order, clusters) -> None:
             f"at most {MOST}",
             "choose some: of=run.archive.ids[:100], or of=run.most_different(100)",
         )
-    if order not in (None, "looks") and order not in told.run.header.columns:
+    if order is not None:
         known = ["looks", *told.run.header.columns]
-        raise EvocityError(
-            f"order = {shown(order)}",
-            f"one of {', '.join(known)}",
-            near_miss(str(order), known) or "leave it out for that in which they are given",
-        )
+        check_word("order", order, known, "leave it out for that in which they are given")
     if clusters is not None and not whole(clusters, 1, max(1, len(rows))):
         raise EvocityError(
             f"clusters = {shown(clusters)}",
@@ -171,7 +167,7 @@ def _grouped(told: Told, rows, cities, order, clusters) -> list[tuple[str, np.nd
         matrix = Likeness(told).matrix(told.ids[rows[known]], "looks")
     if order not in (None, "looks"):
         (aim,) = aims_on(told, [order])
-        losses = np.array([aim.loss(value) for value in told.value(order)[rows]])
+        losses = aim.losses(told.value(order)[rows])
         at = np.lexsort((np.arange(len(rows)), losses, np.isnan(losses), ~told.feasible[rows]))
     elif order == "looks" and matrix is not None:
         at = np.concatenate([np.flatnonzero(known)[_chain(matrix)], np.flatnonzero(~known)])

@@ -10,7 +10,7 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.coding.ancestry import ancestry
 from evocity.coding.usage import usage as usage_of
-from evocity.errors import EvocityError, near_miss, shown
+from evocity.errors import EvocityError, check_word
 from evocity.genome import VOID, Genome
 from evocity.pictures import Shares, city_colours, render, render_shares
 from evocity.pictures.picture import even, gradient, scale_end
@@ -57,12 +57,7 @@ def lifs(genome: Genome | Individual, what: str = "sigma", ax: Axes | None = Non
     Raises `EvocityError` for another ``what``.
     """
     genome = genome_of(genome)
-    if what not in KINDS:
-        raise EvocityError(
-            f"what = {shown(what)}",
-            f"one of {', '.join(KINDS)}",
-            near_miss(str(what), KINDS) or "choose one",
-        )
+    check_word("what", what, KINDS)
     pavement, pixel = genome.pavement, genome.metres_per_pixel
     ax = panel(ax, 6.2, 5.6)
     name = " × ".join(city for city in genome.cities if city != VOID)
@@ -127,12 +122,7 @@ def usage(genome: Genome | Individual, count: str = "pixels", ax: Axes | None = 
     Raises `EvocityError` for another ``count``.
     """
     genome = genome_of(genome)
-    if count not in _COUNTS:
-        raise EvocityError(
-            f"count = {shown(count)}",
-            f"one of {', '.join(_COUNTS)}",
-            near_miss(str(count), _COUNTS) or "leave it out for pixels",
-        )
+    check_word("count", count, _COUNTS, "leave it out for pixels")
     values = getattr(usage_of(genome), count).astype(np.float32)
     # a few pixels are called so often that the others would all be pale
     end = float(np.quantile(values, 0.995)) or _end(values)
@@ -163,7 +153,7 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
             "compare two of one run, or read both with the same window and pixels",
         )
     axes = panels(3, ax, columns=3, width=10.0, height=3.9)
-    highest = max(scale_end(first), scale_end(second))
+    highest = scale_end(first, second)
     pixel = first.metres_per_pixel
     for one, city in zip(axes[:2], (first, second), strict=True):
         picture = render(city, highest=highest, legend=False)

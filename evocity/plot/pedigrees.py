@@ -53,7 +53,10 @@ class _Row:
 
 
 def pedigree(
-    run: Run, individual: int | Individual, generations: int = 6, ax: Axes | None = None
+    run: Run,
+    individual: int | Individual,
+    generations: int | None = 6,
+    ax: Axes | None = None,
 ) -> Axes:
     """An individual below, its parents above it, theirs above these: as pictures, each with its id,
     the generation of its birth, its operator, and a bar of whose stones it is. Above all, how many
@@ -63,12 +66,13 @@ def pedigree(
     shown that most lines of descent go through.
 
     individual : an id, or an individual of the run.
-    generations : steps back from child to parent, at most 12.
+    generations : steps back from child to parent; 12, which are drawn at most, if it is None.
 
     Raises `RunError` if there is no such birth, `EvocityError` for other ``generations``.
     """
     told = told_of(run)
-    steps = min(steps_of(generations) or 0, MOST_STEPS)
+    asked = steps_of(generations)
+    steps = MOST_STEPS if asked is None else min(asked, MOST_STEPS)
     (own,) = told.rows(ids_of(individual, told))
     kin = Pedigree(told)
     rows, links = _rows(kin, own, steps)
@@ -77,9 +81,7 @@ def pedigree(
     inch = min(1.0, (width - 2.2) / across)
     drawn = np.unique(np.concatenate([one.rows for one in rows]))
     births = {birth.id: birth for birth in told.run.individuals(told.ids[drawn].tolist())}
-    express = told.run.header.chromosome.express
-    cities = {one: None if b.genome is None else express(b.genome).city
-              for one, b in births.items()}  # fmt: skip
+    cities = {one: told.expressed(birth).city for one, birth in births.items()}
     known = [city for city in cities.values() if city is not None]
     tall = _WIDE * (known[0].shape[0] / known[0].shape[1] if known else 1.0)
     words, between = _WORDS / inch, _BETWEEN / inch
@@ -107,7 +109,8 @@ def pedigree(
     if known:
         scale_bar(ax, -across / 2, _WIDE, known[0].shape[1] * known[0].metres_per_pixel / _WIDE)
     credit(ax, told.run.header.attribution)
-    _density(ax, told, kin.ancestors(np.array([own])), drawn, height * inch)
+    cut = asked != steps and steps < len(rows) and len(kin.parents(rows[-1].rows)[0]) > 0
+    _density(ax, told, kin.ancestors(np.array([own])), drawn, height * inch, cut)
     key(ax, city_patches(told.run.header.cities))
     return fit(ax)
 
@@ -163,8 +166,11 @@ def _draw(ax: Axes, told: Told, birth, city: CityMap | None, place, highest, inc
             linespacing=1.1)  # fmt: skip
 
 
-def _density(ax: Axes, told: Told, everyone: np.ndarray, drawn: np.ndarray, inches: float) -> None:
-    """How many of ``everyone`` were born in each generation; the ``drawn`` ones darker."""
+def _density(
+    ax: Axes, told: Told, everyone: np.ndarray, drawn: np.ndarray, inches: float, cut: bool
+) -> None:
+    """How many of ``everyone`` were born in each generation; the ``drawn`` ones darker. ``cut``:
+    more steps back were asked for, and there are some."""
     tall = 0.6 / max(inches, 0.6)
     at = ax.inset_axes([0, 1 + 0.55 * tall, 1, tall])
     at.set_facecolor("none")
@@ -182,7 +188,8 @@ def _density(ax: Axes, told: Told, everyone: np.ndarray, drawn: np.ndarray, inch
     at.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=2))
     name_axes(at)
     at.set_title(
-        f"{len(everyone) - 1} ancestors by the generation of their birth; red: drawn below",
+        f"{len(everyone) - 1} ancestors by the generation of their birth; red: drawn below"
+        + f", {MOST_STEPS} steps back at most" * cut,
         fontsize=SMALL, color=INKS, loc="left",
     )  # fmt: skip
 

@@ -138,12 +138,16 @@ def key(ax: Axes, handles: Sequence, columns: int = 1, **place) -> None:
 
 
 def shared_key(axes: Panels, handles: Sequence) -> None:
-    """A legend for several axes: above all of them in a figure of ours, else within the first."""
+    """A legend for several axes: above all of them in a figure of ours, else within the first, on
+    paper, for it may lie on what is drawn."""
     if isinstance(axes[0], Panel):
         axes[0].figure.legend(handles=list(handles), fontsize=SMALL, labelcolor=INKS, ncols=4,
                               frameon=False, loc="outside upper left")  # fmt: skip
     else:
         key(axes[0], handles, loc="best")
+        legend = axes[0].get_legend()
+        legend.set_frame_on(True)
+        legend.get_frame().set(facecolor=PAPERS, alpha=0.85, linewidth=0)
 
 
 def folded(name: str, width: int = 22) -> str:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pyarrow as pa
 
 from evocity import fitness
 from evocity.analysis.births import Told
 from evocity.analysis.keeping import Keeping, kept_of
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.wanted import Aim, aims_of, number_of, recipe_of, recorded_of
+from evocity.analysis.wanted import Aim, number_of, overrides_of, recipe_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.genome import VOID
@@ -55,35 +54,15 @@ class Facts:
     run: Run
 
     @cached_property
-    def last(self) -> int:
-        """The last whole generation. Raises `RunError` if there is none."""
-        if not self.run.generations:
-            raise RunError(
-                f"{self.run.path} has no whole generation yet",
-                "at least one",
-                "wait for the first generation to end, or go on: evocity resume RUN",
-            )
-        return self.run.generations[-1]
-
-    @cached_property
     def told(self) -> Told:
-        """All births up to the last generation, as columns. Raises `RunError` as `last` does."""
-        return Told(self.run, self.last)
-
-    @cached_property
-    def aims(self) -> list[Aim]:
-        """One a measure, in the recipe's order."""
-        return aims_of(self.run)
-
-    @property
-    def recorded(self) -> list[Aim]:
-        """One a measure that is recorded besides; nothing is wanted of it."""
-        return recorded_of(self.run)
+        """All births up to the last whole generation, as columns; what was wanted. Raises
+        `RunError` if there is no generation."""
+        return Told(self.run)
 
     @property
     def sought(self) -> list[Aim]:
         """Those of the aims that are more than a constraint."""
-        return [aim for aim in self.aims if aim.sought]
+        return [aim for aim in self.told.aims if aim.sought]
 
     @cached_property
     def recipe(self) -> dict:
@@ -108,9 +87,7 @@ class Facts:
     @property
     def overrides(self) -> dict:
         """What replaced the recipe's values, as {"run.seed": 8}."""
-        recipe = self.run.provenance.get("recipe")
-        found = recipe.get("overrides") if isinstance(recipe, dict) else None
-        return found if isinstance(found, dict) else {}
+        return overrides_of(self.run)
 
     @property
     def times(self) -> list[tuple[str, str]]:
@@ -119,13 +96,9 @@ class Facts:
         return [(e["event"], str(e.get("time"))[:19].replace("T", " ")) for e in events]
 
     @cached_property
-    def history(self) -> list[dict]:
-        return [one for one in self.run.history() if one["generation"] <= self.last]
-
-    @cached_property
     def sources(self) -> list[Source]:
         """The parents. Raises `RunError` if there is none."""
-        sources = self.run.sources()
+        sources = self.told.sources
         if not sources:
             raise RunError(
                 f"{self.run.path / 'sources'} holds no city",
@@ -135,39 +108,17 @@ class Facts:
         return sources
 
     @cached_property
-    def births(self) -> pa.Table:
-        """All births by id, without genomes: Arrow table."""
-        values = [f"fitness.{name}" for name in self.run.header.measures]
-        columns = ["generation", "id", "operator", "status", "error", "feasible", *values]
-        return self.told.read([*columns, *(["island"] if self.run.header.islands else [])])
-
-    @property
-    def values(self) -> np.ndarray:
-        """Float ``(births, measures)``; NaN where a birth was not measured."""
-        return self.told.values[:, : len(self.run.header.measures)]
-
-    @property
-    def ok(self) -> np.ndarray:
-        """Bool, one a birth: it was bred, and has a value of all that is sought."""
-        return self.told.ok
-
-    @property
-    def kept(self) -> np.ndarray:
-        """Bool, one a birth: it was measured and lies within all bounds that now hold."""
-        return self.told.feasible
-
-    @cached_property
     def broken(self) -> set[int]:
         """Ids of those of the last generation that break a constraint."""
         ids = np.array([row["id"] for row in self.members], np.int64)
-        return set(ids[~self.kept[self.told.rows(ids)]].tolist())
+        return set(ids[~self.told.feasible[self.told.rows(ids)]].tolist())
 
     @cached_property
     def lived(self) -> list[dict]:
         """The last generation: slot, id, rank, as their algorithms have them; of a run with islands
         ``island`` too, on which they live."""
         columns = ["slot", "id", "rank", *(["island"] if self.run.header.islands else [])]
-        return self.run.members(self.last).select(columns).to_pylist()
+        return self.run.members(self.told.last).select(columns).to_pylist()
 
     @cached_property
     def members(self) -> list[dict]:
@@ -222,7 +173,7 @@ class Facts:
             grid_of_run(self.run)
         except RunError:
             return None
-        return archive(self.run, self.last)
+        return archive(self.run, self.told.last)
 
     @cached_property
     def grids(self) -> dict[str | None, Binned]:
@@ -234,7 +185,7 @@ class Facts:
                 grid = grid_of_run(self.run, island)
                 goal = None if island is None else self.told.quality_on(island)
                 if grid is not None:
-                    found[island] = binned(self.run, grid, self.last, goal)
+                    found[island] = binned(self.run, grid, self.told.last, goal)
             except RunError:
                 continue
         return found
@@ -263,20 +214,13 @@ class Facts:
         """Of the last generation the best by each measure sought in turn, ``count`` in all. Of
         those that look alike, the first stands for all while there are others to show."""
         rows = {row["id"]: row for row in self.members}
-        where = {identifier: row for row, identifier in enumerate(self.births["id"].to_pylist())}
-        self.run.individuals([one for one in rows if one not in where])  # says who is missing
-        by_aim = [
-            sorted(
-                rows,
-                key=lambda one: (
-                    not self.kept[where[one]],
-                    aim.loss(self.values[where[one], column]),
-                    one,
-                ),
-            )
-            for column, aim in enumerate(self.aims)
-            if aim in self.sought
-        ]
+        places = self.told.rows(list(rows))
+        keeps = dict(zip(rows, self.told.feasible[places].tolist(), strict=True))
+        by_aim = []
+        for aim in self.sought:
+            losses = aim.losses(self.told.value(aim.name)[places]).tolist()
+            loss = dict(zip(rows, losses, strict=True))
+            by_aim.append(sorted(rows, key=lambda one, loss=loss: (not keeps[one], loss[one], one)))
         best = list(
             dict.fromkeys(one for together in zip(*by_aim, strict=True) for one in together)
         )
@@ -352,7 +296,7 @@ class Facts:
 
     def decoded(self, birth: Birth) -> CityMap:
         """As `city`, and not kept: for many."""
-        expressed = self.run.header.chromosome.express(birth.genome)
+        expressed = self.told.expressed(birth)
         if expressed.city is None:
             raise RunError(
                 f"individual {birth.id}: {expressed.problem}",

@@ -26,20 +26,20 @@ class Front:
     @property
     def pairs(self) -> int:
         """How many pairs of measures there are."""
-        count = len(self.facts.aims)
+        count = len(self.facts.told.aims)
         return count * (count - 1) // 2
 
     @property
     def plots(self) -> list[Markup]:
         """One a pair that is shown; of a single measure one over the generations."""
         facts = self.facts
-        pairs = pairs_to_show(facts) if len(facts.aims) > 1 else [(None, 0)]
+        pairs = pairs_to_show(facts) if len(facts.told.aims) > 1 else [(None, 0)]
         return [_plot(facts, x, y) for x, y in pairs]
 
     @property
     def breaks(self) -> bool:
         """Whether a dot stands for one that breaks a constraint."""
-        return bool((self.facts.ok & ~self.facts.kept).any())
+        return bool((self.facts.told.ok & ~self.facts.told.feasible).any())
 
 
 def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
@@ -48,15 +48,14 @@ def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
     Conflict of two measures is the negative correlation of their losses over the last
     generation, or over all births where that one is too small.
     """
-    every = list(combinations(range(len(facts.aims)), 2))
+    every = list(combinations(range(len(facts.told.aims)), 2))
     if len(every) <= _MOST_PAIRS:
         return every
-    where = np.isin(facts.births["id"].to_numpy(), [row["id"] for row in facts.members]) & facts.ok
+    told = facts.told
+    where = np.isin(told.ids, [row["id"] for row in facts.members]) & told.ok
     if where.sum() < 3:
-        where = facts.ok
-    losses = np.array(
-        [[aim.loss(v) for v in facts.values[where, i]] for i, aim in enumerate(facts.aims)]
-    )
+        where = told.ok
+    losses = np.array([aim.losses(told.value(aim.name)[where]) for aim in told.aims])
     losses /= np.maximum(np.abs(losses).max(axis=1, keepdims=True), 1e-300)  # no sum overflows
     centred = losses - losses.mean(axis=1, keepdims=True)
     length = np.maximum(np.sqrt((centred**2).sum(axis=1)), 1e-300)
@@ -67,19 +66,19 @@ def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
 def _plot(facts: Facts, x: int | None, y: int) -> Markup:
     """Measure ``y`` over measure ``x``; over the generation of birth where ``x`` is None. Those
     that break a constraint are crosses, beneath all others."""
-    ids, born = facts.births["id"].to_numpy(), facts.births["generation"].to_numpy()
-    across = born if x is None else facts.values[:, x]
+    ids, born, measured = facts.told.ids, facts.told.generation, facts.told.values
+    across = born if x is None else measured[:, x]
     shown = {one.birth.id for one in facts.shown}
 
     def dots(where, kind, radius, titles=True, links=False):
-        told = [_title(facts, ids[i], facts.values[i]) for i in where] if titles else ()
+        told = [_title(facts, ids[i], measured[i]) for i in where] if titles else ()
         links = [f"#i{one}" for one in ids[where]] if links and shown.issuperset(ids[where]) else ()
-        points = across[where].astype(float), facts.values[where, y]
+        points = across[where].astype(float), measured[where, y]
         return Dots(*points, kind, radius, told, links)
 
     layers = []
-    for end, kept in ((" broken", ~facts.kept), ("", facts.kept)):
-        here = facts.ok & kept
+    for end, kept in ((" broken", ~facts.told.feasible), ("", facts.told.feasible)):
+        here = facts.told.ok & kept
         front = here & np.isin(ids, facts.front)
         later = np.flatnonzero(here & (born > 0) & ~front)
         later = later[:: max(1, -(-len(later) // _MOST_DOTS))]
@@ -88,12 +87,12 @@ def _plot(facts: Facts, x: int | None, y: int) -> Markup:
             dots(np.flatnonzero(here & (born == 0)), f"first{end}", 3),
             dots(np.flatnonzero(front), f"front{end}", 4, links=True),
         ]
-    horizontal = Axis("generation") if x is None else _axis(facts.aims[x])
-    return scatter(layers, horizontal, _axis(facts.aims[y]))
+    horizontal = Axis("generation") if x is None else _axis(facts.told.aims[x])
+    return scatter(layers, horizontal, _axis(facts.told.aims[y]))
 
 
 def _title(facts: Facts, identifier: int, values: np.ndarray) -> str:
-    told = (f"{a.name} {number(v, a.unit)}" for a, v in zip(facts.aims, values, strict=True))
+    told = (f"{a.name} {number(v, a.unit)}" for a, v in zip(facts.told.aims, values, strict=False))
     return f"{identifier}: {', '.join(told)}"
 
 
@@ -104,7 +103,7 @@ def _axis(aim: Aim) -> Axis:
 def curves(facts: Facts) -> Iterator[Markup]:
     """Hypervolume, what the algorithm tells, and the best of each goal, by generation; none of a
     first population alone."""
-    history = facts.history
+    history = facts.told.history
     if len(history) < 2:
         return
     yield curve([about.get("hypervolume") for about in history], Axis("hypervolume"))
@@ -119,7 +118,7 @@ def curves(facts: Facts) -> Iterator[Markup]:
 
 def curves_of(islands: Islands) -> list[Markup]:
     """The hypervolume of each island; none of a first population alone."""
-    if len(islands.facts.history) < 2:
+    if len(islands.facts.told.history) < 2:
         return []
     return [curve(values, Axis(f"hypervolume of {name}")) for name, values in islands.volumes]
 

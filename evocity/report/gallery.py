@@ -52,7 +52,7 @@ class Card:
     @property
     def keys(self) -> list[float | None]:
         birth, keys = self.one.birth, []
-        for aim in self.facts.aims:
+        for aim in self.facts.told.aims:
             keys += [aim.loss(birth.values.get(aim.name, math.nan))] if aim.sought else []
         for name in _unsought(self.facts):
             value = birth.values.get(name, math.nan)
@@ -121,12 +121,12 @@ class Galleries:
     @property
     def measures(self) -> list[str]:
         """What the cards can be filtered by, see `Card.values`: names with units."""
-        every = [*self.facts.aims, *self.facts.recorded]
+        every = self.facts.told.logged
         return [aim.name + (f", {aim.unit}" if aim.unit else "") for aim in every]
 
 
 def measures_of(facts: Facts) -> list[str]:
-    return [aim.name for aim in [*facts.aims, *facts.recorded]]
+    return [aim.name for aim in facts.told.logged]
 
 
 def _unsought(facts: Facts) -> list[str]:
@@ -143,7 +143,7 @@ def rows_of(facts: Facts, values: Mapping[str, float]) -> list[Row]:
     """All that the run logged, the wanted first."""
     return [
         Row(aim.name, number(values.get(aim.name), aim.unit), aim.wanted)
-        for aim in [*facts.aims, *facts.recorded]
+        for aim in facts.told.logged
     ]
 
 

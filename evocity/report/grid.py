@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.pictures.picture import FAINT, GROUND, INK, PAPER, render
 from evocity.report.facts import Facts
-from evocity.report.pictures import FONT, common_scale, contact_sheet, draw_scale
+from evocity.report.pictures import FONT, contact_sheet, draw_scale
 from evocity.search.binning import Binned
 from evocity.search.cells import Grid
 from evocity.store import Run
@@ -46,7 +47,7 @@ def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
         raise ValueError("a run without a grid")
     plain, title = ImageFont.truetype(FONT, 13), ImageFont.truetype(FONT, 22)
     layout = _Layout.of(binned)
-    highest = common_scale(facts)
+    highest = highest_of(facts.told)
     told = _told(facts, binned, layout, facts.told.quality_on(island))
     lines = [line for text in told for line in _wrapped(text, layout)]
     lines += _wrapped(facts.run.header.attribution, layout)
@@ -54,7 +55,7 @@ def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
     sheet = Image.new("RGB", (layout.width, layout.words + _LINE * len(lines) + 16), PAPER)
     draw = ImageDraw.Draw(sheet)
     of = facts.title if island is None else f"{facts.title}, {island}"
-    draw.text((20, 18), f"{of}, generation {facts.last}", INK, title)
+    draw.text((20, 18), f"{of}, generation {facts.told.last}", INK, title)
     for number in range(len(layout.slices)):
         _draw_axes(sheet, draw, layout, number, plain)
     _fill(sheet, draw, facts, binned, layout, highest)

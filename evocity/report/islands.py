@@ -23,26 +23,17 @@ class Islands:
         return self.facts.run.header.islands
 
     @cached_property
-    def _noted(self) -> dict[str, Mapping]:
-        """What provenance notes of each."""
-        recipe = self.facts.run.provenance.get("recipe")
-        listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
-        tables = [one for one in listed or () if isinstance(one, Mapping)]
-        return {str(one.get("name")): one for one in tables}
-
-    @cached_property
     def _homes(self) -> dict[int, str]:
         """Where each birth was born."""
-        births = self.facts.births
-        pairs = zip(births["id"].to_pylist(), births["island"].to_pylist(), strict=True)
-        return dict(pairs)
+        told = self.facts.told
+        return dict(zip(told.ids.tolist(), told.island.tolist(), strict=True))
 
     @property
     def settings(self) -> list[tuple[str, str, str, str]]:
         """Of each island its name, algorithm, operators with their weights, and goals."""
         found = []
         for name in self.names:
-            noted = self._noted.get(name, {})
+            noted = self.facts.told.islands_noted.get(name, {})
             search, measures = noted.get("search"), noted.get("measures")
             algorithm = search.get("algorithm") if isinstance(search, Mapping) else None
             goals = ", ".join(map(str, measures)) if isinstance(measures, list) else "all"
@@ -54,7 +45,7 @@ class Islands:
         """Of each island its name, hypervolume by its own goals, how many were born there, live
         there, live there and were born elsewhere, and what its algorithm tells."""
         born = Counter(self._homes.values())
-        last = self.facts.history[-1].get("islands", {}) if self.facts.history else {}
+        last = self.facts.told.history[-1].get("islands", {}) if self.facts.told.history else {}
         found = []
         for name in self.names:
             told, here = last.get(name, {}), self._lived.get(name, [])
@@ -92,7 +83,7 @@ class Islands:
     @property
     def volumes(self) -> list[tuple[str, list[float | None]]]:
         """Of each island its name, and its hypervolume in each generation."""
-        history = self.facts.history
+        history = self.facts.told.history
         return [
             (name, [one.get("islands", {}).get(name, {}).get("hypervolume") for one in history])
             for name in self.names
@@ -104,7 +95,7 @@ class Islands:
         latest: dict[int, list] = {}  # one that was stopped before it was written tells twice
         for event in self.facts.run.events():
             generation, told = event.get("generation"), event.get("moves")
-            whole = isinstance(generation, int) and generation <= self.facts.last
+            whole = isinstance(generation, int) and generation <= self.facts.told.last
             if event.get("event") == "migration" and whole and isinstance(told, list):
                 latest[generation] = [one for one in told if isinstance(one, Mapping)]
         sent: Counter = Counter()

@@ -80,7 +80,7 @@ class _Compared:
 
     def rows(self, values) -> list[Compared]:
         facts, found = self.facts, []
-        for column, aim in enumerate([*facts.aims, *facts.recorded]):
+        for column, aim in enumerate(facts.told.logged):
             own = [one.get(aim.name) for one in self.parents]
             found.append(
                 Compared(
@@ -142,7 +142,7 @@ def _values(aims, one: Shown) -> str:
 
 def _bounded(facts: Facts, one: Shown) -> str:
     """The constraints beside the goals in a caption: what the individual has, and the bounds."""
-    constraints = [aim for aim in facts.aims if aim not in facts.sought]
+    constraints = [aim for aim in facts.told.aims if aim not in facts.sought]
     told = "; ".join(f"{_values([aim], one)} ({aim.bounds})" for aim in constraints)
     verb = "breaks a constraint" if one.birth.id in facts.broken else "constraints"
     return f". {verb.capitalize()}: {told}" if told else ""

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.pages import data_uri
-from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render, scale_end
+from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
 from evocity.report.facts import Facts, Shown
 from evocity.report.plots import ticks
 from evocity.scene import scene
@@ -20,11 +21,6 @@ FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
 _WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
-
-
-def common_scale(facts: Facts) -> float:
-    """Metres at which the colours of all pictures of a run end: above its parents' roofs."""
-    return max(scale_end(source.city) for source in facts.sources)
 
 
 def map_uri(city: CityMap, highest: float) -> str:
@@ -75,7 +71,7 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     facts = Facts(run)
     parents = [source.city for source in facts.sources]
     chosen = facts.best(best)
-    highest = common_scale(facts)
+    highest = highest_of(facts.told)
     cells: list = [(city, [city.name, "parent"]) for city in parents]
     cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
     cells += [(one.city, _caption(facts, one)) for one in chosen]
@@ -85,7 +81,7 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
 def _caption(facts: Facts, one: Shown) -> list[str]:
     values = [
         f"{aim.name} {one.birth.values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip()
-        for aim in [*facts.aims, *facts.recorded]
+        for aim in facts.told.logged
     ]
     return [f"individual {one.birth.id}", *values]
 
@@ -102,7 +98,7 @@ def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Ima
     low = top + -(-len(cells) // columns) * step + 8
     sheet = Image.new("RGB", (width, low + 52 + gap + line * len(credits)), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((gap, 20), f"{facts.title}, generation {facts.last}", INK, title)
+    draw.text((gap, 20), f"{facts.title}, generation {facts.told.last}", INK, title)
     for number, cell in enumerate(cells):
         if cell is None:
             continue

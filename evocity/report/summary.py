@@ -75,10 +75,10 @@ def reasons(facts: Facts) -> str:
 
 def gain(facts: Facts) -> str:
     """How far the hypervolume is above that of the first population."""
-    volumes = [about.get("hypervolume") for about in facts.history]
+    volumes = [about.get("hypervolume") for about in facts.told.history]
     if len(volumes) < 2 or volumes[0] is None or volumes[-1] is None:
         return ""
-    first = facts.kept[facts.births["generation"].to_numpy() == 0]
+    first = facts.told.feasible[facts.told.generation == 0]
     if volumes[0] <= 0 or volumes[0] < 0.01 * volumes[-1] or 2 * first.sum() < len(first):
         # a share of next to nothing, or of a few that happened to live, tells nothing
         return f"{number(volumes[0])} in the first population"

@@ -31,30 +31,29 @@ class Table:
 
 
 def by_status(facts: Facts) -> Table:
-    counted = Counter(facts.births["status"].to_pylist())
+    counted = Counter(facts.told.status.tolist())
     return Table(("status", "births"), [(status, counted[status]) for status in STATUSES])
 
 
 def by_operator(facts: Facts) -> Table:
-    births = facts.births
-    status, operator = births["status"].to_pylist(), births["operator"].to_pylist()
+    told = facts.told
+    status, operator = told.status.tolist(), told.operator.tolist()
     alive = {row["id"] for row in facts.members}
     failed = Counter(o for o, s in zip(operator, status, strict=True) if s != "ok")
-    living = Counter(
-        o for o, one in zip(operator, births["id"].to_pylist(), strict=True) if one in alive
-    )
+    living = Counter(o for o, one in zip(operator, told.ids.tolist(), strict=True) if one in alive)
     born = Counter(operator).most_common()
     rows = [(name, count, failed[name], living[name]) for name, count in born]
     return Table(("operator", "births", "failed", "alive now"), rows)
 
 
 def by_error(facts: Facts) -> Table:
-    errors = Counter(shortened(text) for text in facts.births["error"].to_pylist() if text)
+    told = facts.told.read(["error"])["error"].to_pylist()
+    errors = Counter(shortened(text) for text in told if text)
     return Table(("error", "births"), errors.most_common(12))
 
 
 def by_generation(facts: Facts) -> Table:
-    history = facts.history
+    history = facts.told.history
     stride = max(1, -(-len(history) // _MOST_GENERATIONS))
     chosen = [*history[:-1:stride], history[-1]]
     headings = ("generation", "births", "failures", "hypervolume", "evaluations/s")
@@ -74,7 +73,7 @@ def by_generation(facts: Facts) -> Table:
 
 def every_birth(facts: Facts) -> Table:
     """The numbers of all births, of more than `MOST_BIRTHS` of the last ones."""
-    told, measures = facts.told, [*facts.aims, *facts.recorded]
+    told, measures = facts.told, facts.told.logged
     start = max(0, len(told) - MOST_BIRTHS)
     alive = np.isin(told.ids, [row["id"] for row in facts.members])
     marks = np.where(alive, "lives", "")
@@ -93,7 +92,7 @@ def every_birth(facts: Facts) -> Table:
 
 
 def measures(facts: Facts) -> Table:
-    every: list[Aim] = [*facts.aims, *facts.recorded]
+    every: list[Aim] = facts.told.logged
     rows = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in every]
     return Table(("measure", "unit", "what is wanted", "what it tells"), rows)
 

@@ -16,9 +16,50 @@ from evocity.analysis.compromise import achievement, best_compromise, weights_of
 from evocity.analysis.condition import Condition
 from evocity.analysis.credit import entered
 from evocity.analysis.spread import farthest_first
+from evocity.analysis.wanted import Aim
 from evocity.errors import EvocityError
 from evocity.fitness import Aims, Constraint, Objective, Wanted
 from evocity.search.judging import judged, named_alone
+
+# -- losses by an aim ------------------------------------------------------------------------
+
+EDGES = [0.0, 1.0, -1.0, 1.7e308, -1.7e308, math.inf, -math.inf, math.nan]
+VALUES = st.one_of(st.floats(), st.sampled_from(EDGES))
+BOUNDS = st.one_of(st.none(), st.floats(allow_nan=False, allow_infinity=False))
+AIMS = st.builds(
+    Aim,
+    st.just("gsi"),
+    st.just(""),
+    st.sampled_from(["max", "min", "like", "bounds", "none", "unknown"]),
+    target=BOUNDS,
+    low=BOUNDS,
+    high=BOUNDS,
+)
+
+
+def naive_loss(aim: Aim, value: float) -> float:
+    if aim.goal == "bounds":
+        if math.isnan(value):
+            return sys.float_info.max
+        below = 0.0 if aim.low is None else aim.low - value
+        above = 0.0 if aim.high is None else value - aim.high
+        return min(max(below, above, 0.0), sys.float_info.max)
+    if aim.target is not None:
+        return min(abs(value - aim.target), sys.float_info.max)
+    return value if aim.goal == "min" else -value
+
+
+@settings(max_examples=200)
+@given(AIMS, st.lists(VALUES, max_size=6))
+def test_losses_of_many_are_those_of_each(aim, values):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = aim.losses(np.array(values))
+        each = [aim.loss(one) for one in values]
+    expected = [naive_loss(aim, one) for one in values]
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(each, expected)
+
 
 # -- who entered the archive -----------------------------------------------------------------
 

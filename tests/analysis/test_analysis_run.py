@@ -1,6 +1,7 @@
 """A run as one asks it: old, resumed, damaged, growing, empty ones."""
 
 import csv
+import os
 import shutil
 import sys
 import zipfile
@@ -357,6 +358,99 @@ def test_runs_in_which_nobody_was_measured_are_compared(tmp_path):
     assert comparison.hypervolume.isna().all(axis=None)
     assert "Hypervolume" not in str(comparison)
     assert str(comparison)
+
+
+STATED = {"name": "gsi", "goal": "min", "file": "mine.py", "hash": "a", "kept": "gsi/mine.py"}
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        ({}, True),
+        ({"file": "moved/mine.py"}, True),
+        ({"hash": "b"}, False),
+        ({"file": "evocity/fitness/density.py", "hash": "b"}, False),
+        ({"reference": {"lyon-1er": None}}, False),
+        ({"reference": "parents"}, False),
+        ({"within": "quarter"}, False),
+        ({"target": 0.3, "goal": "target", "hash": "b"}, None),
+    ],
+)
+def test_a_measure_of_another_source_is_another(tmp_path, change, same):
+    births = [[{"id": 0}, {"id": 1}]]
+    run = written(tmp_path / "one", births, wanted=[STATED])
+    other = written(tmp_path / "other", births, wanted=[STATED | change])
+    comparison = run.compare(other)
+    assert comparison.goals == (("gsi",) if same else ())
+    assert comparison.namesakes == (("gsi",) if same is False else ())
+    assert ("measured otherwise in each: gsi." in str(comparison)) == (same is False)
+    assert ("By what both want, gsi" in str(comparison)) == bool(same)
+
+
+def test_a_measure_of_evocity_is_one_in_all_releases(tmp_path):
+    ours = {"name": "gsi", "goal": "min", "file": "evocity/fitness/density.py", "hash": "a"}
+    old = ours | {"file": "/home/somebody/evocity/fitness/density.py", "hash": "b"}
+    births = [[{"id": 0}, {"id": 1}]]
+    run = written(tmp_path / "one", births, wanted=[ours])
+    assert run.compare(written(tmp_path / "old", births, wanted=[old])).goals == ("gsi",)
+    theirs = run.compare(written(tmp_path / "own", births, wanted=[STATED]))
+    assert theirs.namesakes == ("gsi",)
+
+
+def test_no_pictures_are_left_of_a_table_that_could_not_be_written(run, tmp_path, monkeypatch):
+    def full(source, target, replace=os.replace):
+        if str(target).endswith(".csv"):
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr("evocity.files.os.replace", full)
+    with pytest.raises(RunError, match="No space left"):
+        run.to_csv(tmp_path / "explored.csv", form="design-explorer", of=[0])
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("read", [False, True])
+@pytest.mark.parametrize("which", [[1], [[1]], [[1, 2], [3]], "1", 1.0, None, True, -1000, 2**70])
+def test_what_is_no_birth_is_told_in_three_parts(night, which, read):
+    run = evocity.open_run(night)
+    if read:
+        assert len(run.told.ids)
+    with pytest.raises(RunError, match=r"individual|ids") as caught:
+        run[which]
+    assert all((caught.value.found, caught.value.expected, caught.value.remedy))
+
+
+def test_ids_stand_in_one_row(run):
+    for ids in ([[1, 2]], [[[1, 2]]], np.ones((2, 2), int)):
+        with pytest.raises(RunError, match="ids"):
+            run.told.rows(ids)
+    assert run.told.rows([]).tolist() == run.told.rows([[]]).tolist() == []
+
+
+def test_of_no_births_there_is_no_last_one(tmp_path):
+    run = written(tmp_path / "run", [[]])
+    assert len(run) == 0
+    assert -1 not in run
+    for which in (-1, 0):
+        with pytest.raises(RunError, match=f"no individual {which}"):
+            run[which]
+
+
+def test_what_counts_no_births_names_no_births(run):
+    for ask in (run.diversity, run.survivors, run.keep):
+        key = "generations" if ask == run.diversity else "n"
+        for count in (0, -1, 1.5, True, "all"):
+            with pytest.raises(EvocityError, match="a whole number, 1 or more") as caught:
+                ask(**{key: count})
+            assert "of=" not in caught.value.remedy
+    with pytest.raises(EvocityError, match="name other births with of="):
+        run.clusters(10_000)
+
+
+def test_of_an_empty_archive_none_is_kept(tmp_path):
+    failed = {"status": "error", "error": "no", "values": {}, "genome": None}
+    with pytest.raises(RunError, match="the archive is empty"):
+        written(tmp_path / "none", [[{"id": 0} | failed]]).keep()
 
 
 def test_scores_become_csv(run, tmp_path):

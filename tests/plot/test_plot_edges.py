@@ -214,3 +214,17 @@ def test_dollars_and_backslashes_in_names_are_text(tmp_path):
         figure.draw_without_rendering()
         texts = [one.get_text() for one in figure.findobj(Text)]
         assert not [one for one in texts if re.search(r"(?<!\\)\$", one)]
+
+
+def test_a_pedigree_tells_where_it_is_cut(tmp_path):
+    """A line of descent of sixteen steps: twelve are drawn, of however many."""
+    births = [[{"id": n, "parents": (n - 1,) if n else ()}] for n in range(17)]
+    run = written(tmp_path / "run", births, wanted=GOALS[:1])
+    for steps, drawn, cut in ((None, 12, True), (40, 12, True), (12, 12, False), (3, 3, False)):
+        ax = plot.pedigree(run, 16, steps)
+        assert len([one for one in ax.texts if ", gen." in one.get_text()]) == drawn + 1
+        title = ax.child_axes[0].get_title("left")
+        assert title.startswith("16 ancestors")
+        assert ("12 steps back at most" in title) == cut
+    title = plot.pedigree(run, 9, None).child_axes[0].get_title("left")
+    assert "at most" not in title, "nothing is left out"

@@ -15,6 +15,7 @@ from codes import uniformly
 from PIL import Image
 
 from evocity import fitness
+from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import RunError
@@ -30,7 +31,7 @@ from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
 from evocity.report.html import page_of
 from evocity.report.kept import best_of_last, few_to_keep
-from evocity.report.pictures import Pictures, _caption, common_scale, data_uri, map_uri
+from evocity.report.pictures import Pictures, _caption, data_uri, map_uri
 from evocity.report.summary import Summary, gain
 from evocity.report.words import WORDS
 from evocity.scene import scene
@@ -263,7 +264,7 @@ def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
         assert len(code) < 150_000
         picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
         whole = scene(one.city).picture(
-            width=picture.width, highest=common_scale(facts), legend=False
+            width=picture.width, highest=highest_of(facts.told), legend=False
         )
         assert picture.size == whole.size
         assert np.abs(np.asarray(picture, int) - np.asarray(whole, int)).mean() < 2
@@ -274,11 +275,11 @@ def test_captions_tell_goals_from_constraints(usual, tmp_path):
     facts = Facts(open_run(folder))
     captions = re.findall(r"<figcaption><b>individual.*?</figcaption>", text)
     assert captions
-    assert facts.sought == facts.aims
+    assert facts.sought == facts.told.aims
     assert not any("onstraint" in one for one in captions)
     bounded = tmp_path / "bounded"
     shutil.copytree(folder, bounded)
-    name = facts.aims[-1].name
+    name = facts.told.aims[-1].name
     provenance = json.loads((bounded / "provenance.json").read_text())
     provenance["fitness"] = [{"name": name, "min": -1e9, "max": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
@@ -429,11 +430,11 @@ def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkey
         type(run), "generations", property(lambda _: whole[: min(1 + next(ends), len(whole))])
     )
     facts = Facts(run)
-    assert facts.last < whole[-1]
-    assert set(facts.archive.births["generation"].to_pylist()) <= set(range(facts.last + 1))
+    assert facts.told.last < whole[-1]
+    assert set(facts.archive.births["generation"].to_pylist()) <= set(range(facts.told.last + 1))
     assert not set(facts.gone) & {row["id"] for row in facts.members}
-    assert max(facts.births["generation"].to_pylist()) == facts.last
-    assert facts.history[-1]["generation"] == facts.last
+    assert facts.told.generation.max() == facts.told.last
+    assert facts.told.history[-1]["generation"] == facts.told.last
 
 
 def test_an_archive_that_lives_is_one_sentence(tmp_path):
@@ -467,7 +468,7 @@ def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
 def test_the_gain_is_a_share_where_a_share_tells(tmp_path, volumes, failed, said):
     fails = {"fails": lambda generation, slot: generation == 0 and slot < failed}
     facts = Facts(open_run(make_run(tmp_path / "run", **fails)))
-    facts.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
+    facts.told.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
     assert gain(facts) == said
 
 
@@ -537,7 +538,7 @@ def test_a_large_population_stays_a_page(tmp_path):
 def test_targets_of_the_recipe_are_told(tmp_path):
     recipe = '[[fitness]]\nname = "gsi"\ntarget = 0.35\n[[fitness]]\nname = "fsi"\ngoal = "min"\n'
     folder = make_run(tmp_path / "run", recipe=recipe)
-    gsi, fsi = Facts(open_run(folder)).aims
+    gsi, fsi = Facts(open_run(folder)).told.aims
     assert (gsi.target, gsi.wanted) == (0.35, "0.35 is wanted")
     assert gsi.loss(0.25) == pytest.approx(0.1)
     assert (fsi.wanted, fsi.loss(3.0)) == ("less is better", 3.0)
@@ -547,7 +548,7 @@ def test_the_target_found_for_a_city_to_be_like_is_told(tmp_path):
     recipe = '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n'
     found = {"fitness": [{"name": "gsi", "goal": "like", "target": 0.6}]}
     folder = make_run(tmp_path / "run", recipe=recipe, provenance=found)
-    assert Facts(open_run(folder)).aims[0].wanted == "0.6 is wanted"
+    assert Facts(open_run(folder)).told.aims[0].wanted == "0.6 is wanted"
     assert "0.6 is wanted" in write_report(folder).read_text("utf-8")
 
 
@@ -651,10 +652,13 @@ def test_those_that_break_a_constraint_are_crosses(tmp_path, usual):
     goals = [{"name": "gsi", "goal": "max"}, {"name": "fsi", "min": 0.5}]
     folder = make_run(tmp_path / "run", provenance={"fitness": goals})
     facts, text = Facts(open_run(folder)), write_report(folder).read_text("utf-8")
-    broken = int((facts.ok & ~facts.kept).sum())
-    assert 0 < broken < len(facts.kept)
+    broken = int((facts.told.ok & ~facts.told.feasible).sum())
+    assert 0 < broken < len(facts.told.feasible)
     assert text.count('<path d="') == broken
-    assert text.count("<circle ") - text.count('<circle class="front"') == len(facts.kept) - broken
+    assert (
+        text.count("<circle ") - text.count('<circle class="front"')
+        == len(facts.told.feasible) - broken
+    )
     key = '<i class="cross">'
     assert key in text
     assert "<path " not in usual[1]

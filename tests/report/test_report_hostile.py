@@ -20,8 +20,8 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     monkeypatch.setattr(summary, "reasons", lambda facts: "")
     facts = Facts(open_run(folder))
     assert facts.members  # read while the header is the files' own
-    assert facts.history
-    assert facts.births
+    assert facts.told.history
+    assert len(facts.told)
     assert not facts.broken
     facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
     page = Page(page_of(facts))
@@ -38,7 +38,7 @@ def test_hostile_bounds_are_none(tmp_path, told):
     name = facts.run.header.measures[0]
     stated = {"name": name, "min": told, "max": told, "target": told, "objective": "a\n\x1b[31mb"}
     facts.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
-    aim = facts.aims[0]
+    aim = facts.told.aims[0]
     assert (aim.target, aim.low, aim.high) == (None, None, None)
     assert aim.total == "a[31mb"
     assert not facts.broken

@@ -82,7 +82,7 @@ def test_goals_fronts_and_the_archive_do_not_see_them(toy, tmp_path):
 def test_the_report_tells_them_as_recorded(toy, tmp_path):
     run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
     facts = Facts(open_run(tmp_path / "run"))
-    assert [aim.name for aim in facts.aims] == ["spread", "roof"]
+    assert [aim.name for aim in facts.told.aims] == ["spread", "roof"]
     births = [one.birth for one in facts.shown[:1]]
     (others,) = facts.unlogged(births).values()
     assert others

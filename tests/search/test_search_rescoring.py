@@ -256,7 +256,7 @@ def test_a_birth_on_which_a_new_measure_fails_is_kept_and_not_judged(begun):
         assert without == sorted(without)
     assert not set(after.members(4)["id"].to_pylist()) & set(lacking)
     facts = Facts(after)
-    assert not facts.kept[lacking].any()
+    assert not facts.told.feasible[lacking].any()
     assert write_report(out).is_file()
     assert goes_on(out, generations=5) == [5]
     assert all(one.same for one in replay(out))
