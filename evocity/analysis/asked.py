@@ -11,8 +11,10 @@ from evocity.errors import EvocityError, RunError, shown
 
 
 def ids_of(which: object, told: Told) -> np.ndarray:
-    """Int64: the ids that are asked for by ``which``: an id or an individual, many of them, or a
-    frame of births. Raises `RunError` for one that is none of the run's."""
+    """Int64: the ids that are asked for by ``which``: an id, an individual or what `Run.keep` tells
+    of one, many of them, or a frame of births. Raises `RunError` for one that is none of the
+    run's."""
+    which = getattr(which, "individual", which)
     if isinstance(which, Integral) or hasattr(which, "birth"):
         which = [which]
     index = getattr(which, "index", None)
@@ -23,7 +25,7 @@ def ids_of(which: object, told: Told) -> np.ndarray:
             "ids, individuals, or a frame of births",
             "give for example run.archive.ids",
         )
-    listed = list(listed)
+    listed = [getattr(one, "individual", one) for one in listed]
     here = told.run.path.resolve()
     for one in listed:
         if hasattr(one, "birth") and one.run.path.resolve() != here:

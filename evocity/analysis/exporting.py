@@ -1,4 +1,5 @@
-"""Scores and chosen births as files: tables for other programs, a zip with all of each."""
+"""Scores and chosen births as files: tables for other programs, a zip with all of each, a contact
+sheet."""
 
 import csv
 import math
@@ -6,7 +7,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -14,12 +15,17 @@ import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.individual import Individual
+from evocity.analysis.thumbnails import highest_of
+from evocity.analysis.wanted import Aim
 from evocity.errors import RunError, check_word
 from evocity.files import whole_file
+from evocity.pictures.sheet import columns_for, sheet_of
 
 FORMS = ("plain", "design-explorer")
 # Of each birth in a zip.
-_FILES = ("map.tif", "picture.png", "genome.parquet", "scene.glb")
+_FILES = ("map.tif", "footprints.gpkg", "picture.png", "genome.parquet", "scene.glb")
+# So many maps at most stand on one sheet.
+MOST = 400
 # What spreadsheets take for a formula.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
@@ -73,18 +79,52 @@ def _explored(
     return heads, map(row, individuals)
 
 
-def write_zip(individuals: Sequence[Individual], path: str | os.PathLike) -> None:
-    """All of these births in one zip: of each a folder with its map as GeoTIFF, a picture, its
-    genome, its scene; their scores in ``scores.csv``; and whom to thank.
+def write_several(individuals: Sequence[Individual], path: str | os.PathLike) -> None:
+    """These births in one file, see `Run.save`: all of each in a ``path`` that ends in .zip, their
+    maps on a contact sheet in one that ends in .png.
 
-    Raises `RunError` where it cannot be written; nothing is left half-written.
+    Raises `RunError` for another ending, and where it cannot be written; nothing is left
+    half-written.
     """
     path = Path(path)
-    if path.suffix.lower() != ".zip":
-        raise RunError(f"{path.name} for several births", "a name that ends in .zip", "add .zip")
+    writers = {".zip": _write_zip, ".png": _write_sheet}
+    if path.suffix.lower() not in writers:
+        raise RunError(
+            f"{path.name} for several births",
+            "a name that ends in .zip, or in .png for a contact sheet",
+            "choose one of these; run[97].save(…) writes one birth as .gpkg, .tif and others",
+        )
     if not individuals:
         raise RunError("no births to save", "one at least", "name some, for example run.front()")
-    told, individuals = individuals[0].told, list(dict.fromkeys(individuals))
+    writers[path.suffix.lower()](list(dict.fromkeys(individuals)), path)
+
+
+def _write_sheet(individuals: Sequence[Individual], path: Path) -> None:
+    """Their maps side by side with their ids and scores, on the scale of all pictures of the
+    run."""
+    if len(individuals) > MOST:
+        raise RunError(
+            f"{len(individuals)} births on one sheet", f"at most {MOST}", "choose fewer of them"
+        )
+    told = individuals[0].told
+    cells = [(one.city, caption(one.id, told.logged, one.scores)) for one in individuals]
+    attribution = told.run.header.attribution
+    columns = columns_for(len(cells))
+    sheet = sheet_of(cells, told.run.path.resolve().name, highest_of(told), attribution, columns)
+    with _written(path) as temporary:
+        sheet.save(temporary, format="PNG")
+
+
+def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -> list[str]:
+    """What stands beneath a map on a sheet: which individual it is, and all that was logged."""
+    told = (f"{aim.name} {values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip() for aim in aims)
+    return [f"individual {identifier}", *told]
+
+
+def _write_zip(individuals: Sequence[Individual], path: Path) -> None:
+    """Of each a folder with its map as GeoTIFF, its footprints, a picture, its genome, its scene;
+    their scores in ``scores.csv``; and whom to thank."""
+    told = individuals[0].told
     with (
         _written(path) as temporary,
         tempfile.TemporaryDirectory() as folder,
@@ -98,7 +138,7 @@ def write_zip(individuals: Sequence[Individual], path: str | os.PathLike) -> Non
         ids = np.array([one.id for one in individuals])
         write_csv(told, ids, Path(folder) / "scores.csv")
         archive.write(Path(folder) / "scores.csv", "scores.csv")
-        thanks = told.run.header.attribution.replace("; ", "\n")
+        thanks = told.run.header.attribution.replace("; ", "\n") or "The source maps state none."
         archive.writestr("ATTRIBUTION.txt", thanks + "\n")
 
 
@@ -132,4 +172,4 @@ def _written(path: Path) -> Iterator[Path]:
         ) from error
 
 
-__all__ = ["FORMS", "write_csv", "write_zip"]
+__all__ = ["FORMS", "MOST", "caption", "write_csv", "write_several"]

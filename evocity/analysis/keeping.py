@@ -88,7 +88,7 @@ def _kinds(
     rest = rest[np.linspace(0, len(rest) - 1, room).round().astype(np.intp)]
     rows = np.concatenate([own, rest])
     whole = len(rows) == len(choice.ids)
-    compared = "in the archive" if whole else "of the archive that were compared"
+    where = f"of the {len(rows)} " + ("in the archive" if whole else "of the archive compared")
     matrix = likeness.matrix(choice.ids[rows], "looks")
     middle = medoids(matrix, min(count, len(rows)))
     labels = labelled(matrix, middle)
@@ -102,11 +102,18 @@ def _kinds(
 
     for group in np.argsort(-sizes, kind="stable").tolist():
         if group not in taken and near()[middle[group]] > apart:
-            alike = f"{sizes[group]} of {len(rows)} {compared} look most like it"
-            yield int(rows[middle[group]]), f"{alike}, itself among them."
+            yield int(rows[middle[group]]), _stands_for(int(sizes[group]) - 1, where)
     while (far := near()).max() > apart:
         row = int(far.argmax())
         yield int(rows[row]), f"It differs in {far[row]:.0%} of the map from all named before."
+
+
+def _stands_for(others: int, where: str) -> str:
+    """How many ``others`` one stands for, of those that were compared."""
+    if not others:
+        return f"It looks like no other {where}."
+    many = f"{others} others {where} look" if others > 1 else f"1 other {where} looks"
+    return f"{many} most like it."
 
 
 class _Choice:
@@ -132,8 +139,8 @@ class _Choice:
         goal = self.told.goals[column]
         if goal in self._aims and self._aims[goal].total is None:
             value = self.told.value(goal)[self.told.rows(self.ids[row : row + 1])][0]
-            return f"{value:.3g} {self._aims[goal].unit}".rstrip()
-        return f"a loss of {self.losses[row, column]:.3g}"
+            return f"{value:.4g} {self._aims[goal].unit}".rstrip()
+        return f"a loss of {self.losses[row, column]:.4g}"
 
     def told_of(self, row: int) -> Kept:
         roles, why = self.roles[row]
@@ -153,6 +160,9 @@ class _Choice:
             told = ", ".join(f"{goal} ({self.value(row, goals.index(goal))})" for goal in best)
             sentences.append(f"None in the archive is better by {told}.")
         sentences += [why] if why else []
+        if one.operator == "source":
+            parent = self.told.run.header.cities[one.id]
+            sentences.append(f"It is the parent {parent} as its code has it, not a child.")
         if not one.alive:
             sentences.append("It does not live any more.")
         return Kept(one, ", ".join(roles), " ".join(sentences), self._gave_up(row))

@@ -424,11 +424,12 @@ class Run(opening.Run, Displayed):
         write_csv(self.told, every, path, form)
 
     def save(self, which: object, path: str | os.PathLike) -> None:
-        """Write births, named by ids or a frame, into a ``path`` that ends in .zip: of each its map
-        as GeoTIFF, a picture, its genome, its scene; their scores; whom to thank."""
-        from evocity.analysis.exporting import write_zip
+        """Write births, named by ids, individuals, a frame or `keep`, into one ``path``. A .zip has
+        of each its map as GeoTIFF, its footprints, a picture, its genome, its scene; their scores;
+        whom to thank. A .png is a contact sheet: their maps on one scale, with ids and scores."""
+        from evocity.analysis.exporting import write_several
 
-        write_zip([self[int(one)] for one in self._ids(which)], path)
+        write_several([self[int(one)] for one in self._ids(which)], path)
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
         """This run beside an ``other``: frames ``recipes``, what differs in them; ``hypervolume``

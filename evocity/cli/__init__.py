@@ -6,6 +6,7 @@
 - `refine`: one individual of a run made better by an optimiser
 - `replay`: births of a run recomputed
 - `status`, `report`: a run, finished or not
+- `keep`: which of a run are worth keeping
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `scene`: a map or genome in three dimensions
@@ -34,6 +35,7 @@ from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
 from evocity.cli.grow import grow
+from evocity.cli.keep import keep
 from evocity.cli.library import library
 from evocity.cli.operators import operators
 from evocity.cli.pattern import pattern
@@ -78,6 +80,7 @@ for _command in (
     replay,
     status,
     report,
+    keep,
     encode,
     decode,
     breed,

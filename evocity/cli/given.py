@@ -2,6 +2,7 @@
 which measures?"""
 
 import contextlib
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,16 +13,20 @@ from evocity.cli.common import converged, note_reading
 from evocity.errors import EvocityError, FitnessError
 
 
-def one_of(context: click.Context, option: click.Parameter, told: tuple):
-    """The one value of an option of ``multiple=True``, or None: of two none is left out in
-    silence."""
+def one_id(told: tuple) -> int | None:
+    """The one value of ``--id``, or None: of two none is left out in silence."""
     if len(told) > 1:
         raise EvocityError(
-            " ".join(f"{option.opts[0]} {one}" for one in told),
-            f"{option.opts[0]} once",
+            " ".join(f"--id {one}" for one in told),
+            "--id once",
             "name one individual; call the command again for the next",
         )
     return told[0] if told else None
+
+
+def one_of(context: click.Context, option: click.Parameter, told: tuple) -> int | None:
+    """`one_id` as the callback of an option."""
+    return one_id(told)
 
 
 id_option = click.option(
@@ -73,10 +78,12 @@ def genome_of(source: str, identifier: int | None):
     if is_run(source) or (identifier is not None and Path(source).is_dir()):
         return _individual(source, identifier)
     if identifier is not None:
+        there = os.path.lexists(source) or source in evocity.cities()
         raise EvocityError(
-            f"--id {identifier} with {source}, which is no run folder",
+            f"--id {identifier} with {source}, which "
+            + ("is no run folder" if there else "does not exist"),
             "--id with the folder of a run",
-            "leave --id out, or name the run's folder",
+            "leave --id out, or name the run's folder" if there else "check the run's name",
         )
     if not is_genome(source) and (_is_map(source) or Path(source).is_dir()):
         kind = "a folder, not that of a run" if Path(source).is_dir() else "a map"

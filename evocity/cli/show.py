@@ -6,7 +6,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, count_option, echo, map_options, output_option, writing
-from evocity.cli.given import city_of, decoded, genome_of, id_option, refuse_reading
+from evocity.cli.given import city_of, decoded, genome_of, ids_option, one_id, refuse_reading
 from evocity.errors import EvocityError
 
 #: Title of the picture of each count.
@@ -23,13 +23,17 @@ Examples:
   evocity show lyon-1er -o lyon.png
   evocity show runs/lyon-x-montpellier -o bred.png
   evocity show runs/lyon-x-montpellier --id 97 -o one.png
+  evocity show runs/lyon-x-montpellier --id 97 --id 12 --id 40 -o sheet.png
   evocity show runs/lyon-x-montpellier --id 97 --ancestry -o whose.png
   evocity show lyon.parquet --leaves -o leaves.png
   evocity show lyon.parquet --usage -o calls.png"""
 )
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option("PNG", "Picture to write; overwritten if it exists.")
-@id_option
+@ids_option(
+    "Which individual of a run folder, by the number its report and `status` give it. Give it "
+    "several times for a contact sheet."
+)
 @click.option(
     "--leaves",
     is_flag=True,
@@ -55,14 +59,14 @@ Examples:
 )
 @map_options
 def show(
-    what: str, output: Path, identifier, leaves, usage, count, ancestry, depth, reading
+    what: str, output: Path, identifiers, leaves, usage, count, ancestry, depth, reading
 ) -> None:
     """Draw a map, the map of a genome, or the best of a run.
 
     Heights are drawn on a colour scale in metres, with a scale bar and the attribution of the
     sources. A run folder shows its parents and the best of its last generation side by side, or
-    the individual named by --id. A run of map_elites shows its grid: in each filled cell the map
-    of its best birth.
+    the individual named by --id, or several of them with their scores. A run of map_elites shows
+    its grid: in each filled cell the map of its best birth.
 
     --leaves, --usage and --ancestry draw what a genome's code is made of, over its map.
     """
@@ -70,6 +74,8 @@ def show(
     asked = [flag for flag, given in flags.items() if given]
     _check_wanted(asked, count, depth)
     check_output(output, what, {".png"})
+    several = len(identifiers) > 1 and not asked
+    identifier = None if several else one_id(identifiers)
     if asked:
         refuse_reading(asked[0], reading)
         genome = genome_of(what, identifier)
@@ -79,6 +85,9 @@ def show(
             _show_usage(genome, decoded(genome, what, identifier), count or "pixels", output)
         else:
             _show_ancestry(genome, what, identifier, depth, output)
+    elif several:
+        refuse_reading(f"the run {what}", reading)
+        evocity.open_run(what).save(identifiers, output)
     elif identifier is not None or not Path(what).is_dir():
         evocity.write_map(city_of(what, reading, identifier), output)
     else:

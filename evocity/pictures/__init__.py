@@ -6,6 +6,7 @@
 - `palette`: one colour a source city, everywhere
 - `classes`: what stands on a map, each class in its colour
 - `leaves`: the range blocks of a code, over its map
+- `sheet`: many maps on one contact sheet
 """
 
 from evocity.pictures.classes import render_classes

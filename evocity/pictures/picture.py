@@ -263,7 +263,7 @@ def _draw_colours(sheet, draw, place, scale: _Scale, font, small, size) -> None:
     sheet.paste(Image.fromarray(bar), (left, top))
     draw.rectangle((left - 1, top - 1, left + width, top + tall), outline=FAINT)
     draw.text((left, top - int(0.6 * size)), scale.title, FAINT, small, "lb")
-    for value in _ticks(end, tall / (2 * size)):
+    for value in round_steps(end, tall / (2 * size)):
         y = top + round((tall - 1) * (1 - value / end))
         draw.line((left + width, y, left + width + size // 3, y), FAINT)
         draw.text((left + 1.6 * width, y), f"{value:g}", INK, font, "lm")
@@ -303,14 +303,14 @@ def _draw_key_row(draw, place, row: _Entries, font) -> None:
 def _draw_scale_bar(draw, place, side, width, font) -> None:
     """A round length of at most a quarter of the map's width; ``side`` in metres a pixel."""
     left, top = place
-    metres = _ticks(width * side / 4, 1)[-1] or 1
+    metres = round_steps(width * side / 4, 1)[-1] or 1
     length, thick = metres / side, max(2, round(font.size / 4))
     draw.rectangle((left, top, left + length, top + thick), outline=INK)
     draw.rectangle((left, top, left + length / 2, top + thick), fill=INK)
     draw.text((left + length + font.size / 2, top), f"{metres:g} m", INK, font, "lt")
 
 
-def _ticks(end: float, most: float) -> list[float]:
+def round_steps(end: float, most: float) -> list[float]:
     """Round numbers from 0 to ``end``, at most about ``most`` steps."""
     wanted = end / max(most, 1)
     power = 10.0 ** math.floor(math.log10(wanted))
@@ -396,6 +396,7 @@ __all__ = [
     "render",
     "render_field",
     "render_shares",
+    "round_steps",
     "scale_end",
     "shortened",
     "text_size",

@@ -36,15 +36,11 @@ _APART = Ranked.Keys.model_fields["apart"].default
 
 @dataclass(frozen=True)
 class Shown:
-    """An individual of the last generation, or of the archive, as a gallery shows it.
-
-    ``shares`` is the share of its lifs from each source city, in the run's order of cities.
-    """
+    """An individual of the last generation, or of the archive, as a gallery shows it."""
 
     birth: Birth
     rank: int
     city: CityMap
-    shares: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -210,6 +206,11 @@ class Facts:
         """The archive's individuals that no longer live, at most `MOST_SHOWN`."""
         return self._shown([{"id": one, "rank": 0} for one in self.gone[:MOST_SHOWN]])
 
+    @cached_property
+    def carded(self) -> frozenset[int]:
+        """Ids of those that have a card in a gallery of the page."""
+        return frozenset(one.birth.id for one in [*self.shown, *self.shown_gone])
+
     def best(self, count: int) -> list[Shown]:
         """Of the last generation the best by each measure sought in turn, ``count`` in all. Of
         those that look alike, the first stands for all while there are others to show."""
@@ -251,7 +252,7 @@ class Facts:
     def _shown(self, rows: Sequence[dict]) -> list[Shown]:
         births = self.individuals([row["id"] for row in rows])
         return [
-            Shown(birth, row["rank"], self.city(birth), birth.genome.shares)
+            Shown(birth, row["rank"], self.city(birth))
             for row, birth in zip(rows, births, strict=True)
         ]
 

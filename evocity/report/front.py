@@ -43,7 +43,8 @@ class Front:
 
 
 def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
-    """Pairs of measures (indices): all of up to four; of more, those most in conflict.
+    """Pairs of measures (indices): all of up to four; of more, those of goals before those with a
+    bound alone, and then those most in conflict.
 
     Conflict of two measures is the negative correlation of their losses over the last
     generation, or over all births where that one is too small.
@@ -60,7 +61,9 @@ def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
     centred = losses - losses.mean(axis=1, keepdims=True)
     length = np.maximum(np.sqrt((centred**2).sum(axis=1)), 1e-300)
     correlation = (centred / length[:, None]) @ (centred / length[:, None]).T
-    return sorted(sorted(every, key=lambda pair: correlation[pair])[:_MOST_PAIRS])
+    bounds = {i for i, aim in enumerate(facts.told.aims) if not aim.sought}
+    every.sort(key=lambda pair: (bool(bounds.intersection(pair)), correlation[pair]))
+    return sorted(every[:_MOST_PAIRS])
 
 
 def _plot(facts: Facts, x: int | None, y: int) -> Markup:

@@ -11,6 +11,7 @@ from evocity.pages import number
 from evocity.pictures import city_colours
 from evocity.report.facts import Facts, Shown
 from evocity.report.pictures import Pictures
+from evocity.store import Birth
 
 #: What the void among the cities is.
 _VOID = "bare ground, laid where buildings were left out"
@@ -26,16 +27,47 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Lineage:
+    """Whose stones an individual is made of, and of whom it was bred. ``shares``: (city, share in
+    words, share in percent, colour); ``parents``: (number, whether it has a card)."""
+
+    facts: Facts
+    birth: Birth
+
+    @property
+    def shares(self) -> list[tuple[str, str, float, str]]:
+        cities = self.facts.run.header.cities
+        told = zip(cities, self.birth.genome.shares.tolist(), city_colours(cities), strict=True)
+        return [
+            (city, f"{share:.0%}" if share >= 0.005 else "under 1%", 100 * share, colour)
+            for city, share, colour in told
+            if share > 0
+        ]
+
+    @property
+    def parents(self) -> list[tuple[int, bool]]:
+        return [(parent, parent in self.facts.carded) for parent in self.birth.parents]
+
+    @property
+    def made(self) -> str:
+        """What its operator recorded."""
+        return json.dumps(dict(self.birth.made), ensure_ascii=False, default=str)
+
+    @property
+    def born(self) -> str:
+        operator = self.birth.operator.replace("_", " ")
+        return f"born in generation {self.birth.generation}, {operator}"
+
+
+@dataclass(frozen=True)
 class Card:
     """An individual as a gallery shows it. ``keys``, of each of the orders what the card is sorted
-    by, upwards; ``values``, of each measure what it has; None where there is none.
-    ``shares``: (city, share, colour); ``parents``: (number, whether it has a card)."""
+    by, upwards; ``values``, of each measure what it has; None where there is none."""
 
     facts: Facts
     one: Shown
     place: int
     picture: str
-    here: frozenset[int]
 
     @property
     def rows(self) -> list[Row]:
@@ -65,23 +97,8 @@ class Card:
         return [_finite(values.get(name, math.nan)) for name in measures_of(self.facts)]
 
     @property
-    def shares(self) -> list[tuple[str, float, str]]:
-        cities = self.facts.run.header.cities
-        told = zip(cities, self.one.shares.tolist(), city_colours(cities), strict=True)
-        return [one for one in told if one[1] > 0]
-
-    @property
-    def parents(self) -> list[tuple[int, bool]]:
-        return [(parent, parent in self.here) for parent in self.one.birth.parents]
-
-    @property
-    def made(self) -> str:
-        """What its operator recorded."""
-        return json.dumps(dict(self.one.birth.made), ensure_ascii=False, default=str)
-
-    @property
-    def operator(self) -> str:
-        return self.one.birth.operator.replace("_", " ")
+    def lineage(self) -> Lineage:
+        return Lineage(self.facts, self.one.birth)
 
 
 @dataclass(frozen=True)
@@ -100,10 +117,8 @@ class Galleries:
         return self._cards(self.facts.shown_gone)
 
     def _cards(self, shown: Sequence[Shown]) -> list[Card]:
-        facts = self.facts
-        here = frozenset(one.birth.id for one in [*facts.shown, *facts.shown_gone])
         return [
-            Card(facts, one, place, self.pictures.of(one.birth.id, one.city), here)
+            Card(self.facts, one, place, self.pictures.of(one.birth.id, one.city))
             for place, one in enumerate(shown)
         ]
 
@@ -116,7 +131,7 @@ class Galleries:
             for name in _unsought(self.facts)
             for first in ("highest", "lowest")
         )
-        return ["as chosen", "youngest first", *sought, *others]
+        return ["as the search ranks them", "youngest first", *sought, *others]
 
     @property
     def measures(self) -> list[str]:
@@ -183,4 +198,4 @@ def city_key(cities: Sequence[str]) -> list[tuple[str, str]]:
     return list(zip(city_colours(cities), told, strict=True))
 
 
-__all__ = ["Card", "Galleries", "Parent", "Row", "city_key", "parents", "rows_of"]
+__all__ = ["Card", "Galleries", "Lineage", "Parent", "Row", "city_key", "parents", "rows_of"]

@@ -5,13 +5,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
-from evocity.pictures.picture import FAINT, GROUND, INK, PAPER, render
+from evocity.pictures.picture import FAINT, GROUND, INK, PAPER, font, render
+from evocity.pictures.sheet import draw_scale
 from evocity.report.facts import Facts
-from evocity.report.pictures import FONT, contact_sheet, draw_scale
+from evocity.report.pictures import contact_sheet
 from evocity.search.binning import Binned
 from evocity.search.cells import Grid
 from evocity.store import Run
@@ -45,7 +46,7 @@ def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
     binned = facts.grids.get(island)
     if binned is None:
         raise ValueError("a run without a grid")
-    plain, title = ImageFont.truetype(FONT, 13), ImageFont.truetype(FONT, 22)
+    plain, title = font(13), font(22)
     layout = _Layout.of(binned)
     highest = highest_of(facts.told)
     told = _told(facts, binned, layout, facts.told.quality_on(island))
@@ -175,7 +176,7 @@ def _draw_axes(sheet, draw, layout: _Layout, number: int, plain) -> None:
         draw.line((left - _TICK - 1, y, left - 1, y), FAINT)
         draw.text((left - _TICK - 4, y), value, INK, plain, "rm")
     names = [_short(one) for one in grid.descriptors]
-    name = ImageFont.truetype(FONT, 16)
+    name = font(16)
     draw.text(((left + right) // 2, low + 27), names[0], INK, name, "mt")
     _draw_upwards(sheet, (left - _LEFT + 18, (top + low) // 2), names[1], name)
     if len(grid.counts) == 3:
@@ -224,7 +225,7 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
             draw.rectangle((left, top, left + size, top + size), colour)
         return
     side, bar = layout.side - 1, max(2, layout.side // 18)
-    number = ImageFont.truetype(FONT, min(13, max(9, layout.side // 7)))
+    number = font(min(13, max(9, layout.side // 7)))
     for one, city in _cities(facts, sorted(shown)):
         (left, top), good = shown[one]
         picture = render(city, highest=highest, legend=False)

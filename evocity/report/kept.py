@@ -8,7 +8,7 @@ import numpy as np
 
 from evocity.pages import number
 from evocity.report.facts import Facts, Shown
-from evocity.report.gallery import Row, rows_of
+from evocity.report.gallery import Lineage, Row, rows_of
 from evocity.report.pictures import Pictures, scene_uri
 
 #: Of the last generation, where there is no archive, so many are shown in three dimensions.
@@ -41,6 +41,7 @@ class Worth:
     scene: str
     width: int
     rows: list[Compared]
+    lineage: Lineage
     others: list[tuple[str, str]]
 
 
@@ -62,6 +63,7 @@ def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
                 scene_uri(city, pictures.highest),
                 city.shape[1],
                 compared.rows(birth.values),
+                Lineage(facts, birth),
                 [(name, number(value, unit)) for name, value, unit in others[birth.id]],
             )
         )

@@ -1,23 +1,17 @@
 """Maps as pictures on one scale of heights, and the contact sheet of a run."""
 
-import math
-import textwrap
-from pathlib import Path
-
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
+from evocity.analysis.exporting import caption
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.pages import data_uri
-from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
+from evocity.pictures.picture import ramp, render
+from evocity.pictures.sheet import sheet_of
 from evocity.report.facts import Facts, Shown
-from evocity.report.plots import ticks
 from evocity.scene import scene
 from evocity.store import Run
-
-#: Names and attributions have letters that Pillow's own font lacks.
-FONT = Path(__file__).parent.parent / "data" / "fonts" / "roboto-regular.ttf"
 
 _WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
@@ -75,54 +69,9 @@ def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     cells: list = [(city, [city.name, "parent"]) for city in parents]
     cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
     cells += [(one.city, _caption(facts, one)) for one in chosen]
-    return _sheet(facts, cells, highest, columns)
+    title = f"{facts.title}, generation {facts.told.last}"
+    return sheet_of(cells, title, highest, facts.run.header.attribution, columns)
 
 
 def _caption(facts: Facts, one: Shown) -> list[str]:
-    values = [
-        f"{aim.name} {one.birth.values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip()
-        for aim in facts.told.logged
-    ]
-    return [f"individual {one.birth.id}", *values]
-
-
-def _sheet(facts: Facts, cells: list, highest: float, columns: int) -> Image.Image:
-    plain, title = ImageFont.truetype(FONT, 13), ImageFont.truetype(FONT, 22)
-    gap, line, top = 20, 17, 64
-    rows, cols = cells[0][0].shape
-    side = min(max(cols, 200), 400)
-    tall = round(side * rows / cols)
-    step = tall + gap + line * max(len(cell[1]) for cell in cells if cell)
-    width = gap + columns * (side + gap)
-    credits = textwrap.wrap(facts.run.header.attribution, (width - 2 * gap) // 7)
-    low = top + -(-len(cells) // columns) * step + 8
-    sheet = Image.new("RGB", (width, low + 52 + gap + line * len(credits)), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    draw.text((gap, 20), f"{facts.title}, generation {facts.told.last}", INK, title)
-    for number, cell in enumerate(cells):
-        if cell is None:
-            continue
-        city, caption = cell
-        row, column = divmod(number, columns)
-        left, high = gap + column * (side + gap), top + row * step
-        picture = render(city, highest=highest, legend=False)
-        method = Image.Resampling.BOX if cols > side else Image.Resampling.NEAREST
-        sheet.paste(picture.resize((side, tall), method), (left, high))
-        for index, text in enumerate(caption):
-            place = (left, high + tall + 4 + index * line)
-            draw.text(place, text, INK if index == 0 else FAINT, plain)
-    draw_scale(sheet, draw, (gap, low), min(width - 2 * gap, 420), highest, plain)
-    for index, text in enumerate(credits):
-        draw.text((gap, low + 44 + index * line), text, FAINT, plain)
-    return sheet
-
-
-def draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
-    """The scale of heights, ``width`` px wide and 36 high, at the ``place`` (left, top)."""
-    left, top = place
-    bar = np.linspace(0, highest, width, dtype=np.float32)[None].repeat(12, axis=0)
-    sheet.paste(Image.fromarray(ramp(bar, highest)), (left, top))
-    for metres in ticks(0, highest):
-        text = f"{metres:g}" if metres else "0 m"
-        x = left + metres / highest * (width - 1)
-        draw.text((x, top + 17), text, FAINT, plain, "mt" if 0 < metres < highest else "lt")
+    return caption(one.birth.id, facts.told.logged, one.birth.values)

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 12, 46  # of the drawing's edge, px
+_LABEL, _DIGIT = 34, 6.8  # px: the words beside the upright axis with their air; a digit of it
 
 
 _LARGEST = 1e300  # the scale of an axis needs differences and their logarithms
@@ -89,10 +90,12 @@ class _Frame:
         self.width, self.height = size
         self.low_x, self.high_x, self.ticks_x = _span(x, targets[0])
         self.low_y, self.high_y, self.ticks_y = _span(y, targets[1])
+        longest = max((len(f"{tick:.6g}") for tick in self.ticks_y), default=0)
+        self.left = max(_LEFT, round(_LABEL + _DIGIT * longest))
 
     def x(self, value):
         share = (value - self.low_x) / (self.high_x - self.low_x)
-        return _LEFT + share * (self.width - _LEFT - _RIGHT)
+        return self.left + share * (self.width - self.left - _RIGHT)
 
     def y(self, value):
         share = (value - self.low_y) / (self.high_y - self.low_y)
@@ -111,10 +114,10 @@ class _Frame:
         for tick in self.ticks_y:
             py = self.y(tick)
             parts.append(
-                f'<line class="grid" x1="{_LEFT}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
+                f'<line class="grid" x1="{self.left}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
             )
             parts.append(
-                f'<text class="tick side" x="{_LEFT - 6}" y="{py + 3.5:.1f}">{tick:.6g}</text>'
+                f'<text class="tick side" x="{self.left - 6}" y="{py + 3.5:.1f}">{tick:.6g}</text>'
             )
         if x.target is not None:
             px = self.x(x.target)
@@ -124,9 +127,9 @@ class _Frame:
         if y.target is not None:
             py = self.y(y.target)
             parts.append(
-                f'<line class="target" x1="{_LEFT}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
+                f'<line class="target" x1="{self.left}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
             )
-        middle_x, middle_y = (_LEFT + right) / 2, (_TOP + low) / 2
+        middle_x, middle_y = (self.left + right) / 2, (_TOP + low) / 2
         parts.append(f'<text class="axis" x="{middle_x:.0f}" y="{low + 36}">{_label(x)}</text>')
         parts.append(
             f'<text class="axis" transform="translate(13 {middle_y:.0f}) rotate(-90)">'

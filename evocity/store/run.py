@@ -63,12 +63,14 @@ class Run:
         if not os.path.lexists(self._folder.provenance):
             inside = self.path.glob("*/provenance.json") if os.path.isdir(self.path) else ()
             within = sorted(str(path.parent) for path in inside)
+            beside = [path.parent for path in self.path.parent.glob("*/provenance.json")]
+            near = near_miss(self.path.name, [path.name for path in beside])
             raise RunError(
                 f"no run at {self.path}" + (f", but {len(within)} within it" if within else ""),
                 "a folder written by `evocity run`, with provenance.json in it",
                 f"name one of them, for example {within[-1]}"
                 if within
-                else "check the name, or start a run: evocity run RECIPE --out FOLDER",
+                else near or "check the name, or start a run: evocity run RECIPE --out FOLDER",
             )
         with self._readable(self._folder.provenance):
             self.provenance: dict = read_json(self._folder.provenance)

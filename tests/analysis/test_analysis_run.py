@@ -16,8 +16,10 @@ import evocity
 from evocity.analysis import scoring
 from evocity.analysis.keeping import APART
 from evocity.analysis.likeness import Likeness
+from evocity.analysis.thumbnails import highest_of
 from evocity.coding.decoded import decoded
 from evocity.errors import EvocityError, FitnessError, RunError
+from evocity.pictures.sheet import sheet_of
 from evocity.search.looks import look_of
 
 OLD = sorted((Path(__file__).parent.parent / "old").glob("run-[0-9]"))
@@ -312,6 +314,7 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
                 least = losses[:, goals.index(goal)].min()
                 assert one.individual.losses[goal] == least
         assert ("not live" in one.why) == (not one.individual.alive)
+        assert ("not a child" in one.why) == (one.individual.operator == "source")
     assert kept.frame.index.tolist() == ids
     assert len(str(kept).splitlines()) == len(kept)
     assert [one.individual.id for one in run.keep(1)] == ids[:1]
@@ -340,7 +343,14 @@ def test_those_compared_by_looks_are_of_all_times(run, monkeypatch):
     assert not len(rest) or rest[0] == others.min()
     assert len(rest) < 2 or rest[-1] == others.max()
     for one in kept:
-        assert "in the archive look most like it" not in one.why
+        assert "in the archive" not in one.why or not one.role.startswith("one of its")
+
+
+def test_a_parent_that_is_kept_is_called_a_parent(tmp_path):
+    run = written(tmp_path / "run", [[{"id": 0, "operator": "source"}, {"id": 1}]], [[0, 1]])
+    said = [one.why for one in run.keep() if one.individual.id == 0]
+    assert said
+    assert f"It is the parent {run.header.cities[0]} as its code has it, not a child." in said[0]
 
 
 def test_individuals_of_another_run_are_refused(run, archipelago):
@@ -491,7 +501,7 @@ def test_chosen_births_become_a_zip(run, tmp_path):
         names = set(file.namelist())
         assert len(file.read("scores.csv").splitlines()) == 3
         file.extract("9/genome.parquet", tmp_path)
-    files = {"map.tif", "picture.png", "genome.parquet", "scene.glb"}
+    files = {"map.tif", "footprints.gpkg", "picture.png", "genome.parquet", "scene.glb"}
     assert names == {f"{one}/{name}" for one in (9, 3) for name in files} | {
         "scores.csv",
         "ATTRIBUTION.txt",
@@ -501,3 +511,26 @@ def test_chosen_births_become_a_zip(run, tmp_path):
         with pytest.raises(EvocityError):
             run.save(which, tmp_path / name)
     assert {path.name for path in tmp_path.iterdir()} == {"chosen.zip", "9"}
+
+
+def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "evocity.analysis.exporting.sheet_of",
+        lambda cells, *more: drawn.append((cells, *more)) or sheet_of(cells, *more),
+    )
+    kept = run.keep(3)
+    run.save(kept, tmp_path / "sheet.png")
+    run.save(kept[0], tmp_path / "one.png")
+    cells, title, highest, attribution, columns = drawn[0]
+    assert (title, attribution, columns) == (run.path.name, run.header.attribution, len(kept))
+    assert highest == highest_of(run.told)
+    for (city, lines), one in zip(cells, kept, strict=True):
+        assert np.array_equal(city.heights, one.individual.city.heights)
+        assert lines[0] == f"individual {one.individual.id}"
+        assert [line.split()[0] for line in lines[1:]] == list(one.individual.scores)
+    assert [lines[0] for _, lines in drawn[1][0]] == [f"individual {kept[0].individual.id}"]
+    monkeypatch.setattr("evocity.analysis.exporting.MOST", 1)
+    with pytest.raises(RunError, match="2 births on one sheet"):
+        run.save([9, 3], tmp_path / "many.png")
+    assert {path.name for path in tmp_path.iterdir()} == {"sheet.png", "one.png"}

@@ -280,9 +280,10 @@ def test_what_is_no_genome_is_called_what_it_is(tmp_path):
     refused(tmp_path, "decode", tmp_path, *output, says="a folder, not that of a run")
 
 
-@pytest.mark.parametrize("command", ["decode", "refine", "scene", "show"])
+@pytest.mark.parametrize("command", ["decode", "refine", "scene", "show --usage"])
 def test_an_id_given_twice_is_refused(tmp_path, command):
-    words = (command, tmp_path, "--id", 1, "--id", 2, "-o", tmp_path / "x.parquet")
+    output = tmp_path / ("x.png" if "show" in command else "x.parquet")
+    words = (*command.split(), tmp_path, "--id", 1, "--id", 2, "-o", output)
     message = refused(tmp_path, *words, says="--id 1 --id 2")
     assert "--id once" in message
 
@@ -291,6 +292,8 @@ def test_an_id_means_nothing_without_a_run(tmp_path, genome_file):
     refused(tmp_path, "score", genome_file, "--id", 3, says="no run folder")
     refused(tmp_path, "show", "lyon-1er", "--id", 3, "-o", tmp_path / "p.png", says="no run")
     refused(tmp_path, "decode", tmp_path, "--id", 3, "-o", tmp_path / "m.tif", says="no run at")
+    missing = ("decode", tmp_path / "missing", "--id", 3, "-o", tmp_path / "m.tif")
+    refused(tmp_path, *missing, says="which does not exist")
 
 
 @pytest.mark.parametrize(

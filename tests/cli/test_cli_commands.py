@@ -47,6 +47,7 @@ def test_the_commands_are_these():
         "replay",
         "status",
         "report",
+        "keep",
         "encode",
         "decode",
         "breed",

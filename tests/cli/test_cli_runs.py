@@ -128,6 +128,45 @@ def test_json_has_the_whole_front(stopped, monkeypatch):
     assert json.loads(call("status", stopped, "--json").stdout)["front"] == front
 
 
+# -- keep, show ------------------------------------------------------------------------------
+
+
+def test_which_to_keep_is_told_as_in_python(going_on):
+    kept = evocity.open_run(going_on).keep(3)
+    text = call("keep", going_on, "--count", 3).stdout
+    for one in kept:
+        assert f"{one.individual.id}  {one.role}\n    {one.why}\n    {one.gave_up}\n" in text
+    first = kept[0].individual.id
+    assert text.endswith(f"evocity decode {going_on} --id {first} -o {first}.gpkg\n")
+    told = json.loads(call("keep", going_on, "--count", 3, "--json").stdout)["kept"]
+    assert [one["id"] for one in told] == [one.individual.id for one in kept]
+    assert told[0]["scores"] == kept[0].individual.scores
+    assert (told[0]["why"], told[0]["gave_up"]) == (kept[0].why, kept[0].gave_up)
+
+
+def test_several_of_a_run_become_a_contact_sheet(tmp_path, stopped):
+    call("keep", stopped, "-o", tmp_path / "kept.png")
+    ids = [one.individual.id for one in evocity.open_run(stopped).keep()]
+    each = [word for one in ids for word in ("--id", one)]
+    assert len(ids) > 1
+    call("show", stopped, *each, "-o", tmp_path / "shown.png")
+    assert (tmp_path / "kept.png").read_bytes() == (tmp_path / "shown.png").read_bytes()
+    refused(tmp_path, "keep", stopped, "-o", tmp_path / "k.gpkg", says=".gpkg cannot be written")
+    output = ("-o", tmp_path / "s.png")
+    words = ("show", stopped, *each, "--id", 10**6, *output)
+    refused(tmp_path, *words, says="1000000")
+    refused(tmp_path, "show", stopped, *each, "--pixels", 64, *output, says="--pixels with")
+
+
+def test_a_run_of_nobody_has_none_to_keep(tmp_path, dead):
+    refused(tmp_path, "keep", dead, says="the archive is empty")
+
+
+def test_a_name_near_that_of_a_run_is_told(tmp_path, stopped):
+    message = refused(tmp_path, "status", tmp_path / "rum", says="no run at")
+    assert "did you mean run?" in message
+
+
 # -- report ----------------------------------------------------------------------------------
 
 

@@ -32,6 +32,7 @@ from evocity.report.gallery import Galleries, city_key
 from evocity.report.html import page_of
 from evocity.report.kept import best_of_last, few_to_keep
 from evocity.report.pictures import Pictures, _caption, data_uri, map_uri
+from evocity.report.plots import Axis, curve
 from evocity.report.summary import Summary, gain
 from evocity.report.words import WORDS
 from evocity.scene import scene
@@ -346,7 +347,7 @@ def test_parents_settings_lineage_and_attributions_are_told(usual):
     for part in ("© the people of A", "© the people of B", "[run]", "mutation", "numpy"):
         assert part in told
     for one in Facts(open_run(folder)).shown:
-        assert one.shares.sum() == pytest.approx(1)
+        assert one.birth.genome.shares.sum() == pytest.approx(1)
 
 
 def test_a_strangers_text_is_text(tmp_path):
@@ -375,6 +376,23 @@ def test_any_number_of_measures(tmp_path, count):
     assert page.svg == pairs + 1 + count  # the front; hypervolume; the best of each
     if count > 1:
         assert len(set(pairs_to_show(Facts(open_run(folder))))) == pairs
+
+
+def test_pairs_of_goals_come_before_pairs_with_a_bound(tmp_path):
+    measures = [measure.name for measure in fitness.measures()][:6]
+    wanted = [{"name": name, "goal": "max"} for name in measures[3:]]
+    bounds = [{"name": name, "goal": "bounds", "max": 9.0} for name in measures[:3]]
+    folder = make_run(tmp_path / "run", measures=measures, provenance={"fitness": bounds + wanted})
+    facts = Facts(open_run(folder))
+    assert [aim.sought for aim in facts.told.aims] == [False] * 3 + [True] * 3
+    assert {(3, 4), (3, 5), (4, 5)} < set(pairs_to_show(facts))
+
+
+def test_words_beside_an_axis_keep_clear_of_its_numbers():
+    for values in ([0.1, 0.2], [0.352705, 0.352725], [-1e-300, 1e-300], [6.0009, 6.0013]):
+        drawing = str(curve(values, Axis("best gsi")))
+        sides = re.findall(r'class="tick side" x="([\d.]+)" y="[\d.]+">([^<]+)<', drawing)
+        assert min(float(x) - 6.5 * len(text) for x, text in sides) > 20  # the words end there
 
 
 def test_why_births_failed_stands_beside_their_number(tmp_path):

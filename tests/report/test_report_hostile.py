@@ -48,7 +48,7 @@ def test_hostile_bounds_are_none(tmp_path, told):
 def test_cards_hold_text_alone(tmp_path):
     facts = Facts(open_run(make_run(tmp_path / "run")))
     one = facts.shown[0]
-    facts.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city, one.shares)]
+    facts.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city)]
     object.__setattr__(one.birth, "generation", HOSTILE)
     object.__setattr__(one.birth, "parents", (HOSTILE,))
     page = Page(page_of(facts))

@@ -1,0 +1,76 @@
+"""`evocity keep`: which individuals of a run are worth keeping, and why."""
+
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.common import check_output, echo, json_option, print_json
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity keep runs/lyon-x-montpellier
+  evocity keep runs/lyon-x-montpellier --count 8 -o sheet.png
+  evocity keep runs/lyon-x-montpellier -o chosen.zip"""
+)
+@click.argument("run", metavar="RUN")
+@click.option(
+    "--count",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    metavar="N",
+    help="So many, or as many as differ.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="PNG|ZIP",
+    show_default="none",
+    help="Write them too: .png, a contact sheet with their scores; .zip, of each its map, "
+    "footprints, picture, genome and scene. Overwritten if it exists.",
+)
+@json_option
+def keep(run: str, count: int, output: Path | None, as_json: bool) -> None:
+    """Say which individuals of RUN to keep, and why.
+
+    They are the best compromise, the best by each goal, and such as look like none of these, out
+    of all births that no other ever dominated. Each has its number, its role, the reason, and
+    what it gave up. The report of RUN begins with them. RUN may still go on, and nothing in it is
+    changed or executed.
+
+    JSON keys: kept, a list of id, role, why, gave_up and scores (measure to value).
+    """
+    if output is not None:
+        check_output(output, run, {".png", ".zip"})
+    opened = evocity.open_run(run)
+    kept = opened.keep(count)
+    if output is not None:
+        opened.save(kept, output)
+    if as_json:
+        told = [
+            {
+                "id": one.individual.id,
+                "role": one.role,
+                "why": one.why,
+                "gave_up": one.gave_up,
+                "scores": one.individual.scores,
+            }
+            for one in kept
+        ]
+        print_json({"kept": told})
+        return
+    for one in kept:
+        echo(f"{one.individual.id}  {one.role}")
+        for sentence in (one.why, one.gave_up):
+            echo(f"    {sentence}")
+    if output is not None:
+        echo(f"wrote {output}")
+    first = kept[0].individual.id
+    echo(f"\nOne of them as a file for QGIS:\n  evocity decode {run} --id {first} -o {first}.gpkg")
+
+
+__all__ = ["keep"]
