@@ -204,25 +204,31 @@ class Individual(Displayed):
 
         return scene(self.city, **({"measures": self.scores} | how))
 
-    def save(self, path: str | os.PathLike) -> None:
+    def save(self, path: str | os.PathLike, at: str | None = None) -> None:
         """Write it; the suffix of ``path`` chooses what: ``.parquet`` its genome; ``.tif`` and
         ``.npy`` heights; ``.gpkg`` and ``.geojson`` footprints; ``.png`` a picture; ``.city.json``,
         ``.glb``, ``.obj``, ``.wrl`` and ``.x3d`` a scene.
+
+        at : a source city, on whose ground it is laid, in its reference system. Else it lies where
+            all source cities lie, and nowhere on Earth if they lie in several places.
 
         Raises `EvocityError` for another suffix, and what writing raises; nothing is left
         half-written.
         """
         from evocity import io
-        from evocity.scene import SUFFIXES, suffix_of
+        from evocity.analysis.placing import place_of
+        from evocity.scene import SUFFIXES, scene, suffix_of
 
         path = Path(path)
         suffix = path.suffix.lower()
+        place = {} if at is None else place_of(self.run, at)
         if suffix == ".parquet":
-            self.genome.write(path)
+            self.genome.replace(**place).write(path)
         elif suffix in io.WRITERS:
-            io.write_map(self.city, path)
+            io.write_map(self.city.replace(self.city.heights, **place), path)
         elif suffix_of(path) is not None:
-            self.scene().write(path)
+            city = self.city.replace(self.city.heights, **place)
+            scene(city, measures=self.scores).write(path)
         else:
             known = dict.fromkeys([".parquet", *io.WRITERS, *SUFFIXES])
             raise MapError(

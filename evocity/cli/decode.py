@@ -14,8 +14,8 @@ from evocity.cli.common import (
     note_compiling,
     output_option,
 )
-from evocity.cli.given import decoded_name, genome_of, id_option
-from evocity.errors import EvocityError, setting
+from evocity.cli.given import decoded_name, genome_of, id_option, is_run
+from evocity.errors import EvocityError, keyword, setting
 
 
 @click.command(
@@ -27,6 +27,7 @@ Examples:
   evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg
+  evocity decode runs/lyon-x-montpellier --id 97 --at lyon-1er -o in-lyon.gpkg
   evocity decode lyon.parquet -o staircases.gpkg --raw"""
 )
 @click.argument("genome", metavar="GENOME|RUN")
@@ -36,6 +37,12 @@ Examples:
     ".png (a picture), .npy (bare heights); overwritten if it exists.",
 )
 @id_option
+@click.option(
+    "--at",
+    metavar="CITY",
+    show_default="where all source cities lie, else nowhere on Earth",
+    help="Source city of the run on whose ground the map is laid, in its reference system.",
+)
 @click.option(
     "--zoom",
     type=float,
@@ -66,7 +73,7 @@ Examples:
     help="Footprints along the edges of their pixels, in place of straight walls.",
 )
 def decode(
-    genome: str, output: Path, identifier, zoom: float, low_pass, high_pass, count, raw
+    genome: str, output: Path, identifier, at, zoom: float, low_pass, high_pass, count, raw
 ) -> None:
     """Write the map that a genome stands for, its attractor.
 
@@ -74,7 +81,8 @@ def decode(
 
     Footprints are a polygon a building, with id, height (the mean of its pixels, metres) and area
     (m²). Their walls are straight lines fitted to the pixels, and none overlaps another. A map that
-    lies nowhere on Earth is written as .gpkg, in local metres, not as .geojson.
+    lies nowhere on Earth, such as a child of two towns, is written as .gpkg, in local metres, not
+    as .geojson; --at lays it on the ground of one of them.
     """
     from evocity.io import RAW_WRITERS, WRITERS
 
@@ -94,6 +102,8 @@ def decode(
             )
     note_compiling()
     code = genome_of(genome, identifier)
+    if at is not None:
+        code = code.replace(**_place(genome, at))
     check_zoom(code.pavement, zoom)
     told = []
     for name, f_c in filters.items():
@@ -108,6 +118,18 @@ def decode(
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
         echo(line)
     echo(f"wrote {output}")
+
+
+def _place(run: str, at: str) -> dict:
+    if not is_run(run):
+        raise EvocityError(
+            f"{setting('at', at)} with {run}, which is no run folder",
+            "the folder of a run, whose source cities lie on Earth",
+            f"leave {keyword('at')} out",
+        )
+    from evocity.analysis.placing import place_of
+
+    return place_of(evocity.open_run(run), at)
 
 
 def _filtered(code, name: str, f_c: float, count: str) -> tuple:

@@ -1,5 +1,6 @@
 """`evocity keep`: which individuals of a run are worth keeping, and why."""
 
+import shlex
 from pathlib import Path
 
 import click
@@ -69,8 +70,21 @@ def keep(run: str, count: int, output: Path | None, as_json: bool) -> None:
             echo(f"    {sentence}")
     if output is not None:
         echo(f"wrote {output}")
-    first = kept[0].individual.id
-    echo(f"\nOne of them as a file for QGIS:\n  evocity decode {run} --id {first} -o {first}.gpkg")
+    first = kept[0].individual
+    words = f"evocity decode {run} --id {first.id}{_ground(opened, first)} -o {first.id}.gpkg"
+    echo(f"\nOne of them as a file for QGIS:\n  {words}")
+
+
+def _ground(opened, one) -> str:
+    """Where to lay ``one`` if its parents lie in several places: where most of its stones are
+    from."""
+    if opened.header.crs is not None:
+        return ""
+    shares = one.ancestry()
+    placed = [source.name for source in opened.sources() if source.city.crs is not None]
+    if not any(shares.get(name) for name in placed):
+        return ""
+    return f" --at {shlex.quote(max(placed, key=lambda name: shares.get(name, 0.0)))}"
 
 
 __all__ = ["keep"]

@@ -44,7 +44,7 @@ def object_classes(city: CityMap) -> Mapping[str, float]:
     return found.shares
 
 
-@fitness(range=(0, float("inf")), unit="1/ha", numbers=CLASSES, any_site=True)
+@fitness(range=(0, float("inf")), unit="/ha", numbers=CLASSES, any_site=True)
 def object_counts(city: CityMap) -> Mapping[str, float]:
     """How many objects of each class stand on a hectare.
 

@@ -114,7 +114,7 @@ def _check_transform(path: Path, transform: Affine) -> None:
 
 
 def read_png(path: Path, request: Request) -> Grid:
-    """Read a grey PNG of 1, 8 or 16 bits, whose levels times ``height_scale`` are metres."""
+    """Read a grey PNG of 1, 8 or 16 bits; its levels times a height scale are metres."""
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["PNG"]) as image:
             check_size(path.name, image.height, image.width)

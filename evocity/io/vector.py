@@ -43,7 +43,7 @@ _GDAL_ERRORS = (
 
 
 def read_layers(path: Path, request: Request) -> Footprints:
-    """Read the buildings of a GeoPackage or Shapefile, from ``request.layer`` if named."""
+    """Read the buildings of a GeoPackage or Shapefile, of the layer that is named or found."""
     _check_whole(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)

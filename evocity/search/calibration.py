@@ -114,7 +114,7 @@ def begun(
     compile_once(recipe.genome.block, needed(recipe), tell)
     trials = _trials(_prepared_anew(prepared, recipe))
     seconds = sum(one.seconds for one in trials) / len(trials)
-    notes = [*prepared.notes, *left]
+    notes = [*prepared.notes, *left, *_invented(goals, prepared.sources[0].city)]
     notes += [
         f"{one.name}: no bound, for it is undefined of {_undefined(values[one.name])}"
         for one in guard
@@ -189,6 +189,24 @@ def _defined(
             "choose another with --fitness, or take other cities",
         )
     return found, left
+
+
+def _invented(goals: Sequence[Goal], first: CityMap) -> list[str]:
+    """That targets are made of heights which the ``first`` parent's file does not tell, in
+    words: where that is half of its buildings, and the measure is another if all are higher."""
+    rules = first.height_rules
+    if 2 * rules.get("default", 0) < max(1, sum(rules.values())):
+        return []
+    higher = first.replace(2 * first.heights)
+    asked = [one for one in goals if one.measure.goal is None and not one.measure.takes]
+    told = [one.measure.name for one in asked if one.measure(first) != one.measure(higher)]
+    if not told:
+        return []
+    which = "its target is" if len(told) == 1 else "their targets are"
+    return [
+        f"{', '.join(told)}: {which} made of heights that {first.name} does not tell; write "
+        "another into the recipe, or take another city first"
+    ]
 
 
 def _undefined(of_parents: Mapping[str, tuple[float, float]]) -> str:

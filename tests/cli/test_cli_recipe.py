@@ -11,6 +11,8 @@ from towns import draw_town
 import evocity
 from evocity import search
 from evocity.coding import decode
+from evocity.search.calibration import _invented
+from evocity.search.recipe_text import Goal
 
 #: Of what children have of their sources, too little for a bound of .5.
 KIN = """
@@ -77,6 +79,22 @@ def night(towns):
     words = (towns / "left.npy", towns / "right.npy", "--pixels", 128, "--metres-per-pixel", 2)
     own = ("--fitness", towns / "own.py", "--fitness", "gsi")
     return path, call("recipe", "new", *words, *own, "-o", path, "--json")
+
+
+def test_targets_of_invented_heights_are_told():
+    heights = np.zeros((32, 32), np.float32)
+    heights[4:20, 4:20] = 6.0
+    goals = [Goal(evocity.fitness.get(name)) for name in ("gsi", "mean_height", "fsi", "alignment")]
+
+    def told(**rules):
+        return _invented(goals, evocity.CityMap(heights, 2.0, name="here", height_rules=rules))
+
+    assert [one.split(" made")[0] for one in told(default=3, height=2)] == [
+        "mean_height, fsi: their targets are"
+    ]
+    assert told(default=1, height=2) == told(height=2) == told() == []
+    goals[2:] = []
+    assert told(default=1)[0].startswith("mean_height: its target is made")
 
 
 def test_the_recipe_runs_from_where_it_lies(night, tmp_path):

@@ -1,0 +1,69 @@
+"""A child of two towns is laid on the ground of one of them."""
+
+import json
+
+import numpy as np
+import pytest
+from cli_tools import call, refused
+
+import evocity
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A first population of two towns that lie in two places."""
+    recipe = evocity.Recipe(
+        parents=["lyon-1er", "montpellier-pas-du-loup"],
+        map={"pixels": 32, "metres_per_pixel": 16.0},
+        fitness=["alignment"],
+        run={"population": 4, "generations": 0, "name": "two"},
+    )
+    folder = tmp_path_factory.mktemp("runs") / "two"
+    with evocity.Search(recipe, out=folder, workers=0) as search:
+        list(search)
+    return folder
+
+
+@pytest.mark.parametrize("town", [0, 1])
+def test_it_lies_where_that_town_lies(run, tmp_path, town):
+    opened = evocity.open_run(run)
+    source = opened.sources()[town].city
+    assert opened[2].city.crs is None
+    call("decode", run, "--id", 2, "--at", source.name, "-o", tmp_path / "a.tif")
+    laid = evocity.read_map(tmp_path / "a.tif")
+    assert laid.origin == pytest.approx(source.origin)
+    np.testing.assert_allclose(laid.heights, opened[2].city.heights)
+    call("decode", run, "--id", 2, "--at", source.name, "-o", tmp_path / "a.geojson")
+    west, north = json.loads((tmp_path / "a.geojson").read_text())["window"]["center"]
+    asked = evocity.read_map(source.name, pixels=32, metres_per_pixel=16.0)
+    evocity.write_map(asked, tmp_path / "source.geojson")
+    window = json.loads((tmp_path / "source.geojson").read_text())["window"]
+    assert [west, north] == pytest.approx(window["center"])
+
+
+def test_python_lays_it_there_too(run, tmp_path):
+    opened = evocity.open_run(run)
+    source = opened.sources()[1].city
+    opened[2].save(tmp_path / "b.parquet", at=source.name)
+    opened[2].save(tmp_path / "b.npy")
+    opened[2].save(tmp_path / "b.city.json", at=source.name)
+    genome = evocity.read_genome(tmp_path / "b.parquet")
+    assert (genome.origin, genome.crs) == (source.origin, source.crs)
+    told = json.loads((tmp_path / "b.city.json").read_text())
+    corner = [source.origin[0], source.origin[1] - 32 * 16.0]
+    assert told["transform"]["translate"][:2] == pytest.approx(corner)
+
+
+def test_keep_says_how_to_lay_it(run):
+    shares = evocity.open_run(run).keep()[0].individual.ancestry()
+    town = max(("lyon-1er", "montpellier-pas-du-loup"), key=lambda name: shares.get(name, 0))
+    assert f" --at {town} -o " in call("keep", run).stdout.splitlines()[-1]
+
+
+def test_other_places_are_refused(run, tmp_path):
+    output = ("-o", tmp_path / "a.gpkg")
+    told = refused(tmp_path, "decode", run, "--id", 2, "--at", "paris", *output, says="'paris'")
+    assert "one of lyon-1er, montpellier-pas-du-loup" in told
+    evocity.open_run(run).genome(0).write(tmp_path / "g.parquet")
+    words = ("decode", tmp_path / "g.parquet", "--at", "lyon-1er", *output)
+    refused(tmp_path, *words, says="which is no run folder")
