@@ -65,6 +65,10 @@ def test_the_commands_are_these():
         "fitness list",
         "operators list",
         "readers list",
+        "shape show",
+        "shape dimension",
+        "shape count",
+        "shape morph",
     ]
 
 
