@@ -12,7 +12,7 @@ from evocity import CityMap
 
 pytest.importorskip("playwright.sync_api")
 
-from served_scene import BROWSER, Studio, studio
+from served_scene import BROWSER, Studio, frames, studio
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
@@ -128,3 +128,137 @@ def test_no_wall_is_gone_through(opened):
             row = np.floor(city.shape[0] / 2 - way[:, 1] / side).astype(int)
             column = np.floor(city.shape[1] / 2 + way[:, 0] / side).astype(int)
             assert city.heights[row, column].max() <= 1.7
+
+
+def strolled(page) -> None:
+    page.evaluate(
+        """() => {
+          const canvas = document.createElement("canvas");
+          document.body.append(canvas);
+          window.stroll = new camera.Stroll(city, () => {}, { position: [0, 0, 1.7], azimuth: 90 });
+          window.end = stroll.attach(canvas);
+          canvas.focus();
+        }"""
+    )
+
+
+def held(page, keys: str, milliseconds: int) -> np.ndarray:
+    """How far one comes while keys are held: east, north and up."""
+    before = page.evaluate("stroll.camera.position")
+    for key in keys.split("+"):
+        page.keyboard.down(key)
+    page.wait_for_timeout(milliseconds)
+    for key in keys.split("+")[::-1]:
+        page.keyboard.up(key)
+    frames(page)
+    return np.subtract(page.evaluate("stroll.camera.position"), before)
+
+
+def test_keys_walk_turn_and_rise(opened):
+    page = opened(CityMap(np.zeros((64, 64)), 4.0))
+    strolled(page)
+    for keys, way in (("w", (1, 0)), ("s", (-1, 0)), ("a", (0, 1)), ("d", (0, -1))):
+        moved = held(page, keys, 150)
+        assert moved @ np.array([*way, 0]) > 0.1, keys
+        assert np.abs(moved[:2] @ np.array([-way[1], way[0]])) < 1e-9
+    slow, fast = held(page, "ArrowUp", 400), held(page, "Shift+ArrowUp", 400)
+    assert fast[0] > 1.5 * slow[0]
+    assert held(page, "PageUp", 200)[2] > 0.2
+    assert held(page, "PageDown", 900)[2] < 0
+    assert page.evaluate("stroll.camera.position[2]") == pytest.approx(1.7)
+    assert (held(page, "ArrowRight", 200) == 0).all()
+    assert 91 < page.evaluate("stroll.camera.azimuth") < 150
+    # what is held when the canvas is left is let go
+    page.keyboard.down("w")
+    page.evaluate("document.activeElement.blur()")
+    frames(page)
+    still = page.evaluate("stroll.camera.position")
+    page.wait_for_timeout(100)
+    assert page.evaluate("stroll.camera.position") == still
+    page.keyboard.up("w")
+    page.evaluate("end(); document.querySelector('canvas').focus()")
+    assert (held(page, "w", 100) == 0).all()
+
+
+def test_the_city_goes_with_the_pointer(opened):
+    page = opened(CityMap(np.zeros((64, 64)), 4.0))
+    strolled(page)
+    page.mouse.move(200, 100)
+    page.mouse.down()
+    page.mouse.move(240, 120)
+    page.mouse.up()
+    # drawn to the right and down: one looks further to the left and up
+    assert page.evaluate("[stroll.camera.azimuth, stroll.camera.tilt]") == [80, -5]
+    page.mouse.wheel(0, -200)
+    page.wait_for_timeout(50)
+    assert page.evaluate("stroll.camera.position[0]") > 1
+
+
+def test_a_wall_is_walked_along(opened):
+    heights = np.zeros((20, 20))
+    heights[:8] = 9  # a wall to the north, at 4 m
+    page = opened(CityMap(heights, 2.0))
+    east, north, _ = page.evaluate(
+        """() => {
+          const stroll = new camera.Stroll(city, () => {}, { position: [0, 0, 1.7], azimuth: 45 });
+          stroll.go(12, 0, 0);
+          return stroll.camera.position;
+        }"""
+    )
+    assert east == pytest.approx(12 / np.sqrt(2))
+    assert 3 < north < 4
+    east, north, up = page.evaluate(
+        """() => {
+          const stroll = new camera.Stroll(city, () => {}, { position: [0, 0, 1.7], azimuth: 0 });
+          stroll.go(0, 0, 30);
+          stroll.go(12, 0, 0);
+          stroll.go(0, 0, -100);
+          return stroll.camera.position;
+        }"""
+    )
+    assert (north, up) == (pytest.approx(12), pytest.approx(9 + 1.7))  # it stands on the roof
+
+
+def test_two_fingers_zoom_and_move_what_is_between_them(opened):
+    page = opened(CityMap(np.zeros((64, 64)), 4.0), has_touch=True)
+    page.evaluate(
+        """() => {
+          const canvas = document.createElement("canvas");
+          document.body.append(canvas);
+          window.orbit = new camera.Orbit(city, () => {}, { azimuth: 0, tilt: 90, centre: [0, 0] });
+          orbit.attach(canvas);
+        }"""
+    )
+    scale = page.evaluate("axonometry.laid(city, orbit.camera, 480, 360).scale")
+    talk = page.context.new_cdp_session(page)
+
+    def touched(kind: str, *points: tuple[int, int]) -> None:
+        points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)]
+        talk.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
+
+    touched("Start", (220, 180))
+    touched("Start", (220, 180), (260, 180))
+    touched("Move", (200, 180), (280, 180))
+    assert page.evaluate("orbit.camera.zoom") == pytest.approx(2)
+    assert page.evaluate("orbit.camera.centre") == pytest.approx([0, 0], abs=1)
+    touched("Move", (210, 204), (290, 204))
+    touched("End")
+    assert page.evaluate("orbit.camera.zoom") == pytest.approx(2, rel=0.05)
+    assert page.evaluate("orbit.camera.centre") == pytest.approx(
+        [-10 / (2 * scale), 24 / (2 * scale)], abs=1.5
+    )
+    touched("Start", (100, 100))
+    touched("Move", (120, 100))
+    touched("End")
+    assert page.evaluate("orbit.camera.azimuth") == 10
+
+
+def test_a_walk_begins_on_open_ground_with_a_view(opened):
+    heights = np.full((60, 60), 12.0)
+    heights[:, 33:35] = 0  # a street from north to south
+    page = opened(CityMap(heights, 3.0))
+    found = page.evaluate("camera.start(city)")
+    assert 9 < found["position"][0] < 15
+    assert found["azimuth"] in (0, 180)
+    page.evaluate("city.heights.fill(12)")
+    assert page.evaluate("camera.start(city)") == {"position": [0, 0, 1.7], "azimuth": 0, "tilt": 0}

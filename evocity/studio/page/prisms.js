@@ -111,13 +111,14 @@ function addWalls(surfaces, city, isAcross) {
   }
 }
 
-/** {surfaces, indices} of triangles made elsewhere, such as a scene's: `corners`, nine float32 each,
- * metres from the city's south-west corner, against the clock as seen from outside; `colours`,
- * three bytes each. */
-export function trianglesOf(city, { corners, colours }) {
+/** {surfaces, indices} of a scene's triangles, an ArrayBuffer: of each nine float32, metres from the
+ * city's south-west corner, against the clock as seen from outside; then of each three bytes of colour. */
+export function trianglesOf(city, bytes) {
+  const count = bytes.byteLength / 39, corners = new Float32Array(bytes, 0, 9 * count);
+  const colours = new Uint8Array(bytes, 36 * count);
   const surfaces = new Surfaces(), { rows, columns, metresPerPixel: side } = city;
   const [wide, deep] = [(columns * side) / 2, (rows * side) / 2];
-  for (let k = 0; k < colours.length / 3; k++) {
+  for (let k = 0; k < count; k++) {
     const [ax, ay, az, bx, by, bz, cx, cy, cz] = corners.subarray(9 * k, 9 * k + 9);
     const [px, py, pz, qx, qy, qz] = [bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az];
     const normal = [py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx], long = Math.hypot(...normal) || 1;

@@ -44,12 +44,13 @@ void main() {
   float slant = max(0.0, dot(normal, sun)) / max(sun.z, 0.05);
   float light = shaded * day;
   if (direct > 0.0 && slant > 0.0) light += (1.0 - roof) * slant * direct * lit();
+  light = min(light, ${MOST.toFixed(2)});
   if (abs(normal.z) < 0.5) { // storeys, as far off as they can be told apart
     float storey = at.z / ${STOREY.toFixed(1)}, wide = fwidth(storey);
     float line = 1.0 - smoothstep(0.5, 1.5, abs(fract(storey + 0.5) - 0.5) / max(wide, 0.02));
     light *= 1.0 - 0.10 * line * (1.0 - smoothstep(0.1, 0.35, wide));
   }
-  found = vec4(paint * min(light, ${MOST.toFixed(2)}), 1.0);
+  found = vec4(paint * light, 1.0);
 }`;
 const CAST = `#version 300 es
 in vec3 place; in vec3 beyond; uniform mat4 onto; uniform float over;
@@ -78,7 +79,8 @@ function probed() {
 export const supported = () => probed().works;
 
 export class Walk {
-  /** `solids`, where there are, stand in place of the height map: as `trianglesOf` takes them. */
+  /** `solids`, where there are, stand in place of the height map: the bytes of a scene's triangles
+   * (`evocity.scene.Scene.triangles`), whose walls are straight. */
   constructor(canvas, city, solids = null) {
     this.canvas = canvas;
     // smooth edges take most of the time where there is no graphics card
