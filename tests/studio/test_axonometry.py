@@ -284,6 +284,9 @@ def test_a_canvas_shows_the_city_with_north_and_scale(opened):
                 "part": "wall" if code % 3 else "roof",
             }
     assert page.evaluate("views[0].pick(-1, 5)") is None
+    page.evaluate("views[0].canvas.hidden = true; views[0].canvas.style.display = 'none'")
+    page.evaluate("views[0].draw(orbit.camera)")
+    assert (shown(page) == found).all()  # what is hidden stays as it was
 
 
 def test_a_screen_of_finer_pixels_is_drawn_finer(opened):

@@ -6,7 +6,8 @@ import { PAPER, ramp, scaleEnd } from "./ramp.js";
  *
  * A city is {heights, rows, columns, metresPerPixel} and, where there are, {colours, highest}:
  * heights as Float32Array by rows from north to south, metres, NaN where nothing is; colours as
- * three bytes a cell, or those of its height on a scale up to `highest` metres. A camera is
+ * three bytes a cell, or those of its height on a scale up to `highest` metres. It stays as it is:
+ * what changes is another one. A camera is
  * {azimuth, tilt, zoom, centre}: degrees clockwise from north towards which one looks; degrees
  * above the horizon from which, 1 to 90; at zoom 1 the whole city is seen at any azimuth; centre =
  * [east, north] in metres from the city's middle. The sun is {azimuth, height}, degrees, where it
@@ -183,6 +184,7 @@ export class Axonometry {
   /** The city as a camera sees it, as large and as sharp as the canvas lies on the screen. */
   draw(camera, sun = SUN) {
     const { canvas, context, city } = this, ratio = window.devicePixelRatio || 1;
+    if (!canvas.clientWidth || !canvas.clientHeight) return; // hidden
     const wide = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const tall = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== wide || canvas.height !== tall) [canvas.width, canvas.height] = [wide, tall];

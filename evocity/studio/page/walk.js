@@ -142,7 +142,7 @@ export class Walk {
   draw(camera, sun = SUN) {
     const { canvas, gl, painted } = this, ratio = window.devicePixelRatio || 1;
     this.last = [camera, sun];
-    if (gl.isContextLost()) return;
+    if (gl.isContextLost() || !canvas.clientWidth || !canvas.clientHeight) return; // or hidden
     const wide = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const tall = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== wide || canvas.height !== tall) [canvas.width, canvas.height] = [wide, tall];
