@@ -131,8 +131,10 @@ class Studio:
         yield opened
         for page in pages:
             page.close()
-        said, self.said = self.said, []
-        assert said == []
+        # only tests read back what WebGL has drawn
+        said = [one for one in self.said if "GPU stall due to ReadPixels" not in one]
+        self.said = []
+        assert not said, said
 
 
 @contextlib.contextmanager
