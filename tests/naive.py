@@ -1458,3 +1458,24 @@ def tried_by_points(
         common = (what == 2).mean() * area
         found.append(common / (area + areas[k] - common) - 4 * (what == 0).mean())
     return found
+
+
+def first_cells(heights, side, origins, ways):
+    """What lines meet first, three times the cell and 0 for its roof, 1 for a wall that faces east
+    or west, 2 north or south; -1 for nothing: every line is asked of every cell's column. Heights
+    by rows from the north, NaN where nothing is; lines, (n, 3), in metres from the middle."""
+    rows, columns = heights.shape
+    row, column = np.nonzero(~np.isnan(heights))
+    west, south = (column - columns / 2) * side, (rows / 2 - row - 1) * side
+    lows = np.stack([west, south, np.zeros(len(row))], axis=1)
+    highs = np.stack([west + side, south + side, heights[row, column].astype(float)], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one = (lows - origins[:, None]) / ways[:, None]
+        other = (highs - origins[:, None]) / ways[:, None]
+    enters, leaves = np.minimum(one, other), np.maximum(one, other)
+    first, last = enters.max(axis=2), leaves.min(axis=2)
+    met = (first <= last) & (first > 0)
+    nearest = np.where(met, first, np.inf).argmin(axis=1)
+    lines = np.arange(len(origins))
+    part = np.array([1, 2, 0])[enters[lines, nearest].argmax(axis=1)]
+    return np.where(met.any(axis=1), 3 * (row * columns + column)[nearest] + part, -1)

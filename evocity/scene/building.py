@@ -16,7 +16,7 @@ from evocity.formats import About, Group
 from evocity.io.polygons import placing
 from evocity.io.writing import save_picture, write_map
 from evocity.scene.library import Library
-from evocity.scene.picture import drawn
+from evocity.scene.picture import drawn, triangles
 from evocity.scene.substitution import Substitution, substituted
 from evocity.scene.writing import check_place, check_suffix, whole, write
 from evocity.views.buildings import outlines
@@ -204,6 +204,16 @@ class Scene:
         second one from the sun, Williams 1978. About .2 s for a dense map of 256².
         """
         return drawn(self._thanked, self.groups, **how)
+
+    def triangles(
+        self, colours: str = "heights", highest: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """All surfaces, to be drawn elsewhere: corners, float32 ``(t, 3, 3)``, metres from the
+        south-west corner, x to the east, y to the north, z up, against the clock as seen from
+        outside; and of each its colour, uint8 ``(t, 3)``. ``colours`` and ``highest`` as of
+        `picture`, which raises the same errors.
+        """
+        return triangles(self.city, self.groups, colours, highest)
 
     def write(self, path: str | os.PathLike, **how: Any) -> None:
         """Write the scene; the end of ``path`` chooses the format: `evocity.scene.SUFFIXES`. A .png

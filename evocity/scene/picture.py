@@ -59,17 +59,14 @@ def drawn(
     _check("width", width, 16, _LARGEST)
     _check("azimuth", azimuth, -math.inf, math.inf)
     _check("tilt", tilt, 1, 90)
-    if colours not in ("heights", "classes"):
-        raise MapError(f"colours = {colours!r}", "'heights' or 'classes'", "choose one of them")
+    _check_colours(colours)
     if not (isinstance(sun, Sequence) and len(sun) == 2):
         raise MapError(
             setting("sun", sun), "two numbers: azimuth and height, degrees", "such as (250, 40)"
         )
     _check("sun", sun[0], -math.inf, math.inf)
     _check("sun", sun[1], 1, 90)
-    if highest is not None:
-        _check("highest", highest, 1e-3, 1e6)
-    end = scale_end(city) if highest is None else float(highest)
+    end = _end(city, highest)
     surfaces = _surfaces(groups, colours, end)
     towards, sunwards = _directions(azimuth, tilt), _directions(sun[0] + 180, sun[1])
     view = _view(surfaces.corners, towards, int(width))
@@ -95,6 +92,18 @@ def drawn(
         if len(group)
     ]
     return drawn_with_key(city, fabric, city.name, entries, metres)
+
+
+def _check_colours(colours: str) -> None:
+    if colours not in ("heights", "classes"):
+        raise MapError(f"colours = {colours!r}", "'heights' or 'classes'", "choose one of them")
+
+
+def _end(city: CityMap, highest: float | None) -> float:
+    """Metres at which the colours of heights end."""
+    if highest is not None:
+        _check("highest", highest, 1e-3, 1e6)
+    return scale_end(city) if highest is None else float(highest)
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
@@ -273,6 +282,16 @@ def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surface
     return _Surfaces(
         np.concatenate(corners), normal, plane.astype(np.int32), np.concatenate(own_colours)
     )
+
+
+def triangles(
+    city: CityMap, groups: Sequence[Group], colours: str, highest: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `Scene.triangles`, of the ``groups`` of a ``city``'s scene."""
+    _check_colours(colours)
+    found = _surfaces(groups, colours, _end(city, highest))
+    shades = np.clip(np.round(found.colours), 0, 255)
+    return found.corners.astype(np.float32), shades.astype(np.uint8)
 
 
 def _with_north(

@@ -236,3 +236,26 @@ def test_pictures_and_geopackages_are_written(tmp_path):
 def test_bad_pictures_are_refused(how, says):
     with pytest.raises(MapError, match=says):
         tower().picture(**how)
+
+
+def test_triangles_are_the_solids_from_outside_with_the_colours_of_the_picture():
+    city = draw_town(7, side=64)
+    scene = evocity.scene(city)
+    corners, colours = scene.triangles(highest=25)
+    assert (corners.dtype, colours.dtype, len(corners)) == (np.float32, np.uint8, len(colours))
+    a, b, c = corners.astype(float).transpose(1, 0, 2)
+    volume = (a * np.cross(b, c)).sum() / 6  # of what is closed, whatever the order of corners
+    ground = next(group for group in scene.groups if not group.heights.any())
+    low, high = ground.mesh.points.min(axis=0), ground.mesh.points.max(axis=0)
+    assert (corners >= low - 1e-3).all()
+    assert (corners[..., :2] <= high[:2] + 1e-3).all()
+    wanted = sum((shapely.area(group.polygons) * group.heights).sum() for group in scene.groups)
+    assert volume == pytest.approx(wanted, rel=1e-4)
+    roofs = (np.ptp(corners[..., 2], axis=1) == 0) & (corners[:, 0, 2] > 2)
+    assert np.abs(colours[roofs] - ramp(corners[roofs, 0, 2][None], 25)[0].astype(int)).max() <= 1
+    kinds = np.unique(scene.triangles("classes")[1], axis=0)
+    assert len(kinds) <= 2 * len(scene.groups)
+    with pytest.raises(MapError, match="colours = 'red'"):
+        scene.triangles("red")
+    with pytest.raises(MapError, match="highest = 0"):
+        scene.triangles(highest=0)
