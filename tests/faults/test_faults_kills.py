@@ -200,7 +200,7 @@ def killed_before_each(host, folder, recipe, deeds) -> set[int]:
     return beyond
 
 
-@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 9])
+@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 16])
 def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
     host, tmp_path, uninterrupted, share
 ):

@@ -8,7 +8,7 @@ import naive
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -168,11 +168,12 @@ def iou(one, other):
 
 
 @settings(max_examples=40, deadline=None)
+@example(angle=32.0, wide=17.0, deep=31.5)
 @given(angle=st.floats(0, 90), wide=st.floats(12, 50), deep=st.floats(12, 50))
 def test_a_drawn_rectangle_comes_back(angle, wide, deep):
     true = rectangle(64 - wide / 2, 64 - deep / 2, wide, deep, angle)
     (found,) = drawn(true).walls.polygons
-    assert len(found.exterior.coords) <= 6  # a corner may be cut by a pixel
+    assert len(found.exterior.coords) <= 7  # two corners may be cut by a pixel
     (squared,) = drawn(true).walled(squared=True).polygons
     for polygon in (found, squared):  # along the pixels each wall is off by half of one at most
         assert polygon.symmetric_difference(true).area <= 0.55 * true.length
