@@ -12,7 +12,8 @@ notebooks share.
 - `keeping`: which few to keep, and why
 - `scoring`: measures that the run did not log
 - `comparing`: two runs beside each other
-- `view`, `thumbnails`: births on a page of pictures and axes; small pictures of them
+- `view`, `viewed`, `thumbnails`: births on a page of pictures and axes, as the page has them; small
+  pictures of them
 - `exporting`: CSV, and a zip of chosen births
 - `extras`: libraries that are asked for when they are needed
 """

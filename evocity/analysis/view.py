@@ -1,27 +1,24 @@
 """`View`: a run's births on one page, in a notebook; what is chosen there, in Python."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from evocity.analysis.asked import ids_of_any
-from evocity.analysis.births import label, unknown
+from evocity.analysis.births import unknown
 from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
-from evocity.analysis.wanted import Aim
+from evocity.analysis.viewed import Viewed
 from evocity.displayed import Displayed
 from evocity.errors import RunError
-from evocity.viewer.table import Brushes, Column, Table
+from evocity.viewer.table import Brushes, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from evocity.analysis.thumbnails import Thumbnails
     from evocity.viewer.sheet import Sheet
-
-# What is in few words, and what is yes or no.
-_WORDS, _FLAGS = ("island", "operator", "status"), ("alive", "feasible")
 
 
 class View(Displayed):
@@ -44,70 +41,27 @@ class View(Displayed):
         #: The `Run`, which makes its views and so cannot be known here.
         self.run = run
         self._of = of
-        table = self._read()
-        axes = [{"name": one.name, "turned": one.goal == "min"} for one in self._first(measures)]
+        self._viewed = Viewed(run, of)
+        axes = self._viewed.axes(measures)
         order = order or (axes[0]["name"] if axes else "id")
         #: The widget itself, to lay it beside others, or to be told of changes:
         #: ``view.widget.observe(function, "chosen")``.
         self.widget: Widget = Widget(
-            table, self._about, self._sheet, axes=axes, order=self._order_of(order)
+            self.table, self._viewed.about, self._sheet, axes=axes, order=self._order_of(order)
         )
 
-    def _read(self) -> Table:
-        from evocity.analysis.thumbnails import Thumbnails  # which draws
-
-        told = self.run.told
-        ids = told.ids if self._of is None else np.unique(ids_of_any(self._of, told))
-        table = Table(ids, tuple(self._columns(told.rows(ids))))
-        #: The births as columns, and small pictures of them.
-        self.table, self.thumbnails = table, Thumbnails(told)
-        return table
-
-    def _columns(self, rows: np.ndarray) -> Sequence[Column]:
-        told, run = self.run.told, self.run
-        found = [_measured(aim, told.value(aim.name)[rows]) for aim in self._aims]
-        for name in told.columns:
-            if name in _WORDS:
-                found.append(Column.of_words(name, told.column(name)[rows]))
-            elif name in _FLAGS:
-                found.append(Column.of_flags(name, told.column(name)[rows]))
-            elif name in ("id", "generation", "lived", "seconds"):
-                unit = "s" if name == "seconds" else ""
-                found.append(Column(name, told.column(name)[rows].astype(np.float32), unit=unit))
-        best, ranks = told.ranked()
-        flags = {"front": best[ranks == 0]}
-        with suppress(RunError):  # of a stranger's run, which does not tell what it wanted
-            flags["archive"] = run.archive.ids
-        for name, ids in flags.items():
-            if name not in told.columns:
-                found.append(Column.of_flags(name, np.isin(told.ids[rows], ids)))
-        return found
+    @property
+    def table(self) -> Table:
+        """The births as columns."""
+        return self._viewed.table
 
     @property
-    def _aims(self) -> list[Aim]:
-        return self.run.told.logged
-
-    def _first(self, measures: Sequence[str] | None) -> list[Column]:
-        """The axes at first."""
-        if measures is not None:
-            listed = [measures] if isinstance(measures, str) else measures
-            return [self.table.column(name) for name in dict.fromkeys(listed)]
-        aims = self.run.told.aims or self.run.told.recorded
-        return [self.table.column(label(aim.name)) for aim in aims]
-
-    @property
-    def _about(self) -> dict:
-        return {
-            "title": f"run {self.run.path.resolve().name}",
-            "credit": self.run.header.attribution,
-            "highest": self.thumbnails.highest,
-            "ratio": self.run.header.width / self.run.header.height,
-        }
+    def thumbnails(self) -> "Thumbnails":
+        """Small pictures of them."""
+        return self._viewed.thumbnails
 
     def _sheet(self, ids: list[int], side: int) -> "Sheet":
-        from evocity.viewer.sheet import Sheet
-
-        return Sheet.of(*self.thumbnails.of(ids, side))
+        return self._viewed.sheet(ids, side)
 
     # -- what is set -------------------------------------------------------------------------
 
@@ -171,8 +125,8 @@ class View(Displayed):
         """Look at the run anew, see `Run.refresh`; what is chosen and brushed stays. Returns the
         view itself."""
         self.run.refresh()
-        table = self._read()
-        self.widget.show(table, self._about)
+        self._viewed = Viewed(self.run, self._of)
+        self.widget.show(self.table, self._viewed.about)
         return self
 
     # -- shown -------------------------------------------------------------------------------
@@ -188,18 +142,6 @@ class View(Displayed):
         bundle = self.widget._repr_mimebundle_()
         data = dict(bundle[0] if isinstance(bundle, tuple) else bundle or {})
         return data | {"text/plain": repr(self), "text/html": self._repr_html_()}
-
-
-def _measured(aim: Aim, values: np.ndarray) -> Column:
-    return Column(
-        label(aim.name),
-        values.astype(np.float32),
-        unit=aim.unit,
-        sign=aim.sign,
-        wanted=aim.wanted,
-        goal=aim.goal if aim.goal in ("max", "min") and aim.target is None else None,
-        target=aim.target,
-    )
 
 
 __all__ = ["View"]
