@@ -54,8 +54,9 @@ MAY_IMPORT = {
     "displays": BREEDING | {"search", "scene", "viewer", "analysis", "pages"},
     "plot": BREEDING | {"search", "scene", "analysis"},
     "report": BREEDING | {"search", "scene", "analysis", "pages"},
+    "studio": BREEDING | {"search", "scene", "viewer", "analysis"},
     "cli": BREEDING
-    | {"authoring", "growth", "towns", "scene", "search", "analysis", "report", "shapes"},
+    | {"authoring", "growth", "towns", "scene", "search", "analysis", "report", "shapes", "studio"},
     "__init__": {"rooms"},
     "__main__": {"cli"},
 }
@@ -67,6 +68,7 @@ KEPT_APART = {
     frozenset({"moocore"}): "search/borrowed/",
     frozenset({"nlopt"}): "",
     frozenset({"dask", "distributed"}): "search/",
+    frozenset({"uvicorn"}): "studio/",
 }
 
 # What of numpy.random is not, and does not draw from, the global state.
@@ -270,6 +272,18 @@ def test_modules_are_of_one_size():
     assert at_fault(MODULES, lambda p: lengths[p] > 450 and p.name != "_kernels.py") == {}
 
 
+def test_starlette_stays_in_studio_which_commands_load_when_they_are_called():
+    users = {room_of(path) for path in MODULES if libraries(tree_of(path)) & {"starlette"}}
+    assert users == {"studio"}
+    command = tree_of(PACKAGE / "cli" / "studio.py")
+    above = [node for node in command.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert not any("evocity.studio" in (getattr(node, "module", "") or "") for node in above)
+    others = [path for path in MODULES if room_of(path) not in ("studio", "cli")]
+    assert (
+        at_fault(others, lambda p: [n for n in imported(tree_of(p)) if "evocity.studio" in n]) == {}
+    )
+
+
 def test_numba_stays_in_the_kernels():
     # which kernels are compiled already, and whether one is being compiled
     asking = PACKAGE / "search" / "compiling.py", PACKAGE / "cli" / "common.py"
@@ -285,7 +299,7 @@ def test_numba_stays_in_the_kernels():
 
 
 @pytest.mark.parametrize(
-    ("kept", "room"), KEPT_APART.items(), ids=["deap", "moocore", "nlopt", "dask"]
+    ("kept", "room"), KEPT_APART.items(), ids=["deap", "moocore", "nlopt", "dask", "uvicorn"]
 )
 def test_one_file_knows_the_library(kept, room):
     users = [path for path in MODULES if libraries(tree_of(path)) & kept]
@@ -382,7 +396,8 @@ def test_what_is_imported_is_declared():
     modules = {"pil": "pillow", "pydantic_core": "pydantic", "tomli_w": "tomli-w"}
     used = {name.lower() for path in MODULES for name in libraries(tree_of(path))}
     used -= {name.lower() for name in sys.stdlib_module_names} | {"evocity", ""}
-    names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["cluster"]}
+    for extra in ("cluster", "studio"):
+        names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"][extra]}
     names -= {"cryptography"}  # Dask makes certificates by it
     extra = {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["notebook"]}
     names |= used & extra  # what types are told by; loaded by analysis/extras.py alone

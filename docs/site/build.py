@@ -23,7 +23,8 @@ _AT_ITS_SIZE = r"[\g<0>](\1)"  # a click shows it so
 
 GUIDES = (
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
-    *("analysis", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster", "shapes"),
+    *("analysis", "studio", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
+    "shapes",
 )
 WORDS = ("glossary", "papers")
 PROJECT = (

@@ -5,8 +5,8 @@
 - `asking`: `pick`, `reweight`, `stop`, what is asked of a run that goes on
 - `refine`: one individual of a run made better by an optimiser
 - `replay`: births of a run recomputed
-- `status`, `report`: a run, finished or not
 - `keep`: which of a run are worth keeping
+- `status`, `report`: a run, finished or not; `studio`: it in a browser
 - `encode`, `decode`, `score`, `autosimilarity`, `show`: one map or genome
 - `breed`, `grow`: a child of genomes or maps, a fabric of any size
 - `scene`: a map or genome in three dimensions
@@ -51,6 +51,7 @@ from evocity.cli.score import score
 from evocity.cli.shape import shape
 from evocity.cli.show import show
 from evocity.cli.status import status
+from evocity.cli.studio import studio
 
 
 @click.group(
@@ -81,6 +82,7 @@ for _command in (
     status,
     report,
     keep,
+    studio,
     encode,
     decode,
     breed,

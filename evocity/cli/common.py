@@ -245,9 +245,9 @@ def writing(path: Path) -> Iterator[None]:
         ) from error
 
 
-def print_json(document: Mapping) -> None:
+def print_json(document: Mapping, indent: int | None = 2) -> None:
     """Print one JSON document; NaN and infinities, which JSON lacks, become null."""
-    echo(json.dumps(_finite(document), indent=2, allow_nan=False))
+    echo(json.dumps(_finite(document), indent=indent, allow_nan=False))
 
 
 def _finite(value):

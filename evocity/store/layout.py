@@ -25,7 +25,8 @@ _NAME = re.compile(r"(?:generation-(\d{8})|segment-(\d{8})-(\d{8}))\.parquet", r
 # The temporary names that `evocity.files.whole_file` gives to the parts of a run.
 _UNFINISHED = re.compile(
     r"\.(?:(?:generation-\d{8}|segment-\d{8}-\d{8})-[0-9a-f]{8}\.parquet"
-    r"|recipe(?:-\d+)?-[0-9a-f]{8}\.toml|provenance-[0-9a-f]{8}\.json|report-[0-9a-f]{8}\.html)",
+    r"|recipe(?:-\d+)?-[0-9a-f]{8}\.toml|provenance-[0-9a-f]{8}\.json|report-[0-9a-f]{8}\.html"
+    r"|picks-[0-9a-f]{8}\.json)",
     re.ASCII,
 )
 

@@ -48,6 +48,7 @@ def test_the_commands_are_these():
         "status",
         "report",
         "keep",
+        "studio",
         "encode",
         "decode",
         "breed",

@@ -17,6 +17,7 @@ export class Gallery {
     this.options = made(this.spacer, "div", "options", "", { role: "presentation" });
     this.rows = new Uint32Array(0);
     this.chosen = new Set();
+    this.marked = new Set(); // a star each
     this.size = 96;
     this.active = -1; // the place, not the row
     this.root.addEventListener("scroll", () => this.later());
@@ -26,7 +27,7 @@ export class Gallery {
 
   /** These rows in this order; `by` is the column that stands beneath each. */
   show(births, rows, by) {
-    const was = this.births === births && this.active >= 0 ? this.rows[this.active] : -1;
+    const was = this.active >= 0 ? births.row(this.births.ids[this.rows[this.active]]) : -1;
     [this.births, this.rows, this.by] = [births, rows, by];
     this.status = births.byName.get("status");
     this.feasible = births.byName.get("feasible");
@@ -114,7 +115,7 @@ export class Gallery {
     context.fillStyle = COLOURS.ink;
     context.textAlign = "left";
     context.font = `600 11px ${FONT}`;
-    const own = String(id), used = context.measureText(own).width + 6;
+    const own = this.marked.has(id) ? `★ ${id}` : String(id), used = context.measureText(own).width + 6;
     context.fillText(own, x, y + tall + 14);
     context.font = `11px ${FONT}`;
     context.fillStyle = COLOURS.faint;
@@ -167,7 +168,7 @@ export class Gallery {
       const row = this.rows[place], id = this.births.ids[row], [x, y] = this.corner(place);
       const told = [String(id), this.told(row) && `${this.by.name} ${this.told(row)}`,
         this.failed(row) && `failed: ${this.status.words[this.status.values[row]]}`,
-        this.breaks(row) && "breaks a bound"];
+        this.breaks(row) && "breaks a bound", this.marked.has(id) && "picked"];
       const option = made(null, "div", place === this.active ? "option evocity-active" : "option", "", {
         role: "option", id: `${this.name}-${place}`, "aria-selected": String(this.chosen.has(id)),
         "aria-setsize": String(this.rows.length), "aria-posinset": String(place + 1),

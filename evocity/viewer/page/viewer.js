@@ -9,7 +9,8 @@ import { Tiles } from "./tiles.js";
 const STATE = ["chosen", "brushes", "order", "axes"];
 
 /** The page of a host: `about` and `buffer` of the births; `state`, see STATE; `save(changes)` of
- * it; `tiles(ids, side)`, a promise of pictures, see Tiles. */
+ * it; `tiles(ids, side)`, a promise of pictures, see Tiles; if it has it, `woken(id)`, told of the
+ * birth whose numbers are shown, null for none. */
 export class Viewer {
   constructor(element, host) {
     this.host = host;
@@ -55,6 +56,7 @@ export class Viewer {
     this.order.addEventListener("change", () => this.change({ order: { name: this.order.value, reversed: false } }));
     this.turn = this.button(row, "", () =>
       this.change({ order: { ...this.state.order, reversed: !this.state.order.reversed } }));
+    this.fresh = this.button(row, "", () => this.change({ order: this.state.order }));
     const size = made(row, "label", "", "size ");
     this.size = made(size, "input", "", "", { type: "range", min: "48", max: "192", step: "16", value: "96" });
     this.size.addEventListener("input", () => {
@@ -79,12 +81,33 @@ export class Viewer {
   load(about, buffer) {
     this.births = new Births(about, buffer);
     this.tiles.forget();
+    this.tell(about);
+    this.update(this.state);
+  }
+
+  /** The same births, and more, which come last until they are put in order: nothing that is seen
+   * goes elsewhere. */
+  grow(about, buffer) {
+    const { births: before, ordered: was } = this;
+    this.births = new Births(about, buffer);
+    const kept = Array.from(was, (row) => this.births.row(before.ids[row])).filter((row) => row >= 0);
+    const isKnown = new Uint8Array(this.births.count);
+    for (const row of kept) isKnown[row] = 1;
+    const more = this.births.ordered(this.state.order).filter((row) => !isKnown[row]);
+    this.ordered = Uint32Array.from([...kept, ...more]);
+    this.unordered = (this.unordered || 0) + more.length;
+    this.tell(about);
+    const { chosen, brushes, axes } = this.state;
+    this.update({ chosen, brushes, axes });
+  }
+
+  tell(about) {
     this.title.textContent = about.title;
     this.credit.textContent =
       `Heights from 0 to ${number(about.highest)} m in all maps. ${about.credit}`;
     this.order.replaceChildren(...this.births.columns.map((one) =>
       made(null, "option", "", one.name, { value: one.name })));
-    this.update(this.state);
+    this.order.value = this.state.order.name;
   }
 
   /** What was changed here, and is told to the host. */
@@ -131,10 +154,13 @@ export class Viewer {
       this.order.value = order.name;
       this.turn.textContent = this.births.byName.get(order.name).order(order.reversed);
       this.gallery.root.scrollTop = 0;
+      this.ordered = this.births.ordered(order);
+      this.unordered = 0;
     }
+    this.fresh.hidden = !this.unordered;
+    if (this.unordered) this.fresh.textContent = `${counted(this.unordered)} new ones come last: put in order`;
     if ("brushes" in changes || "order" in changes) {
-      const ordered = this.births.ordered(order);
-      this.rows = ordered.filter((row) => this.mask[row]);
+      this.rows = this.ordered.filter((row) => this.mask[row]);
     }
     if ("chosen" in changes) {
       this.gallery.chosen = new Set(chosen);
@@ -208,6 +234,7 @@ export class Viewer {
     this.parallel.active = this.gallery.active >= 0 ? row : -1;
     this.parallel.draw(this.mask, this.rows.length);
     this.about.replaceChildren();
+    if (this.host.woken) this.host.woken(row < 0 ? null : this.births.ids[row]);
     if (row < 0) {
       made(this.about, "p", "faint", "Choose a birth to see its numbers: click, Shift or Ctrl and click, " +
         "or arrows and space. Draw along an axis to filter; its name opens more.");

@@ -1,0 +1,30 @@
+"""The page's own files, in memory: what is none of these has no address."""
+
+from functools import cache
+from pathlib import Path
+
+from evocity.viewer.joined import PAGE as VIEWER
+
+PAGE = Path(__file__).parent / "page"
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+@cache
+def files() -> dict[str, tuple[str, bytes]]:
+    """Address -> kind and content. The page itself is ``/``, its modules are in ``/studio``, those
+    of `evocity.viewer` in ``/viewer``."""
+    found = {}
+    for place, folder in (("studio", PAGE), ("viewer", VIEWER)):
+        for path in sorted(folder.iterdir()):
+            if path.suffix in _KINDS:
+                address = "/" if path.name == "index.html" else f"/{place}/{path.name}"
+                found[address] = (_KINDS[path.suffix], path.read_bytes())
+    return found
+
+
+__all__ = ["PAGE", "files"]

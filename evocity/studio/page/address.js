@@ -1,0 +1,49 @@
+/** What the address holds: filter, order, axes, who is chosen, whose numbers are shown. */
+
+/** So many chosen ones stand in an address; it holds none of more. */
+const MOST_CHOSEN = 400;
+
+/** The state in the address, as far as it is one of these births; what is else in it does not count. */
+export function readAddress(births, usual) {
+  let told = {};
+  try {
+    told = JSON.parse(decodeURIComponent(location.hash.slice(1))) || {};
+  } catch { /* it was cut off, or is another's */ }
+  const isName = (name) => typeof name === "string" && births.byName.has(name);
+  const listed = (value) => (Array.isArray(value) ? value : []);
+  const found = { ...usual };
+  if (told.order && isName(told.order.name)) {
+    found.order = { name: told.order.name, reversed: told.order.reversed === true };
+  }
+  if (Array.isArray(told.axes)) {
+    const axes = told.axes.filter((one) => one && isName(one.name));
+    found.axes = [...new Map(axes.map((one) => [one.name, { name: one.name, turned: one.turned === true }])).values()];
+  }
+  found.chosen = [...new Set(listed(told.chosen))].filter((id) => Number.isInteger(id) && births.row(id) >= 0);
+  found.brushes = {};
+  for (const [name, brush] of Object.entries(told.brushes || {})) {
+    if (!isName(name)) continue;
+    const { words } = births.byName.get(name);
+    const kept = listed(brush).filter((one) => (words.length ? words.includes(one) :
+      Array.isArray(one) && one.length === 2 && one.every(Number.isFinite) && one[0] <= one[1]));
+    if (kept.length) found.brushes[name] = kept;
+  }
+  found.one = Number.isInteger(told.one) && births.row(told.one) >= 0 ? told.one : null;
+  return found;
+}
+
+/** Put a state into the address, in place of the token that was in it. */
+export function writeAddress(state) {
+  const { chosen, ...rest } = state;
+  const kept = chosen && chosen.length <= MOST_CHOSEN ? { ...rest, chosen } : rest;
+  history.replaceState(null, "", `/#${encodeURIComponent(JSON.stringify(kept))}`);
+}
+
+/** A line of Python that has the same births in a notebook. */
+export function pythonOf(folder, { brushes, order, chosen }) {
+  const by = `${order.reversed ? "-" : ""}${order.name}`;
+  return [
+    "import evocity", `view = evocity.open_run(${JSON.stringify(folder)}).view(order=${JSON.stringify(by)})`,
+    `view.brushes, view.selected = ${JSON.stringify(brushes)}, ${JSON.stringify(chosen)}`,
+  ].join("; ");
+}

@@ -1,0 +1,166 @@
+import { made, number } from "/viewer/made.js";
+import { Pedigree } from "./pedigree.js";
+import { asked, blobOf } from "./server.js";
+
+/** Pictures of a birth, by what the server calls them. */
+const PICTURES = [["map", "map"], ["stones", "whose stones"]];
+
+/** All that is told of one birth. `on`: wake(id), pick(ids), drop(ids), trouble(error). */
+export class One {
+  constructor(parent, small, on) {
+    this.on = on;
+    this.id = null;
+    this.kind = "map";
+    this.marks = new Set();
+    this.nobody = made(parent, "p", "faint", "Click a birth, or go to one with the arrow keys, to see all that is told of it.");
+    this.root = made(parent, "div");
+    this.root.hidden = true;
+    const head = made(this.root, "div", "row");
+    this.title = made(head, "h2");
+    this.pick = made(head, "button", "", "", { type: "button" });
+    this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
+    this.origin = made(this.root, "p", "faint");
+    const kinds = made(this.root, "div", "row", "", { role: "group", "aria-label": "picture" });
+    this.kinds = PICTURES.map(([kind, text]) => {
+      const button = made(kinds, "button", "", text, { type: "button" });
+      button.addEventListener("click", () => this.picture(kind));
+      return button;
+    });
+    this.image = made(this.root, "img");
+    this.lack = made(this.root, "p", "lack");
+    this.facts = made(this.root, "div");
+    made(this.root, "h3", "", "from whom it descends");
+    this.pedigree = new Pedigree(this.root, small, { wake: (id) => on.wake(id) });
+    this.making = made(this.root, "div");
+  }
+
+  /** Show the birth of an id. */
+  show(id) {
+    this.id = id;
+    this.nobody.hidden = true;
+    this.root.hidden = false;
+    this.title.textContent = `birth ${id}`;
+    this.picked([...this.marks]);
+    this.renew(true);
+    this.pedigree.show(id).catch(this.on.trouble);
+  }
+
+  /** Look anew at what may have changed: whether it lives, who was bred from it; `isOther`, its
+   * picture too. */
+  async renew(isOther = false) {
+    const { id } = this;
+    if (id === null) return;
+    try {
+      const told = await asked("one", { id });
+      if (id !== this.id) return;
+      this.tell(told);
+      if (isOther) this.picture(told.pictured ? this.kind : null);
+    } catch (error) {
+      if (id === this.id) this.on.trouble(error);
+    }
+  }
+
+  picked(ids) {
+    this.marks = new Set(ids);
+    const isPicked = this.marks.has(this.id);
+    this.pick.textContent = isPicked ? "★ picked: drop it" : "pick it";
+    this.pick.setAttribute("aria-pressed", String(isPicked));
+  }
+
+  arrived() { this.pedigree.draw(); }
+
+  async picture(kind) {
+    const { id } = this;
+    this.kinds.forEach((button) => { button.disabled = !kind; });
+    if (!kind) {
+      this.image.hidden = true;
+      this.lack.hidden = false;
+      this.lack.textContent = "It has no picture.";
+      return;
+    }
+    this.kind = kind;
+    this.kinds.forEach((button, k) => button.setAttribute("aria-pressed", String(PICTURES[k][0] === kind)));
+    const isMeant = () => id === this.id && kind === this.kind;
+    try {
+      const blob = await blobOf("picture", { id, kind });
+      if (!isMeant()) return;
+      if (this.address) URL.revokeObjectURL(this.address);
+      this.address = URL.createObjectURL(blob);
+      this.image.src = this.address;
+      this.image.alt = kind === "map" ? `map of heights of birth ${id}, north up` : `which city each stone of birth ${id} is from`;
+      this.image.hidden = false;
+      this.lack.hidden = true;
+    } catch (error) {
+      if (!isMeant()) return;
+      this.image.hidden = true;
+      this.lack.hidden = false;
+      this.lack.textContent = `It has no picture: ${error.message}`;
+    }
+  }
+
+  tell(told) {
+    const words = (text) => text.replaceAll("_", " ");
+    const lived = told.lived ? `lived in ${told.lived} generation${told.lived > 1 ? "s" : ""}` : "never lived on";
+    const origin = [`generation ${told.generation}`, words(told.operator), told.alive ? "alive" : lived];
+    if (told.island !== null) origin.splice(1, 0, `island ${told.island}`);
+    this.origin.textContent = origin.join(" · ");
+    this.facts.replaceChildren();
+    if (told.status !== "ok") {
+      made(this.facts, "p", "lack", `It failed: ${words(told.status)}. ${told.error || ""}`);
+    } else if (told.error) made(this.facts, "p", "faint", told.error);
+    if (told.status === "ok" && !told.feasible) made(this.facts, "p", "lack", "✕ It breaks a bound.");
+    this.measures(told.measures);
+    this.stones(told.stones);
+    this.links("bred from", told.parents);
+    this.links("parent of", told.children);
+    this.made(told);
+  }
+
+  measures(listed) {
+    const table = made(this.facts, "table", "values");
+    made(table, "caption", "", "what it has, and what was wanted");
+    for (const one of listed) {
+      const row = made(table, "tr", "", "", one.summary ? { title: one.summary } : {});
+      made(row, "th", "", one.name.replaceAll("_", " "), { scope: "row" });
+      made(row, "td", "number", `${number(one.value ?? NaN)} ${one.unit}`.trimEnd());
+      const isBroken = one.value !== null && !one.kept;
+      made(row, "td", "faint", `${isBroken ? "✕ " : ""}${one.wanted}`);
+    }
+  }
+
+  stones(shares) {
+    const listed = Object.entries(shares).sort((a, b) => b[1] - a[1]);
+    if (!listed.length) return;
+    const table = made(this.facts, "table", "values");
+    made(table, "caption", "", "whose stones it is made of");
+    for (const [city, share] of listed) {
+      const row = made(table, "tr");
+      made(row, "th", "", city, { scope: "row" });
+      made(row, "td", "number", `${(100 * share).toFixed(share < 0.01 ? 1 : 0)} %`);
+      const bar = made(made(row, "td", "share"), "div", "bar");
+      bar.style.width = `${Math.max(1, 100 * share)}%`;
+    }
+  }
+
+  links(text, ids) {
+    if (!ids.length) return;
+    const row = made(this.facts, "div", "row");
+    made(row, "span", "faint", text);
+    for (const id of ids) {
+      made(row, "button", "link", String(id), { type: "button", "aria-label": `birth ${id}` })
+        .addEventListener("click", () => this.on.wake(id));
+    }
+  }
+
+  made(told) {
+    this.making.replaceChildren();
+    if (!told.made.length) return;
+    const more = made(this.making, "details");
+    made(more, "summary", "", "what its operator recorded");
+    const list = made(more, "dl");
+    for (const [key, text] of told.made) {
+      made(list, "dt", "", key.replaceAll("_", " "));
+      made(list, "dd", "", text);
+    }
+  }
+}

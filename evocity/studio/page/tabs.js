@@ -1,0 +1,36 @@
+import { made } from "/viewer/made.js";
+
+/** Panes of which one is shown; the arrow keys go from tab to tab. */
+export class Tabs {
+  constructor(list, parent, names) {
+    this.panes = {};
+    this.tabs = names.map((name) => {
+      const tab = made(list, "button", "", name, {
+        type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `pane-${name}`,
+      });
+      this.panes[name] = made(parent, "div", "", "", {
+        role: "tabpanel", id: `pane-${name}`, "aria-labelledby": `tab-${name}`,
+      });
+      tab.addEventListener("click", () => this.show(name));
+      return tab;
+    });
+    list.addEventListener("keydown", ({ key }) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[key];
+      if (!by) return;
+      const place = (names.indexOf(this.shown) + by + names.length) % names.length;
+      this.show(names[place]);
+      this.tabs[place].focus();
+    });
+    this.show(names[0]);
+  }
+
+  show(name) {
+    this.shown = name;
+    for (const tab of this.tabs) {
+      const isShown = tab.textContent === name;
+      tab.setAttribute("aria-selected", String(isShown));
+      tab.tabIndex = isShown ? 0 : -1;
+      this.panes[tab.textContent].hidden = !isShown;
+    }
+  }
+}

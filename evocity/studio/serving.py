@@ -1,0 +1,92 @@
+"""The server's life: a socket of this machine alone, until Ctrl-C."""
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import uvicorn
+
+from evocity.errors import EvocityError, setting
+from evocity.studio.answers import Studio
+from evocity.studio.guard import MOST_HEAD, MOST_QUERY, Guard
+
+HOST = "127.0.0.1"
+#: Requests at a time; seconds that one may still take once the server ends.
+_AT_ONCE, _PATIENCE = 256, 2
+
+
+class Server(uvicorn.Server):
+    """Answers of the run in the folder ``path`` at `url`, once it ``run``s. Raises `RunError` if
+    there is no run, `EvocityError` if the ``port`` cannot be had; 0 takes any that is free."""
+
+    def __init__(self, path: str | Path, port: int = 0):
+        self.studio = Studio(path)
+        self._socket = _bound(port)
+        self.port = self._socket.getsockname()[1]
+        self._guard = Guard(self.studio.app, self.port)
+        super().__init__(
+            uvicorn.Config(
+                self._guard,
+                http="h11",
+                ws="none",
+                lifespan="off",
+                log_level="error",
+                access_log=False,
+                server_header=False,
+                proxy_headers=False,
+                limit_concurrency=_AT_ONCE,
+                timeout_graceful_shutdown=_PATIENCE,
+                h11_max_incomplete_event_size=MOST_QUERY + MOST_HEAD,
+            )
+        )
+
+    @property
+    def url(self) -> str:
+        """The address that is opened first, with its token."""
+        return f"http://{HOST}:{self.port}/?token={self._guard.token}"
+
+    def run_until_stopped(self) -> None:
+        """Answer until a signal, which is raised again then, or until `should_exit`."""
+        with contextlib.closing(self._socket):
+            self.run(sockets=[self._socket])
+
+
+@contextlib.contextmanager
+def served(path: str | Path, port: int = 0) -> Iterator[Server]:
+    """A server in a thread, for as long as the block takes."""
+    server = Server(path, port)
+    thread = threading.Thread(target=server.run_until_stopped, daemon=True)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+def serve(path: str | Path, port: int, began: Callable[[str], None]) -> None:
+    """Answer until Ctrl-C; ``began`` is told the address once it can be opened."""
+    server = Server(path, port)
+    began(server.url)
+    server.run_until_stopped()
+
+
+def _bound(port: int) -> socket.socket:
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind((HOST, port))
+        found.listen(_AT_ONCE)
+    except (OSError, OverflowError) as error:
+        found.close()
+        raise EvocityError(
+            f"{setting('port', port)} cannot be had: {getattr(error, 'strerror', None) or error}",
+            "a port of this machine that is free, 1024 to 65535",
+            "choose another, or leave it out for any that is free",
+        ) from None
+    return found
+
+
+__all__ = ["HOST", "Server", "serve", "served"]

@@ -1,0 +1,32 @@
+"""Runs to look at, and a cache of their own."""
+
+import os
+import shutil
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from asking import OLD, Client
+
+from evocity.studio.serving import served
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _cache_of_its_own(tmp_path_factory):
+    with patch.dict(os.environ, {"XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}):
+        yield
+
+
+@pytest.fixture
+def night(tmp_path) -> Path:
+    """A small run of an older release: three generations, 24 births."""
+    return shutil.copytree(OLD / "run-6", tmp_path / "runs" / "night")
+
+
+@pytest.fixture
+def asked(night):
+    """Of `night`."""
+    with served(night) as server:
+        client = Client(server)
+        client.open()
+        yield client

@@ -1,0 +1,367 @@
+"""What studio tells of runs, whatever happens to them meanwhile, and what it keeps."""
+
+import contextlib
+import io
+import json
+import os
+import shutil
+import sys
+import threading
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from asking import HOSTILE, OLD, Client, contents
+from PIL import Image
+from written_runs import written
+
+import evocity
+from evocity.analysis.viewed import Viewed
+from evocity.errors import EvocityError, RunError
+from evocity.search.trust import state_folder
+from evocity.store import Birth, Member, RunWriter
+from evocity.studio import picks as picking
+from evocity.studio.answers import MOST_SAVED
+from evocity.studio.serving import served
+from evocity.studio.watched import Watched
+
+
+def opened(server) -> Client:
+    client = Client(server)
+    client.open()
+    return client
+
+
+@pytest.mark.parametrize("path", sorted(OLD.glob("run-[0-9]")), ids=lambda path: path.name)
+def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path):
+    folder = shutil.copytree(path, tmp_path / "run")
+    before, run = contents(folder), evocity.open_run(folder)
+    with served(folder) as server:
+        client = opened(server)
+        about, content = client.get("/api/births").framed
+        viewed = Viewed(run)
+        assert content == viewed.table.buffer
+        assert about["columns"] == viewed.table.about["columns"]
+        assert about["generation"] == run.generations[-1]
+        for one in (run[0], run[-1], run[len(run) // 2]):
+            told = client.get(f"/api/one?id={one.id}").json
+            values = {m["name"]: m["value"] for m in told["measures"] if m["value"] is not None}
+            assert values == one.scores
+            assert told["parents"] == [parent.id for parent in one.parents]
+            assert (told["operator"], told["status"]) == (one.operator, one.status)
+            pedigree = client.get(f"/api/pedigree?id={one.id}&steps=6").json
+            rows = viewed.run._pedigree.ancestors(run.told.rows([one.id]), 6)
+            shown = {id for step in pedigree["steps"] for id in step}
+            assert len(shown) + sum(pedigree["more"]) == len(rows)
+            assert shown <= set(run.told.ids[rows].tolist())
+        ids = [0, 3, 999_999, 5]
+        sheet, image = client.get("/api/tiles?ids=0,3,999999,5&side=96").framed
+        assert sorted([*sheet["tiles"], *(one for one, _ in sheet["lacking"])]) == [0, 3, 5]
+        right = viewed.sheet([one for one in sheet["tiles"] if one in ids], 96)
+        assert np.array_equal(
+            *(np.asarray(Image.open(io.BytesIO(one))) for one in (image, right.image))
+        )
+    assert contents(folder) == before
+
+
+def test_pictures_and_heights_are_those_of_the_birth(asked, night):
+    one = evocity.open_run(night)[3]
+    told = asked.get("/api/picture?id=3&kind=map")
+    assert told.headers["content-type"] == "image/png"
+    seen, right = Image.open(io.BytesIO(told.content)), one.picture()
+    assert np.array_equal(np.asarray(seen), np.asarray(right))
+    assert asked.get("/api/picture?id=3&kind=stones").content != told.content
+    about, content = asked.get("/api/heights?id=3").framed
+    heights = np.frombuffer(content, "<f4").reshape(about["height"], about["width"])
+    assert np.array_equal(heights, one.city.heights)
+    assert about["metres"] == one.city.metres_per_pixel
+
+
+def test_small_pictures_are_kept_for_the_user_and_never_trusted(asked, night, tmp_path):
+    folder = Path(os.environ["XDG_CACHE_HOME"]) / "evocity" / "tiles"
+    shutil.rmtree(folder, ignore_errors=True)
+    watched = Watched(night)
+    first = watched.sheet([1, 2, 3], 96)
+    files = sorted(folder.rglob("*.png"))
+    assert [file.name.split("-")[0] for file in files] == ["1", "2", "3"]
+    files[0].write_bytes(b"\x89PNG\r\n\x1a\n no more")
+    Image.new("RGB", (5000, 5000)).save(files[1])
+    before, again = files[2].stat().st_mtime_ns, Watched(night)
+    assert again.sheet([1, 2, 3], 96).image == first.image
+    assert files[2].stat().st_mtime_ns == before
+    shutil.rmtree(folder)
+    folder.write_text("in the way")
+    assert Watched(night).sheet([3, 1], 96).ids == [3, 1]
+    folder.unlink()
+
+
+# -- a run that changes --------------------------------------------------------------------------
+
+
+def grown(folder: Path, count: int = 3, **more) -> list[int]:
+    """One more generation of a `written` run; the ids of its births."""
+    run = evocity.open_run(folder)
+    number, first, code = len(run.generations), len(run), run[0].genome
+    births = [
+        Birth(number, first + k, (0,), "mutation", "ok", None, 0.5, {"gsi": 0.5}, code, **more)
+        for k in range(count)
+    ]
+    alive = [Member(k, one.id, 0, {"crowding": 0.0}) for k, one in enumerate(births)]
+    with contextlib.closing(RunWriter.reopen(folder)) as writer:
+        writer.write_generation(number, births, alive, {"births": 0, "failures": 0})
+    return [one.id for one in births]
+
+
+def log(folder: Path, births: int = 4) -> Path:
+    return written(folder, [[{"id": k} for k in range(births)]]).path
+
+
+@pytest.fixture
+def unwaited(monkeypatch):
+    """News are news at once."""
+    monkeypatch.setattr("evocity.studio.watched.FRESH", 0.0)
+
+
+def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
+    folder = log(tmp_path / "run")
+    with served(folder) as server:
+        clients, seen = [opened(server) for _ in range(3)], [-1, -1, -1]
+        for _ in range(4):
+            for k, client in enumerate(clients[: 1 + _ % 3]):
+                news = client.get(f"/api/changes?after={seen[k]}").json
+                assert news["more"] == (news["generation"] > seen[k])
+                about, content = client.get("/api/births").framed
+                seen[k] = about["generation"]
+                ids = np.frombuffer(content, "<i4", about["count"]).tolist()
+                assert ids == evocity.open_run(folder).told.ids.tolist()
+            grown(folder)
+        called = {client.get("/api/births").framed[0]["run"] for client in clients}
+        assert len(called) == 1
+        news = clients[0].get("/api/changes?after=4").json
+        assert news == {
+            "run": called.pop(), "generation": 4, "going": False, "problem": None, "more": False,
+        }  # fmt: skip
+
+
+def test_a_run_that_is_bred_now_is_said_to_go_on(tmp_path, unwaited):
+    folder = log(tmp_path / "run")
+    with served(folder) as server, contextlib.closing(RunWriter.reopen(folder)):
+        assert opened(server).get("/api/changes?after=0").json["going"] is True
+
+
+def test_a_run_without_a_generation_is_waited_for(tmp_path, unwaited):
+    run = log(tmp_path / "whole")
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    for kind in ("births", "membership"):
+        for path in (folder / kind).glob("*.parquet"):
+            path.unlink()
+    with served(folder) as server:
+        client = opened(server)
+        assert client.get("/api/changes?after=-1").json["generation"] == -1
+        told = client.get("/api/births")
+        assert (told.status, "no whole generation" in told.json["error"]["found"]) == (409, True)
+        for kind in ("births", "membership"):
+            shutil.copytree(run / kind, folder / kind, dirs_exist_ok=True)
+        assert client.get("/api/changes?after=-1").json["more"] is True
+        assert client.get("/api/births").framed[0]["count"] == 4
+
+
+def damaged(folder: Path) -> None:
+    (path,) = (folder / "births").glob("*.parquet")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 :] = b"x" * (len(content) - len(content) // 2)
+    path.write_bytes(content)
+
+
+def of_another_release(folder: Path) -> None:
+    path = folder / "provenance.json"
+    told = json.loads(path.read_text()) | {"schema_version": 99}
+    path.write_text(json.dumps(told))
+
+
+@pytest.mark.parametrize("deed", [shutil.rmtree, damaged, of_another_release])
+def test_what_happens_to_the_folder_is_told_and_what_was_seen_stays(tmp_path, unwaited, deed):
+    folder, copy = log(tmp_path / "run"), tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    with served(folder) as server:
+        client = opened(server)
+        about = client.get("/api/births").framed[0]
+        deed(folder)
+        told = client.get("/api/changes?after=0").json["problem"]
+        if deed is damaged:  # what was read already is not read again; what was not is told
+            assert told is None
+            told = str(client.get("/api/one?id=3").json["error"])
+        assert str(folder) in told
+        assert client.get("/api/births").framed[0] == about
+        assert client.get("/api/picture?id=3&kind=map").status in (200, 409)
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(copy, folder)
+        assert client.get("/api/changes?after=0").json["problem"] is None
+        assert client.get("/api/picture?id=3&kind=map").status == 200
+
+
+def test_another_run_in_its_place_is_another(tmp_path, unwaited):
+    folder = log(tmp_path / "run")
+    with served(folder) as server:
+        client = opened(server)
+        before = client.get("/api/births").framed[0]
+        shutil.rmtree(folder)
+        values = {"crumbs": 1.0}
+        written(folder, [[{"id": 9, "values": values}]], None, ({"name": "crumbs", "goal": "min"},))
+        news = client.get(f"/api/changes?after={before['generation']}").json
+        assert news["run"] != before["run"]
+        assert client.get("/api/births").framed[0]["count"] == 1
+
+
+def test_what_is_no_run_is_refused_at_once(tmp_path):
+    for path in (tmp_path / "none", tmp_path):
+        with pytest.raises(RunError, match="what to do"), served(path):
+            pass
+
+
+def test_a_port_that_another_has_is_refused(asked, night):
+    with pytest.raises(EvocityError, match="port"), served(night, asked.server.port):
+        pass
+
+
+def test_strange_texts_arrive_as_texts(tmp_path):
+    births = [
+        {"id": 0, "operator": HOSTILE},
+        {"id": 1, "status": "timeout", "error": HOSTILE, "genome": None, "values": {}},
+    ]
+    run = written(tmp_path / HOSTILE.replace("/", "_")[:60], [births])
+    with served(run.path) as server:
+        client = opened(server)
+        assert client.get("/api/one?id=0").json["operator"] == HOSTILE
+        told = client.get("/api/one?id=1").json
+        assert (told["error"], told["pictured"]) == (HOSTILE, False)
+        assert client.get("/api/picture?id=1&kind=map").status == 409
+        told = client.get("/api/births")
+        assert told.headers["content-type"] == "application/octet-stream"
+        sheet, _ = client.get("/api/tiles?ids=0,1&side=96").framed
+        assert sheet["lacking"] == [[1, f"timeout: {HOSTILE}"]]
+
+
+# -- picks ---------------------------------------------------------------------------------------
+
+
+def test_picks_have_notes_and_every_change_can_be_undone(asked, night):
+    before = contents(night)
+    states = [asked.get("/api/picks").json["picks"]]
+    for change in (
+        {"change": "pick", "ids": [5, 3, 5]},
+        {"change": "note", "ids": [3], "note": f"courtyards\n{HOSTILE}"},
+        {"change": "note", "ids": [7], "note": "picked by its note"},
+        {"change": "pick", "ids": [3]},  # changes nothing, and is no step
+        {"change": "drop", "ids": [5, 11]},
+    ):
+        states.append(asked.post("/api/pick", change).json["picks"])
+    assert [[one["id"] for one in state] for state in states] == [
+        [], [5, 3], [5, 3], [5, 3, 7], [5, 3, 7], [3, 7],
+    ]  # fmt: skip
+    assert states[-1][0]["note"].endswith(HOSTILE)
+    after = contents(night)
+    assert after.pop("picks.json")
+    assert after == before  # bytewise, but for the picks
+    told = asked.get("/api/picks").json
+    assert (told["undo"], told["place"]) == (4, str(night / "picks.json"))
+    for state in (states[3], states[2], states[1], states[0], states[0]):
+        assert asked.post("/api/pick", {"change": "undo"}).json["picks"] == state
+
+
+def test_picks_outlive_the_server_and_do_no_harm_to_the_run(night):
+    with served(night) as server:
+        opened(server).post("/api/pick", {"change": "note", "ids": [4], "note": "the best"})
+    with served(night) as server:
+        assert opened(server).get("/api/picks").json["picks"] == [{"id": 4, "note": "the best"}]
+    run = evocity.open_run(night)
+    assert (len(run), run.damaged) == (24, ())
+
+
+def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monkeypatch):
+    before = contents(night)
+    monkeypatch.setattr(picking, "_is_own", lambda folder: False)
+    with served(night) as server:
+        told = opened(server).post("/api/pick", {"change": "pick", "ids": [2]}).json
+    assert Path(told["place"]).parent == state_folder() / "picks"
+    with served(night) as server:
+        assert opened(server).get("/api/picks").json["picks"] == [{"id": 2, "note": ""}]
+    assert contents(night) == before
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[1]",
+        '{"version": 2}',
+        '{"picks": [{"id": "3"}]}',
+        '{"picks": [{"id": 3, "x": 1}]}',
+    ],
+)
+def test_a_damaged_file_of_picks_is_told_and_left(asked, night, text):
+    (night / "picks.json").write_text(text)
+    told = asked.post("/api/pick", {"change": "pick", "ids": [2]})
+    assert (told.status, "tells no picks" in told.json["error"]["found"]) == (409, True)
+    assert (night / "picks.json").read_text() == text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links")
+def test_picks_are_not_written_where_a_link_leads(asked, night, tmp_path):
+    for content in ("mine", json.dumps({"version": 1})):
+        target = tmp_path / "target"
+        target.write_text(content)
+        (night / "picks.json").unlink(missing_ok=True)
+        (night / "picks.json").symlink_to(target)
+        assert asked.post("/api/pick", {"change": "pick", "ids": [2]}).status == 409
+        assert target.read_text() == content
+
+
+def test_two_hands_at_once_lose_no_pick(asked):
+    hands = [
+        threading.Thread(target=asked.post, args=("/api/pick", {"change": "pick", "ids": [one]}))
+        for one in range(12)
+    ]
+    for hand in hands:
+        hand.start()
+    for hand in hands:
+        hand.join()
+    assert {one["id"] for one in asked.get("/api/picks").json["picks"]} == set(range(12))
+
+
+def test_a_run_is_asked_to_breed_from_picks_as_by_the_command(asked, night):
+    told = asked.post("/api/steer", {"steer": "pick", "ids": [3, 5]}).json
+    assert told == {"words": "picked: 3 5", "going": False}
+    (line,) = (night / "commands.jsonl").read_text().splitlines()
+    assert {"command": "pick", "ids": [3, 5]}.items() <= json.loads(line).items()
+    assert asked.post("/api/steer", {"steer": "drop", "ids": [3]}).status == 200
+    assert asked.post("/api/steer", {"steer": "drop", "ids": [9]}).status == 409
+    assert asked.post("/api/steer", {"steer": "stop", "ids": [9]}).status == 400
+
+
+# -- files ---------------------------------------------------------------------------------------
+
+
+def test_chosen_births_are_files_as_the_library_writes_them(asked, night, tmp_path):
+    before, run = contents(night), evocity.open_run(night)
+    told = asked.post("/api/csv", {"ids": [3, 0, 3]})
+    run.to_csv(tmp_path / "right.csv", of=[3, 0])
+    assert told.content == (tmp_path / "right.csv").read_bytes()
+    assert told.headers["content-type"].startswith("text/csv")
+    told = asked.post("/api/zip", {"ids": [3]})
+    with zipfile.ZipFile(io.BytesIO(told.content)) as archive:
+        names = set(archive.namelist())
+        genome = archive.extract("3/genome.parquet", tmp_path)
+    assert names == {
+        *(f"3/{name}" for name in ("map.tif", "picture.png", "genome.parquet", "scene.glb")),
+        "scores.csv",
+        "ATTRIBUTION.txt",
+    }
+    assert evocity.read_genome(genome) == run[3].genome
+    assert asked.post("/api/zip", {"ids": list(range(MOST_SAVED + 1))}).status == 409
+    assert asked.post("/api/csv", {"ids": [99_999]}).status == 409
+    assert asked.post("/api/zip", {"ids": []}).status == 400
+    assert contents(night) == before

@@ -1,0 +1,352 @@
+"""What a stranger's page, or program, may try: each is refused, and nothing is touched."""
+
+import json
+import shutil
+import socket
+
+import pytest
+from asking import OLD, Client, contents
+
+from evocity.studio.guard import HEADER, MOST_BODY, POLICY
+from evocity.studio.serving import HOST, served
+
+JSON = ("Content-Type", "application/json")
+PICK = json.dumps({"change": "pick", "ids": [3]}).encode()
+
+
+@pytest.fixture(scope="module")
+def outside(tmp_path_factory):
+    return tmp_path_factory.mktemp("outside")
+
+
+@pytest.fixture(scope="module")
+def attacked(outside):
+    """A client with its cookie, and all that lay there before."""
+    night = shutil.copytree(OLD / "run-6", outside / "runs" / "night")
+    (outside / "secret.txt").write_text("the secret")
+    before = contents(outside)
+    with served(night) as server:
+        client = Client(server)
+        client.open()
+        yield client
+    assert contents(outside) == before
+
+
+def own(client: Client) -> str:
+    return f"127.0.0.1:{client.server.port}"
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        ["evil.example"],
+        ["evil.example:{port}"],
+        ["127.0.0.1"],
+        ["127.0.0.1:1"],
+        ["127.0.0.1:{port}@evil.example"],
+        ["127.0.0.1.evil.example:{port}"],
+        ["0.0.0.0:{port}"],
+        ["127.1:{port}"],
+        ["LOCALHOST:{port}"],
+        ["localhost.:{port}"],
+        ["127.0.0.1:{port}, evil.example"],
+        [""],
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("path", ["/", "/api/births", "/nothing", "/studio/studio.js"])
+def test_another_host_is_refused_before_anything_is_looked_for(attacked, host, path):
+    hosts = [one.format(port=attacked.server.port) for one in host]
+    assert attacked.ask("GET", path, host=hosts).status == 421
+
+
+@pytest.mark.parametrize("hosts", [[], ["127.0.0.1:{port}", "evil.example"]], ids=str)
+def test_no_host_and_two_hosts_are_refused(attacked, hosts):
+    hosts = [one.format(port=attacked.server.port) for one in hosts]
+    assert attacked.ask("GET", "/api/births", host=hosts).status in (400, 421)
+
+
+@pytest.mark.parametrize("name", ["localhost", "[::1]"])
+def test_other_names_of_this_machine_are_its_own(attacked, name):
+    told = attacked.ask("GET", "/api/picks", host=[f"{name}:{attacked.server.port}"])
+    assert told.status == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        [("Origin", "http://evil.example")],
+        [("Origin", "null")],
+        [("Origin", "https://127.0.0.1:{port}")],
+        [("Origin", "http://127.0.0.1")],
+        [("Origin", "http://localhost:{port}")],
+        [("Origin", "http://127.0.0.1:{port}"), ("Origin", "http://evil.example")],
+        [("Sec-Fetch-Site", "cross-site")],
+        [("Sec-Fetch-Site", "same-site")],
+        [("Sec-Fetch-Site", "something new")],
+        [("Origin", "http://127.0.0.1:{port}"), ("Sec-Fetch-Site", "cross-site")],
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_another_site_is_refused(attacked, headers, method):
+    pairs = [(name, value.format(port=attacked.server.port)) for name, value in headers]
+    if method == "POST":
+        told = attacked.ask("POST", "/api/pick", [*pairs, JSON, HEADER], PICK)
+    else:
+        told = attacked.ask("GET", "/api/births", pairs)
+    assert told.status == 403
+    assert b"night" not in told.content
+
+
+@pytest.mark.parametrize(
+    "cookie",
+    [
+        "",
+        "evocity-{port}=",
+        "evocity-{port}=guessed",
+        "evocity-{port}={token}",
+        "evocity-1={secret}",
+        "evocity-{port}={secret}x",
+        "evocity-{port}=guessed; evocity-{port}={secret}x",
+        "evocity-{port}=é",
+        "=;=;,",
+    ],
+)
+@pytest.mark.parametrize("path", ["/", "/api/births", "/api/picks", "/studio/studio.js"])
+def test_without_the_cookie_nothing_is_told(attacked, cookie, path):
+    secret = attacked.cookie.partition("=")[2]
+    token = attacked.server.url.partition("token=")[2]
+    given = cookie.format(port=attacked.server.port, secret=secret, token=token)
+    told = attacked.ask("GET", path, [("Cookie", given.encode("latin-1"))])
+    assert told.status == 403
+    assert "set-cookie" not in told.headers
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/?token=",
+        "/?token=guessed",
+        "/?token=%00",
+        "/?token=%C3%A9",
+        "/?token={token}x",
+        "/?token={short}",
+        "/?token=guessed&token={token}",
+        "/?Token={token}",
+        "/api/births?token={token}",
+    ],
+)
+def test_another_token_opens_nothing(attacked, path):
+    token = attacked.server.url.partition("token=")[2]
+    path = path.format(token=token, short=token[:-1])
+    told = attacked.ask("GET", path, [("Cookie", "")])
+    assert told.status == 403
+    assert "set-cookie" not in told.headers
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../secret.txt",
+        "/studio/../../secret.txt",
+        "/studio/..%2f..%2fsecret.txt",
+        "/studio/%2e%2e/%2e%2e/secret.txt",
+        "/studio/%252e%252e/secret.txt",
+        "/studio/..\\..\\secret.txt",
+        "/studio//etc/passwd",
+        "//evil.example/",
+        "/studio/studio.js/",
+        "/studio/studio.js%00.html",
+        "/studio/Studio.js",
+        "/%73tudio/studio.js",
+        "/studio/server.py",
+        "/studio/index.html",
+        "/viewer/table.py",
+        "/api",
+        "/api/",
+        "/api/births/",
+        "/api/%62irths",
+        "/api/births;x=1",
+        "/.git/config",
+        "/runs/night/provenance.json",
+        "/provenance.json",
+        "/favicon.ico",
+        "http://evil.example/",
+        "*",
+    ],
+)
+def test_what_is_no_address_of_the_table_is_nothing(attacked, path):
+    told = attacked.ask("GET", path)
+    assert told.status in (400, 404)
+    assert b"secret" not in told.content
+    assert b"root:" not in told.content
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("PUT", "/api/pick", 405),
+        ("DELETE", "/api/picks", 405),
+        ("PATCH", "/", 405),
+        ("OPTIONS", "/api/pick", 405),
+        ("TRACE", "/", 405),
+        ("CONNECT", "/", 405),
+        ("PROPFIND", "/", 405),
+        ("GET", "/api/pick", 405),
+        ("GET", "/api/zip", 405),
+        ("HEAD", "/api/steer", 405),
+        ("POST", "/api/births", 405),
+        ("POST", "/", 405),
+    ],
+)
+def test_another_method_is_refused(attacked, method, path, status):
+    given = ([JSON, HEADER], PICK) if method == "POST" else ()
+    assert attacked.ask(method, path, *given).status == status
+
+
+@pytest.mark.parametrize(
+    ("headers", "body", "status"),
+    [
+        ([JSON], PICK, 403),
+        ([JSON, (HEADER[0], "other")], PICK, 403),
+        ([HEADER], PICK, 415),
+        ([HEADER, ("Content-Type", "text/plain")], PICK, 415),
+        ([HEADER, ("Content-Type", "application/x-www-form-urlencoded")], b"change=pick", 415),
+        ([HEADER, ("Content-Type", "multipart/form-data; boundary=x")], b"--x--", 415),
+        ([HEADER, ("Content-Type", "application/jsonp")], PICK, 415),
+        ([HEADER, JSON], b" " * (MOST_BODY + 1), 413),
+        ([HEADER, JSON, ("Content-Length", "99999999999999")], b"{}", 413),
+        ([HEADER, JSON], b"", 400),
+        ([HEADER, JSON], b"{", 400),
+        ([HEADER, JSON], b"[" * 100_000, 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": ["../../secret.txt"]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [1.5]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [true]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [-1]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [1e400]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [99999999999999999999999]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [3], "path": "/tmp/x"}', 400),
+        ([HEADER, JSON], b'{"change": "write", "ids": [3]}', 400),
+        ([HEADER, JSON], b'{"change": "pick", "ids": [99999]}', 409),
+        ([HEADER, JSON], b'{"change": "note", "ids": [3], "note": "' + b"x" * 2001 + b'"}', 400),
+        ([HEADER, JSON], b"\xff\xfe{}", 400),
+        ([HEADER, JSON], b"null", 400),
+    ],
+    ids=range(24),
+)
+def test_changes_are_json_of_known_form_or_nothing(attacked, headers, body, status):
+    assert attacked.ask("POST", "/api/pick", headers, body).status == status
+    assert attacked.get("/api/picks").json["picks"] == []
+
+
+def test_a_body_without_a_length_is_counted(attacked):
+    chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
+    body = chunk * 17 + b"0\r\n\r\n"
+    headers = [HEADER, JSON, ("Transfer-Encoding", "chunked")]
+    assert attacked.ask("POST", "/api/pick", headers, body).status == 413
+
+
+def test_a_question_with_a_body_is_refused(attacked):
+    assert attacked.ask("GET", "/api/births", body=b"{}").status == 400
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "/api/one?id=../3",
+        "/api/one?id=",
+        "/api/one",
+        "/api/one?id=-1",
+        "/api/one?id=1.5",
+        "/api/one?id=1e3",
+        "/api/one?id=%D9%A3",
+        "/api/one?id=99999999999999999999",
+        "/api/picture?id=3&kind=../map",
+        "/api/picture?id=3",
+        "/api/pedigree?id=3&steps=1000000",
+        "/api/tiles?ids=&side=96",
+        "/api/tiles?ids=1,,2&side=96",
+        "/api/tiles?ids=../1&side=96",
+        "/api/tiles?ids=1&side=100000",
+        "/api/tiles?ids=1&side=97",
+        "/api/tiles?ids=" + ",".join(["1"] * 65) + "&side=96",
+        "/api/changes?after=nan",
+        "/api/changes",
+        "/api/heights?id=x",
+    ],
+)
+def test_questions_are_numbers(attacked, question):
+    told = attacked.get(question)
+    assert told.status == 400
+    assert set(told.json["error"]) == {"found", "expected", "remedy"}
+
+
+def test_long_lines_and_headers_are_refused(attacked):
+    assert attacked.get("/api/one?id=" + "0" * 5000).status == 414
+    told = attacked.ask("GET", "/api/picks", [("X-Long", "x" * 100_000)])
+    assert told.status in (400, 431)
+
+
+def test_no_websocket_opens(attacked):
+    headers = [
+        ("Connection", "Upgrade"),
+        ("Upgrade", "websocket"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+    ]
+    told = attacked.ask("GET", "/api/picks", headers)
+    assert told.status != 101
+
+
+def test_a_second_request_cannot_hide_in_a_body(attacked):
+    hidden = f"POST /api/pick HTTP/1.1\r\nHost: {own(attacked)}\r\n\r\n".encode()
+    with socket.create_connection((HOST, attacked.server.port), 20) as raw:
+        raw.sendall(
+            f"POST /api/pick HTTP/1.1\r\nHost: evil.example\r\nContent-Length: {len(hidden)}\r\n"
+            f"Transfer-Encoding: chunked\r\n\r\n".encode()
+            + hidden
+        )
+        raw.settimeout(20)
+        told = b""
+        while part := raw.recv(65536):
+            told += part
+    assert told.startswith((b"HTTP/1.1 400", b"HTTP/1.1 421"))
+    assert told.count(b"HTTP/1.1 ") == 1
+
+
+def test_only_this_machine_can_connect(attacked):
+    assert attacked.server._socket.getsockname()[0] == "127.0.0.1"
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/studio/studio.js", "/api/picks", "/api/one?id=3", "/nothing", "/api/one?id=x"]
+)
+def test_every_answer_says_what_a_browser_may_do_with_it(attacked, path):
+    said = attacked.get(path).headers
+    assert said["content-security-policy"] == POLICY
+    assert "unsafe" not in POLICY
+    assert "frame-ancestors 'none'" in POLICY
+    assert said["x-content-type-options"] == "nosniff"
+    assert said["referrer-policy"] == "no-referrer"
+    assert said["cross-origin-resource-policy"] == "same-origin"
+    assert said["cross-origin-opener-policy"] == "same-origin"
+    assert said["cache-control"] == "no-store"
+    assert not {"server", "access-control-allow-origin"} & set(said)
+
+
+def test_the_cookie_is_for_this_server_alone(attacked):
+    fresh = Client(attacked.server)
+    told = fresh.open()
+    assert told.status == 200
+    name, _, rest = told.headers["set-cookie"].partition("=")
+    assert name == f"evocity-{attacked.server.port}"
+    assert {part.strip() for part in rest.split(";")[1:]} == {
+        "HttpOnly",
+        "SameSite=Strict",
+        "Path=/",
+    }
+    token = attacked.server.url.partition("token=")[2]
+    assert token not in rest
+    assert len(token) >= 43  # 256 bits
+    assert len(rest.partition(";")[0]) >= 43

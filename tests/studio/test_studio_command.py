@@ -1,0 +1,85 @@
+"""`evocity studio` as it is typed: what is printed, how it ends, what it needs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from http.cookiejar import CookieJar
+
+import pytest
+from asking import contents
+from click.testing import CliRunner
+
+from evocity.cli import main
+from evocity.studio.files import files
+
+EVOCITY = (sys.executable, "-m", "evocity")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
+def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind):
+    before = contents(night)
+    words = [*EVOCITY, "studio", str(night), "--no-browser", "--json"]
+    running = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    with running:
+        line = running.stdout.readline()
+        told = json.loads(line)
+        assert list(told) == ["url"]
+        browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
+        with browser.open(told["url"], timeout=20) as answer:
+            page = answer.read()
+        assert (answer.status, page) == (200, files()["/"][1])
+        with browser.open(told["url"].partition("?")[0] + "api/births", timeout=20) as answer:
+            assert answer.status == 200
+        os.killpg(running.pid, getattr(signal, kind))
+        out, err = running.communicate(timeout=30)
+    assert out == ""  # one line was all
+    assert "Traceback" not in err
+    assert running.returncode == (130 if kind == "SIGINT" else -signal.SIGTERM)
+    assert contents(night) == before
+
+
+def refused(*words) -> str:
+    done = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
+    assert (done.exit_code, done.stdout) == (2, "")
+    return done.stderr
+
+
+def test_without_the_extra_it_is_named(night, monkeypatch):
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    told = refused("studio", night)
+    assert "uvicorn" in told
+    assert "pip install 'evocity[studio]'" in told
+
+
+def test_what_is_no_run_is_refused(tmp_path):
+    told = refused("studio", tmp_path / "none", "--no-browser")
+    assert told.count("expected:") == told.count("what to do:") == 1
+
+
+def test_the_page_is_small_and_asks_nothing_of_another_host():
+    page = files()
+    assert {"/", "/studio/studio.js", "/viewer/viewer.js"} <= set(page)
+    assert sum(len(content) for _, content in page.values()) < 300_000
+    for address, (_, content) in page.items():
+        text = content.decode().replace('xmlns="http://www.w3.org/2000/svg"', "")
+        for forbidden in (
+            "innerHTML",
+            "outerHTML",
+            "insertAdjacent",
+            "document.write",
+            "eval(",
+            "Function(",
+            "http:",
+            "https:",
+            "WebSocket",
+            "EventSource",
+            "style=",
+            "onclick",
+        ):
+            assert forbidden not in text, f"{address}: {forbidden}"

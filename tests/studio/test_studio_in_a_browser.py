@@ -1,0 +1,362 @@
+"""Studio's page in chromium without a window: one run, live, by pointer and by keys alone."""
+
+import contextlib
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+import numpy as np
+import pytest
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+from asking import HOSTILE, contents  # noqa: E402
+from written_runs import written  # noqa: E402
+
+import evocity  # noqa: E402
+from evocity.store import Birth, Member, RunWriter  # noqa: E402
+from evocity.studio.serving import served  # noqa: E402
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
+
+COUNT = 120
+WANTED = ({"name": "gsi", "goal": "min"}, {"name": "crumbs", "goal": "max"})
+
+
+def births(first: int, count: int) -> list[dict]:
+    """Some of which failed, and one of which has a strange operator."""
+    rng = np.random.default_rng(first)
+    found = []
+    for k in range(first, first + count):
+        one = {"id": k, "parents": (0, k // 2) if k > 1 else (), "operator": "source"}
+        if k > 1:
+            one["operator"] = HOSTILE if k == 7 else ("mutation", "relocation")[k % 2]
+        one["values"] = {"gsi": float(rng.random()), "crumbs": float(rng.integers(0, 9))}
+        if k % 10 == 9:
+            one |= {"status": "timeout", "error": f"late: {HOSTILE}", "genome": None, "values": {}}
+        found.append(one)
+    return found
+
+
+def grown(folder: Path, count: int = 20) -> None:
+    """One more generation, the best births of all in it."""
+    run = evocity.open_run(folder)
+    number, first, code = len(run.generations), len(run), run[0].genome
+    born = [
+        Birth(
+            number,
+            first + k,
+            (0,),
+            "mutation",
+            "ok",
+            None,
+            0.5,
+            {"gsi": -1.0 - k, "crumbs": 1.0},
+            code,
+        )
+        for k in range(count)
+    ]
+    alive = [Member(k, one.id, 0, {"crowding": 0.0}) for k, one in enumerate(born)]
+    with contextlib.closing(RunWriter.reopen(folder)) as writer:
+        writer.write_generation(number, born, alive, {"births": 0, "failures": 0})
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    return written(tmp_path / "night", [births(0, COUNT)], wanted=WANTED).path
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with playwright.sync_playwright() as started:
+        found = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """Opens pages of a server; afterwards their consoles must have been silent, but for what a
+    browser says of itself of answers that are ``lost``, and nothing asked of another host."""
+    said, asked, contexts = [], [], []
+
+    def open_page(server, width: int = 1024, height: int = 700, context=None, at: str = ""):
+        if context is None:
+            context = browser.new_context(viewport={"width": width, "height": height})
+            contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(server.url + at)
+        until(page, "studio.viewer && document.querySelectorAll('[role=option]').length")
+        return page
+
+    open_page.lost = ("no error",)
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert [one for one in said if not any(lost in one for lost in open_page.lost)] == []
+    local = ("http://127.0.0.1:", "blob:http://127.0.0.1:")
+    assert [url for url in asked if not url.startswith(local)] == []
+
+
+def until(page, condition: str) -> None:
+    """Wait for a condition: under this policy the page evaluates no text by itself."""
+    end = time.monotonic() + 30
+    while not page.evaluate(f"() => Boolean({condition})"):
+        assert time.monotonic() < end, condition
+        time.sleep(0.02)
+
+
+def look(page) -> None:
+    """Look for what is new now."""
+    page.evaluate("() => studio.look()")
+
+
+def shown_ids(page) -> list[int]:
+    labels = page.locator("[role=option]").evaluate_all("all => all.map((one) => one.ariaLabel)")
+    return [int(one.split(",")[0]) for one in labels]
+
+
+def state_of(page) -> dict:
+    return json.loads(unquote(page.url.partition("#")[2]))
+
+
+def test_the_token_leaves_the_address_and_the_cookie_stays(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        assert "token" not in page.url
+        assert server._guard.token not in page.content()
+        (cookie,) = page.context.cookies()
+        assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
+        assert cookie["name"] == f"evocity-{server.port}"
+        assert page.evaluate("document.cookie") == ""
+        page.reload()
+        until(page, "studio.viewer")
+
+
+def test_the_whole_job_by_keys_alone(opened, folder):
+    before = contents(folder)
+    with served(folder) as server:
+        page = opened(server)
+        keys = page.keyboard
+
+        def tab_to(selector: str) -> None:
+            for _ in range(60):
+                if page.evaluate(f"() => document.activeElement.matches({json.dumps(selector)})"):
+                    return
+                keys.press("Tab")
+            raise AssertionError(selector)
+
+        tab_to(".evocity-head")  # the axis of gsi
+        keys.press("Enter")
+        keys.type("0.25")
+        keys.press("Tab")
+        keys.type("0.75")
+        keys.press("Tab")
+        keys.press("Escape")
+        assert state_of(page)["brushes"] == {"gsi": [[0.25, 0.75]]}
+        run = evocity.open_run(folder)
+        right = run.where("0.25 <= gsi <= 0.75").sort_values("gsi", kind="stable").index.tolist()
+        assert shown_ids(page)[:5] == right[:5]
+        tab_to("[role=listbox]")
+        for key in ("ArrowRight", "ArrowRight", " ", "ArrowRight", " "):
+            keys.press(key)
+        assert state_of(page)["chosen"] == right[1:3]
+        until(page, f"document.querySelector('h2').textContent === 'birth {right[2]}'")
+        tab_to("[role=tab][aria-selected=true]")
+        keys.press("ArrowRight")
+        assert page.evaluate("document.activeElement.textContent") == "picks"
+        keys.press("Tab")
+        assert page.evaluate("document.activeElement.textContent") == "pick the 2 chosen"
+        keys.press("Enter")
+        until(page, "document.querySelectorAll('.evocity-picks li').length === 2")
+        tab_to(".evocity-picks textarea")
+        keys.type("courtyards <b>")
+        keys.press("Tab")
+        until(page, "studio.picks.list.querySelector('textarea').value === 'courtyards <b>'")
+        assert page.locator("[role=option][aria-label*=picked]").count() == 2
+        end = time.monotonic() + 10
+        while "courtyards" not in (folder / "picks.json").read_text():
+            assert time.monotonic() < end
+        tab_to("#pane-picks button:nth-of-type(2)")
+    after = contents(folder)
+    kept = json.loads(after.pop("picks.json"))
+    assert [one["id"] for one in kept["picks"]] == right[1:3]
+    assert kept["picks"][0]["note"] == "courtyards <b>"
+    assert after == before
+
+
+def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        page.get_by_label("order").select_option("id")
+        page.locator("[role=option]").nth(7).click()
+        until(page, "studio.one.facts.textContent.includes('less is better')")
+        until(page, "studio.one.image.naturalWidth > 0")
+        assert HOSTILE.replace("_", " ") in page.locator("#pane-birth").inner_text()
+        table = page.locator(".evocity-values").first.inner_text()
+        value = evocity.open_run(folder)[7].scores["gsi"]
+        assert f"{value:.4g}" in table
+        assert "left" in page.locator(".evocity-values").nth(1).inner_text()
+        until(page, "studio.one.pedigree.nodes.length >= 4")
+        nodes = page.locator(".evocity-pedigree .evocity-node")
+        labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
+        assert labels[0] == "birth 7, 0 steps back"
+        assert "birth 0, left, 1 steps back" in labels
+        page.get_by_role("button", name="whose stones").click()
+        until(page, "studio.one.image.alt.startsWith('which city')")
+        nodes.nth(2).click()
+        until(page, "document.querySelector('h2').textContent === 'birth 3'")
+        assert state_of(page)["one"] == 3
+        page.locator("[role=option]").nth(9).click()
+        until(
+            page,
+            "document.querySelector('#pane-birth .evocity-lack').textContent.includes('picture')",
+        )
+        until(page, "studio.one.facts.textContent.includes('late: ')")
+        assert HOSTILE in page.locator("#pane-birth").inner_text()
+        assert page.evaluate("window.hacked") is None
+        assert page.locator("main script, img[src=x]").count() == 0
+
+
+def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        page.get_by_label("order").select_option("crumbs")
+        page.locator(".evocity-head").nth(1).click()
+        page.get_by_label("crumbs from, span 1").fill("3")
+        page.keyboard.press("Tab")
+        page.locator("[role=option]").nth(2).click()
+        ids, held = shown_ids(page), page.url.partition("#")[2]
+        again = opened(server, context=page.context, at=f"#{held}")
+        assert shown_ids(again) == ids
+        assert state_of(again) == state_of(page)
+        until(again, f"document.querySelector('h2').textContent === 'birth {ids[2]}'")
+        line = again.evaluate("() => studio.picks.python.value")
+        assert 'view(order="crumbs")' in line
+        assert f"[{ids[2]}]" in line
+        strange = {
+            "order": {"name": HOSTILE},
+            "axes": [{"name": "__proto__"}, 3],
+            "brushes": {"gsi": [["a", 1], [2, 1], 4], "operator": ["none of them"], "x": [1]},
+            "chosen": [3, 99_999, "4", None, 3],
+            "one": "x",
+        }
+        for at in (f"#{quote(json.dumps(strange))}", "#%", "#null", "#[1]", "#%7B"):
+            page = opened(server, context=page.context, at=at)
+            assert state_of(page)["brushes"] == {}
+        assert page.evaluate("window.hacked") is None
+
+
+def test_new_generations_arrive_and_nothing_jumps(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        others = [opened(server, context=page.context) for _ in range(7)]
+        page.locator("[role=option]").nth(3).click()
+        page.evaluate("() => { studio.viewer.gallery.root.scrollTop = 150; }")
+        until(page, "document.querySelector('[role=option]').dataset.place !== '0'")
+        before, top = shown_ids(page), page.evaluate("() => studio.viewer.gallery.root.scrollTop")
+        state = state_of(page)
+        for _ in range(3):
+            grown(folder)
+            time.sleep(0.55)
+        for one in [page, *others]:
+            look(one)
+            until(one, "studio.about.generation === 3")
+            ids = one.evaluate("() => Array.from(studio.viewer.births.ids)")
+            assert ids == evocity.open_run(folder).told.ids.tolist()
+        assert shown_ids(page) == before
+        assert page.evaluate("() => studio.viewer.gallery.root.scrollTop") == top
+        assert state_of(page) == state
+        assert f"{COUNT + 60} births" in page.locator("#news").inner_text()
+        page.get_by_role("button", name="60 new ones come last: put in order").click()
+        assert shown_ids(page)[0] == COUNT + 19  # the best of the first new generation, born first
+
+
+def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        page.locator(".evocity-head").first.click()
+        field = page.get_by_label("gsi from, span 1")
+        field.fill("0.1")
+        grown(folder)
+        time.sleep(0.55)
+        look(page)
+        time.sleep(0.2)
+        assert field.input_value() == "0.1"
+        assert page.evaluate("() => studio.about.generation") == 0
+        page.locator("[role=listbox]").focus()
+        look(page)
+        until(page, "studio.about.generation === 1")
+        assert (
+            page.locator(".evocity-count")
+            .inner_text()
+            .endswith(f"of {COUNT + 20} births pass, 0 chosen")
+        )
+
+
+def test_a_server_that_ends_is_told_and_found_again(opened, folder):
+    opened.lost = ("ERR_CONNECTION_REFUSED", "403 (Forbidden)")
+    with served(folder) as server:
+        page, port = opened(server), server.port
+    look(page)
+    until(page, "document.getElementById('trouble').textContent.includes('has ended')")
+    with served(folder, port) as server:
+        context = page.context
+        until(
+            page, "studio.trouble.textContent.includes('started again') || (studio.look(), false)"
+        )
+        opened(server, context=context)
+        look(page)
+        until(page, "studio.trouble.hidden || (studio.look(), false)")
+        page.locator("[role=option]").nth(2).click()
+        until(page, "studio.one.facts.textContent.includes('wanted')")
+
+
+def test_a_run_that_is_gone_is_told(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        shutil.rmtree(folder)
+        time.sleep(0.55)
+        look(page)
+        until(page, "studio.trouble.textContent.includes('what to do')")
+        assert len(shown_ids(page)) > 5
+
+
+@pytest.mark.parametrize(("width", "height"), [(1024, 700), (1400, 900), (768, 1024), (512, 700)])
+def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
+    with served(folder) as server:
+        page = opened(server, width, height)
+        page.locator("[role=option]").nth(1).click()
+        until(page, "studio.one.image.naturalWidth > 0")
+        page.get_by_role("button", name="pick it").click()
+        until(page, "studio.picks.ids.length")
+        for tab in ("birth", "picks"):
+            page.get_by_role("tab", name=tab).click()
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            cut = page.evaluate(
+                """() => [...document.querySelectorAll("button, select, h1, h2, h3, p, td, th")]
+                  .filter((one) => one.offsetParent && !one.closest(".evocity-axes, .evocity-node"))
+                  .filter((one) => one.scrollWidth > one.clientWidth + 1)
+                  .map((one) => one.textContent)"""
+            )
+            assert cut == []
+            boxes = page.evaluate(
+                """() => [...document.querySelectorAll(
+                    "main button, main select, main input, main textarea")]
+                  .filter((one) => one.offsetParent).map((one) => one.getBoundingClientRect())
+                  .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+            )
+            for k, (left, top, right, bottom) in enumerate(boxes):
+                for other in boxes[k + 1 :]:
+                    apart = (
+                        right <= other[0] + 0.5 or other[2] <= left + 0.5
+                        or bottom <= other[1] + 0.5 or other[3] <= top + 0.5
+                    )  # fmt: skip
+                    assert apart, (boxes[k], other)
