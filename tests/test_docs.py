@@ -329,5 +329,6 @@ def test_run_folder_holds_what_is_told(small_run):
         "references",
         "within",
         "commands.jsonl",
+        "picks.json",
     }  # this run has none
     assert {path.name for path in small_run.iterdir()} == told
