@@ -27,9 +27,9 @@ Examples:
 def studio(run: str, port: int, no_browser: bool, as_json: bool) -> None:
     """Look at the run in the folder RUN in a browser: all births, live, and one filter for all.
 
-    Pictures and parallel coordinates, one birth with its pedigree, picks with notes, chosen births
-    as files. The run may go on meanwhile; it is only read, but for the picks, which are kept
-    beside its births.
+    Pictures and parallel coordinates, one birth with its pedigree, picks with notes, children of
+    picks, chosen births as files. The run may go on meanwhile; it is only read, but for the picks,
+    which are kept beside its births.
 
     The page is for you alone, on this machine: the address that is printed has a token, which no
     other page knows. Ctrl-C ends it. It comes with the extra studio: pip install 'evocity[studio]'.

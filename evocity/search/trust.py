@@ -113,12 +113,14 @@ def untrusted(run: Run) -> list[str]:
     """What a ``run`` would execute, as in `executed_by`, if it was not begun here, nor trusted;
     nothing of one that was."""
     found = executed_by(run)
-    if not found:
-        return []
+    return found if found and not is_ours(run) else []
+
+
+def is_ours(run: Run) -> bool:
+    """Whether a ``run`` was begun, or trusted, on this machine by this user."""
     mark = _mark(run.provenance, run.recipe_text, run.path, _key(False))
     marks = [one for one in run.provenance.get("marks", []) if isinstance(one, str)]
-    ours = mark is not None and any(hmac.compare_digest(mark, one) for one in marks)
-    return [] if ours else found
+    return mark is not None and any(hmac.compare_digest(mark, one) for one in marks)
 
 
 def refuse_untrusted(run: Run, changed: bool = False) -> None:
@@ -157,4 +159,4 @@ def _files(raw) -> Iterator[str]:
             yield from _files(one)
 
 
-__all__ = ["executed_by", "marked", "refuse_untrusted", "state_folder", "untrusted"]
+__all__ = ["executed_by", "is_ours", "marked", "refuse_untrusted", "state_folder", "untrusted"]

@@ -8,7 +8,10 @@ and this user alone.
 - `watched`: a run folder while one looks at it; `tiles`: its small pictures, kept for this user
 - `one`: all that is told of one birth
 - `picks`: births that a user picked, with notes and undo
+- `breeding`: children of picks; `measuring`: who breeds and measures them; `keeping`: those that
+  are kept, with a recipe that goes on from them
 - `page`: plain ES modules and CSS without a build step; births are shown by `evocity.viewer`
 
-It writes picks, what a user keeps, and nothing else; no measure of a stranger's run is executed.
+It writes picks and what a user keeps, and nothing else; no measure of a stranger's run is
+executed.
 """

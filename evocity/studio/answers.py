@@ -15,7 +15,9 @@ from starlette.routing import Route
 from evocity.analysis.asked import check_count
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
+from evocity.studio.breeding import Breeding, Brood, operators_told
 from evocity.studio.files import files
+from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
     MOST_STEPS,
     PICTURES,
@@ -23,6 +25,7 @@ from evocity.studio.one import (
     heights_of,
     pedigree_of,
     picture_of,
+    png_of,
     told_of,
 )
 from evocity.studio.picks import Change, Id, Picks
@@ -56,6 +59,7 @@ class Studio:
     def __init__(self, path: str | Path):
         self.watched = Watched(path)
         self.picks = Picks(self.watched.path)
+        self.breeding = Breeding()
         asked: dict[str, Answer] = {
             "/api/changes": self.changes,
             "/api/births": self.births,
@@ -64,11 +68,19 @@ class Studio:
             "/api/picture": self.picture,
             "/api/pedigree": self.pedigree,
             "/api/heights": self.heights,
+            "/api/operators": self.operators,
+            "/api/brood": self.brood,
+            "/api/brood-tiles": self.brood_tiles,
+            "/api/brood-picture": self.brood_picture,
             "/api/picks": lambda request: JSONResponse(self.picks.told()),
         }
         changed: dict[str, Answer] = {
             "/api/pick": self.pick,
             "/api/steer": self.steer,
+            "/api/ready": self.ready,
+            "/api/breed": self.breed,
+            "/api/stop": self.stop,
+            "/api/keep": self.keep,
             "/api/zip": self.zip,
             "/api/csv": self.csv,
         }
@@ -143,6 +155,54 @@ class Studio:
         command = kind(ids=tuple(asked.ids))
         going = commands.send(self.watched.path, command)
         return JSONResponse({"words": command.words, "going": going})
+
+    # -- children ----------------------------------------------------------------------------
+
+    def operators(self, request: Request) -> Response:
+        """By what children may be bred."""
+        return JSONResponse({"operators": operators_told()})
+
+    def brood(self, request: Request) -> Response:
+        return JSONResponse(self.breeding.told())
+
+    def brood_tiles(self, request: Request) -> Response:
+        """Small pictures of children, ``ids`` their numbers."""
+        numbered = numbers(request.query_params, "ids", MOST)
+        sheet = self.breeding.sheet(self._brood_of(request), numbered, SIDES[0])
+        return Response(framed(sheet.about, sheet.image), media_type=_BYTES)
+
+    def brood_picture(self, request: Request) -> Response:
+        one = number(request.query_params, "id", 0, _LARGEST)
+        picture = self.breeding.picture(self._brood_of(request), one)
+        return Response(png_of(picture), media_type="image/png")
+
+    def _brood_of(self, request: Request) -> int:
+        return number(request.query_params, "brood", 0, _LARGEST)
+
+    def ready(self, request: Request) -> Response:
+        body_of(Body, request.state.body)
+        self.breeding.ready(self.watched.moment)
+        return JSONResponse(self.breeding.told())
+
+    def breed(self, request: Request) -> Response:
+        asked = body_of(Brood, request.state.body)
+        with self.watched.reading:
+            self.breeding.begin(asked, self.watched.moment)
+        return JSONResponse(self.breeding.told())
+
+    def stop(self, request: Request) -> Response:
+        body_of(Body, request.state.body)
+        self.breeding.stop()
+        return JSONResponse(self.breeding.told())
+
+    def keep(self, request: Request) -> Response:
+        asked = body_of(Keep, request.state.body)
+        with self.watched.reading:
+            moment = self.watched.moment
+            moment.run.told.rows(asked.picks)  # all are births
+            return JSONResponse(keep(moment.run, self.breeding, asked, self.picks.is_own))
+
+    # -- files -------------------------------------------------------------------------------
 
     def zip(self, request: Request) -> Response:
         """Births as files, with their scores and whom to thank."""

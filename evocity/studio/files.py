@@ -16,14 +16,14 @@ _KINDS = {
 
 @cache
 def files() -> dict[str, tuple[str, bytes]]:
-    """Address -> kind and content. The page itself is ``/``, its modules are in ``/studio``, those
-    of `evocity.viewer` in ``/viewer``."""
-    found = {}
-    for place, folder in (("studio", PAGE), ("viewer", VIEWER)):
-        for path in sorted(folder.iterdir()):
-            if path.suffix in _KINDS:
-                address = "/" if path.name == "index.html" else f"/{place}/{path.name}"
-                found[address] = (_KINDS[path.suffix], path.read_bytes())
+    """Address -> kind and content. The page itself is ``/``; its modules, and those of
+    `evocity.viewer`, which they import, are side by side in ``/page``: no two have one name."""
+    found: dict[str, tuple[str, bytes]] = {}
+    for path in sorted([*PAGE.iterdir(), *VIEWER.iterdir()]):
+        if path.suffix in _KINDS:
+            address = "/" if path.name == "index.html" else f"/page/{path.name}"
+            assert address not in found, f"two files of the page are called {path.name}"
+            found[address] = (_KINDS[path.suffix], path.read_bytes())
     return found
 
 

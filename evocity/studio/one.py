@@ -1,11 +1,11 @@
 """All that is told of one birth: what it is worth, how it was made, from whom it descends."""
 
-import contextlib
 import io
 import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from PIL import Image
 
 from evocity.analysis.births import label
 from evocity.analysis.individual import Individual
@@ -89,10 +89,14 @@ def _number(value: float) -> float | None:
 def picture_of(moment: Moment, identifier: int, kind: str) -> bytes:
     """A picture of `PICTURES` as PNG. Raises `RunError` where the birth has none."""
     one = Individual(moment.run.told, identifier)
-    with contextlib.closing(io.BytesIO()) as kept:
-        found = one.picture() if kind == "map" else one.ancestry_picture()
-        found.save(kept, "PNG", compress_level=1)
-        return kept.getvalue()
+    return png_of(one.picture() if kind == "map" else one.ancestry_picture())
+
+
+def png_of(picture: Image.Image) -> bytes:
+    """A ``picture`` as PNG, soon made."""
+    kept = io.BytesIO()
+    picture.save(kept, "PNG", compress_level=1)
+    return kept.getvalue()
 
 
 def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
@@ -146,5 +150,6 @@ __all__ = [
     "heights_of",
     "pedigree_of",
     "picture_of",
+    "png_of",
     "told_of",
 ]

@@ -49,7 +49,7 @@ class Server(uvicorn.Server):
 
     def run_until_stopped(self) -> None:
         """Answer until a signal, which is raised again then, or until `should_exit`."""
-        with contextlib.closing(self._socket):
+        with contextlib.closing(self._socket), contextlib.closing(self.studio.breeding):
             self.run(sockets=[self._socket])
 
 

@@ -54,7 +54,7 @@ def own(client: Client) -> str:
     ],
     ids=str,
 )
-@pytest.mark.parametrize("path", ["/", "/api/births", "/nothing", "/studio/studio.js"])
+@pytest.mark.parametrize("path", ["/", "/api/births", "/nothing", "/page/studio.js"])
 def test_another_host_is_refused_before_anything_is_looked_for(attacked, host, path):
     hosts = [one.format(port=attacked.server.port) for one in host]
     assert attacked.ask("GET", path, host=hosts).status == 421
@@ -113,7 +113,7 @@ def test_another_site_is_refused(attacked, headers, method):
         "=;=;,",
     ],
 )
-@pytest.mark.parametrize("path", ["/", "/api/births", "/api/picks", "/studio/studio.js"])
+@pytest.mark.parametrize("path", ["/", "/api/births", "/api/picks", "/page/studio.js"])
 def test_without_the_cookie_nothing_is_told(attacked, cookie, path):
     secret = attacked.cookie.partition("=")[2]
     token = attacked.server.url.partition("token=")[2]
@@ -149,20 +149,20 @@ def test_another_token_opens_nothing(attacked, path):
     "path",
     [
         "/../secret.txt",
-        "/studio/../../secret.txt",
-        "/studio/..%2f..%2fsecret.txt",
-        "/studio/%2e%2e/%2e%2e/secret.txt",
-        "/studio/%252e%252e/secret.txt",
-        "/studio/..\\..\\secret.txt",
-        "/studio//etc/passwd",
+        "/page/../../secret.txt",
+        "/page/..%2f..%2fsecret.txt",
+        "/page/%2e%2e/%2e%2e/secret.txt",
+        "/page/%252e%252e/secret.txt",
+        "/page/..\\..\\secret.txt",
+        "/page//etc/passwd",
         "//evil.example/",
-        "/studio/studio.js/",
-        "/studio/studio.js%00.html",
-        "/studio/Studio.js",
+        "/page/studio.js/",
+        "/page/studio.js%00.html",
+        "/page/Studio.js",
         "/%73tudio/studio.js",
-        "/studio/server.py",
-        "/studio/index.html",
-        "/viewer/table.py",
+        "/page/server.py",
+        "/page/index.html",
+        "/page/table.py",
         "/api",
         "/api/",
         "/api/births/",
@@ -320,7 +320,7 @@ def test_only_this_machine_can_connect(attacked):
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/studio/studio.js", "/api/picks", "/api/one?id=3", "/nothing", "/api/one?id=x"]
+    "path", ["/", "/page/studio.js", "/api/picks", "/api/one?id=3", "/nothing", "/api/one?id=x"]
 )
 def test_every_answer_says_what_a_browser_may_do_with_it(attacked, path):
     said = attacked.get(path).headers

@@ -64,7 +64,7 @@ def test_what_is_no_run_is_refused(tmp_path):
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():
     page = files()
-    assert {"/", "/studio/studio.js", "/viewer/viewer.js"} <= set(page)
+    assert {"/", "/page/studio.js", "/page/viewer.js"} <= set(page)
     assert sum(len(content) for _, content in page.values()) < 300_000
     for address, (_, content) in page.items():
         text = content.decode().replace('xmlns="http://www.w3.org/2000/svg"', "")

@@ -13,7 +13,7 @@ import pytest
 
 playwright = pytest.importorskip("playwright.sync_api")
 
-from asking import HOSTILE, contents  # noqa: E402
+from asking import HOSTILE, OLD, contents  # noqa: E402
 from written_runs import written  # noqa: E402
 
 import evocity  # noqa: E402
@@ -96,7 +96,7 @@ def opened(browser):
         until(page, "studio.viewer && document.querySelectorAll('[role=option]').length")
         return page
 
-    open_page.lost = ("no error",)
+    open_page.lost = ("ERR_CONNECTION_REFUSED",)  # a server may end before its pages
     yield open_page
     for context in contexts:
         context.close()
@@ -301,6 +301,54 @@ def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
         )
 
 
+def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
+    opened.lost += ("409 (Conflict)",)
+    night = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
+    with served(night) as server:
+        page = opened(server)
+        keys = page.keyboard
+        page.get_by_role("tab", name="birth").focus()
+        for _ in range(2):
+            keys.press("ArrowRight")
+        until(page, "studio.breed.following === false && !studio.breed.go.disabled")
+        page.locator("#pane-breed select").focus()
+        page.locator("#pane-breed select").select_option("pavement_fusion")
+        page.locator("#pane-breed summary").first.focus()
+        keys.press("Enter")
+        field = page.get_by_label("fill", exact=True)
+        field.focus()
+        keys.type("nonsense")
+        page.get_by_role("spinbutton", name="children").focus()
+        keys.press("Control+a")
+        keys.type("3")
+        keys.press("Enter")
+        until(page, "studio.trouble.textContent.includes('fill')")
+        field.focus()
+        keys.press("Control+a")
+        keys.type("0.4")
+        keys.press("Enter")
+        until(page, "studio.trouble.hidden")
+        until(page, "studio.breed.children.filter((one) => one.stage === 'measured').length === 3")
+        until(page, "!studio.breed.isBusy")
+        page.locator("[aria-label^='child 1, pavement fusion, measured']").focus()
+        keys.press("Enter")
+        until(page, "studio.breed.image.naturalWidth > 0")
+        assert "crumbs" in page.locator("#pane-breed .evocity-values").inner_text()
+        page.get_by_label("keep it").focus()
+        keys.press(" ")
+        page.get_by_role("button", name="keep 1 with a recipe").focus()
+        keys.press("Enter")
+        until(page, "studio.breed.said.textContent.includes('evocity run')")
+        recipe = page.locator(".evocity-command").inner_text().removeprefix("evocity run ")
+        told = [(one.genome, one.id) for one in evocity.read_recipe(recipe).parents]
+        assert told == [("child-1.parquet", None), (None, 3), (None, 20)]
+        page.reload()
+        until(page, "studio.viewer")
+        page.get_by_role("tab", name="breed").click()
+        until(page, "studio.breed.children.length === 3")  # they are there until the next brood
+
+
 def test_a_server_that_ends_is_told_and_found_again(opened, folder):
     opened.lost = ("ERR_CONNECTION_REFUSED", "403 (Forbidden)")
     with served(folder) as server:
@@ -337,7 +385,7 @@ def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
         until(page, "studio.one.image.naturalWidth > 0")
         page.get_by_role("button", name="pick it").click()
         until(page, "studio.picks.ids.length")
-        for tab in ("birth", "picks"):
+        for tab in ("birth", "picks", "breed"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             cut = page.evaluate(

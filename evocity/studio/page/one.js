@@ -1,4 +1,4 @@
-import { made, number } from "/viewer/made.js";
+import { made, number } from "./made.js";
 import { Pedigree } from "./pedigree.js";
 import { asked, blobOf } from "./server.js";
 

@@ -1,4 +1,4 @@
-import { COLOURS, made, sized } from "/viewer/made.js";
+import { COLOURS, made, sized } from "./made.js";
 import { asked } from "./server.js";
 
 const STEPS = 4, LARGEST = 56, BETWEEN = 22, CAPTION = 14;

@@ -1,4 +1,4 @@
-import { counted, made, sized } from "/viewer/made.js";
+import { counted, made, sized } from "./made.js";
 import { asked, saved, told } from "./server.js";
 
 const SIZE = 56;

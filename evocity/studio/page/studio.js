@@ -1,8 +1,9 @@
-import { Births } from "/viewer/births.js";
-import { counted } from "/viewer/made.js";
-import { Tiles } from "/viewer/tiles.js";
-import { Viewer } from "/viewer/viewer.js";
+import { Births } from "./births.js";
+import { counted } from "./made.js";
+import { Tiles } from "./tiles.js";
+import { Viewer } from "./viewer.js";
 import { pythonOf, readAddress, writeAddress } from "./address.js";
+import { Breed } from "./breed.js";
 import { One } from "./one.js";
 import { Picks } from "./picks.js";
 import { asked, framed, tiles } from "./server.js";
@@ -17,7 +18,7 @@ class Studio {
     this.news = document.getElementById("news");
     this.trouble = document.getElementById("trouble");
     const side = document.getElementById("side");
-    this.tabs = new Tabs(document.getElementById("tabs"), side, ["birth", "picks"]);
+    this.tabs = new Tabs(document.getElementById("tabs"), side, ["birth", "picks", "breed"]);
     this.small = new Tiles((ids, side) => tiles("tiles", { ids, side }), () => this.arrived());
     const on = {
       wake: (id) => this.wake(id),
@@ -30,7 +31,13 @@ class Studio {
       trouble: (error) => this.tell(error),
     };
     this.one = new One(this.tabs.panes.birth, this.small, on);
+    this.breed = new Breed(this.tabs.panes.breed, {
+      ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: on.trouble,
+    });
     this.picks = new Picks(this.tabs.panes.picks, this.small, on);
+    this.tabs.seen = (name) => {
+      if (name === "breed" && this.about) this.breed.open();
+    };
     this.pressed = new Set();
     for (const name of ["pointerdown", "pointerup", "pointercancel"]) {
       window.addEventListener(name, ({ pointerId }) => {
@@ -48,9 +55,10 @@ class Studio {
     this.look();
   }
 
-  /** What is at fault, in words; nothing for null. */
-  tell(error) {
-    const text = error ? error.message || String(error) : "";
+  /** What is at fault with what was asked, or with the looks for what is new; nothing for null. */
+  tell(error, of = "asked") {
+    this.faults = { ...this.faults, [of]: error ? error.message || String(error) : "" };
+    const text = Object.values(this.faults).filter(Boolean).join(" ");
     if (this.trouble.textContent !== text) this.trouble.textContent = text;
     this.trouble.hidden = !text;
   }
@@ -75,9 +83,9 @@ class Studio {
       if (!this.about) await this.picks.load();
       if ((news.more || isOther) && !news.problem && !(this.about && this.isHeld)) await this.renew();
       this.inform(news);
-      this.tell(news.problem);
+      this.tell(news.problem, "looked");
     } catch (error) {
-      this.tell(error);
+      this.tell(error, "looked");
     }
     this.looking = false;
     const wait = document.hidden ? UNSEEN : SEEN;
@@ -132,6 +140,7 @@ class Studio {
   /** Who is picked has a star. */
   picked(ids) {
     this.one.picked(ids);
+    if (this.picks) this.breed.inform();
     if (!this.viewer) return;
     this.viewer.gallery.marked = new Set(ids);
     this.viewer.gallery.draw();

@@ -1,6 +1,6 @@
-import { made } from "/viewer/made.js";
+import { made } from "./made.js";
 
-/** Panes of which one is shown; the arrow keys go from tab to tab. */
+/** Panes of which one is shown; the arrow keys go from tab to tab. `seen(name)` is told, if it is there. */
 export class Tabs {
   constructor(list, parent, names) {
     this.panes = {};
@@ -26,6 +26,7 @@ export class Tabs {
 
   show(name) {
     this.shown = name;
+    if (this.seen) this.seen(name);
     for (const tab of this.tabs) {
       const isShown = tab.textContent === name;
       tab.setAttribute("aria-selected", String(isShown));

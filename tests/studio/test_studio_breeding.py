@@ -1,0 +1,275 @@
+"""Children of picks: which they are, what is kept of them, and what is never executed."""
+
+import json
+import shutil
+import time
+import tomllib
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from asking import OLD, Client, contents
+from toy_runs import write_toy
+
+import evocity
+from evocity.errors import OperatorError
+from evocity.fitness import registry
+from evocity.search.evaluation import Here
+from evocity.studio import breeding as rooms
+from evocity.studio import measuring
+from evocity.studio.breeding import Breeding, Brood, planned
+from evocity.studio.serving import served
+from evocity.studio.watched import Watched
+
+# What a stranger's measure would do if anything executed it.
+EXECUTED = """
+import pathlib
+pathlib.Path({place!r}).write_text("executed")
+"""
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory) -> Path:
+    """A run that was begun here, with a measure of its own and one of evocity's."""
+    folder = tmp_path_factory.mktemp("toy")
+    text = '\n[[fitness]]\nname = "alignment"\n'
+    path = write_toy(folder, recipe=text, generations=1, workers=0)
+    with (
+        patch.dict(registry._from_files),
+        evocity.Search(evocity.read_recipe(path), out=folder / "run") as search,
+    ):
+        list(search)
+    return folder / "run"
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """In this process in place of workers, where no process is what a test is about."""
+
+    def workers(run):
+        found, left = measuring.workers_of(run)
+        setup = found._setup
+        found.close()
+        return Here(setup), left
+
+    monkeypatch.setattr(rooms, "workers_of", workers)
+
+
+def bred(breeding: Breeding, moment, **asked) -> list:
+    breeding.begin(Brood(**asked), moment)
+    end = time.monotonic() + 120
+    while breeding.busy:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert breeding.error is None
+    return breeding.children
+
+
+BROOD = {"operators": ("pavement_fusion", "mutation"), "parents": (0, 1, 5), "count": 6, "seed": 9}
+
+
+def test_the_same_picks_operators_and_seed_give_the_same_children(toy, here):
+    moment, breeding = Watched(toy).moment, Breeding()
+    first = bred(breeding, moment, **BROOD)
+    again = bred(breeding, moment, **BROOD)
+    assert [one.genome.digest for one in first] == [one.genome.digest for one in again]
+    assert len({one.genome.digest for one in first}) == len(first)
+    other = bred(breeding, moment, **BROOD | {"seed": 10})
+    assert first[1].genome.digest != other[1].genome.digest
+    more = bred(breeding, moment, **BROOD | {"count": 8})
+    assert [one.genome.digest for one in more[:6]] == [one.genome.digest for one in first]
+    alone = evocity.operators.make("mutation")
+    run = evocity.open_run(toy)
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(9, spawn_key=(1, 0))))
+    assert alone([run.genome(0)], rng).digest == first[1].genome.digest
+    breeding.close()
+
+
+def test_children_are_measured_as_the_run_measures(toy, here):
+    moment, breeding = Watched(toy).moment, Breeding()
+    children = bred(breeding, moment, **BROOD)
+    assert breeding.left == {}
+    run = evocity.open_run(toy)
+    for one in children:
+        assert one.stage == "measured"
+        assert set(one.values) == set(run.header.measures) == {"spread", "roof", "alignment"}
+        assert one.values["roof"] == pytest.approx(float(one.city.heights.mean()))
+    breeding.close()
+
+
+def test_operators_and_parents_take_turns():
+    plan = planned(Brood(**BROOD | {"vary": True}))
+    assert [one.operator.name for one in plan] == ["pavement_fusion", "mutation"] * 3
+    assert [one.parents for one in plan] == [
+        (0, 1), (0,), (1, 5), (1,), (5, 0), (5,),
+    ]  # fmt: skip
+    plain = planned(Brood(**BROOD))[::2]
+    assert [one.parents for one in plain] == [(0, 1, 5), (1, 5, 0), (5, 0, 1)]
+    brood = Brood(operators=("quarter_fusion",), parents=(3, 4), count=4, vary=True)
+    fills = [one.operator.fill for one in planned(brood)]
+    assert len(set(fills)) == 4
+    assert all(0.1 <= fill <= 0.9 for fill in fills)
+    told = Brood(operators=("quarter_fusion",), parents=(3, 4), vary=True, parameters={"fill": 0.5})
+    assert {one.operator.fill for one in planned(told)} == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"operators": ("fuse",)}, "no operator is called"),
+        ({"operators": ("pavement_fusion",), "parents": (3,)}, "pick more births"),
+        ({"operators": ("mutation",), "parameters": {"rate": "x"}}, "mutation"),
+        ({"operators": ("mutation",), "parameters": {"__class__": 1}}, "unknown"),
+        ({"parameters": {"repair": 1}}, "choose one operator"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(asked, told):
+    with pytest.raises(OperatorError, match=told):
+        planned(Brood(**BROOD | asked))
+
+
+def stranger(toy: Path, folder: Path) -> Path:
+    """The run as it comes from another machine, its measure one that leaves a trace."""
+    run = shutil.copytree(toy, folder / "run")
+    path = run / "provenance.json"
+    told = json.loads(path.read_text())
+    told["marks"] = []
+    path.write_text(json.dumps(told))
+    trace = folder / "trace"
+    for file in (run / "fitness").rglob("*.py"):
+        file.write_text(EXECUTED.format(place=str(trace)) + file.read_text())
+    (folder / "toys.py").write_text(EXECUTED.format(place=str(trace)))
+    return run
+
+
+def test_a_strangers_measures_are_never_executed(toy, here, tmp_path):
+    run = stranger(toy, tmp_path)
+    before = contents(run)
+    with served(run) as server:
+        client = Client(server)
+        client.open()
+        brood = json.loads(json.dumps(BROOD))
+        assert client.post("/api/breed", brood).status == 200
+        end = time.monotonic() + 120
+        while (told := client.get("/api/brood").json)["busy"]:
+            assert time.monotonic() < end
+        assert told["error"] is None
+        assert [set(one["values"]) for one in told["children"]] == [{"alignment"}] * 6
+        assert set(told["left"]) == {"spread", "roof"}
+        assert "not begun on this machine" in told["left"]["roof"]
+        kept = client.post("/api/keep", {"brood": 1, "children": [0], "picks": [5]}).json
+        assert "toys.py" in kept["left"]
+    recipe = tomllib.loads(Path(kept["recipe"]).read_text())
+    assert [one["name"] for one in recipe["fitness"]] == ["alignment"]
+    assert "evaluation" not in recipe
+    assert not (tmp_path / "trace").exists()
+    assert contents(run) == before
+
+
+def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
+    run = shutil.copytree(toy, tmp_path / "runs" / "night")
+    for name in ("toys.py", "left.npy", "right.npy"):
+        shutil.copy(toy.parent / name, tmp_path / "runs" / name)
+    with served(run) as server:
+        client = Client(server)
+        client.open()
+        client.post("/api/breed", json.loads(json.dumps(BROOD)))
+        while client.get("/api/brood").json["busy"]:
+            time.sleep(0.01)
+        sheet, _ = client.get("/api/brood-tiles?brood=1&ids=0,3,77").framed
+        assert sheet["tiles"] == [0, 3]
+        picture = client.get("/api/brood-picture?brood=1&id=3")
+        assert picture.content.startswith(b"\x89PNG")
+        assert client.get("/api/brood-picture?brood=2&id=3").status == 409
+        for asked in ({"children": [77]}, {"brood": 9}, {"picks": [999]}):
+            refused = client.post("/api/keep", {"brood": 1, "children": [3], "picks": []} | asked)
+            assert refused.status == 409
+        assert not (run.parent / "night-children").exists()
+        before = contents(run)
+        told = [
+            client.post("/api/keep", {"brood": 1, "children": [3, 0], "picks": [5]}).json
+            for _ in range(2)
+        ]
+        genome = server.studio.breeding.child(1, 3).genome
+        assert contents(run) == before
+    assert [Path(one["folder"]).name for one in told] == ["night-children", "night-children-2"]
+    folder = Path(told[0]["folder"])
+    assert told[0]["files"] == ["child-0.parquet", "child-3.parquet", "recipe.toml"]
+    kept = evocity.read_genome(folder / "child-3.parquet")
+    assert kept == genome
+    assert kept.made["studio"] == {"run": "night", "parents": [1], "seed": 9}
+    with patch.dict(registry._from_files):
+        recipe = evocity.read_recipe(folder / "recipe.toml")
+        assert recipe.run.name == "night-children"
+        with evocity.Search(recipe, out=tmp_path / "next") as search:
+            next(iter(search))
+    sources = evocity.open_run(tmp_path / "next").sources()
+    assert [one.genome.digest for one in sources[:2]] == [
+        kept.digest,
+        evocity.read_genome(folder / "child-0.parquet").digest,
+    ]
+    assert sources[2].genome.digest == evocity.open_run(run).genome(5).digest
+
+
+def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
+    run = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    with served(run) as server:
+        client = Client(server)
+        client.open()
+        assert client.post("/api/ready", {}).status == 200
+        while client.get("/api/brood").json["busy"]:
+            time.sleep(0.05)
+        assert client.post("/api/ready", {"x": 1}).status == 400
+        asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
+        assert client.post("/api/breed", asked).status == 200
+        refused = client.post("/api/breed", asked)
+        assert (refused.status, refused.json["error"]["expected"]) == (409, "one at a time")
+        seen = set()
+        while (told := client.get("/api/brood").json)["busy"]:
+            seen |= {one["stage"] for one in told["children"]}
+        stages = [one["stage"] for one in told["children"]]
+        assert set(stages) <= {"measured", "failed"}
+        workers = server.studio.breeding._workers
+        assert workers.described["engine"] == "workers"
+        assert client.post("/api/stop", {}).status == 200
+    assert workers._seats == {}
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"operators": [], "parents": [3]},
+        {"operators": ["mutation"], "parents": []},
+        {"operators": ["mutation"], "parents": [3], "count": 25},
+        {"operators": ["mutation"], "parents": [3], "count": 0},
+        {"operators": ["mutation"], "parents": [3], "seed": -1},
+        {"operators": ["mutation"], "parents": [3], "seed": 2**63},
+        {"operators": ["mutation"] * 13, "parents": [3]},
+        {"operators": ["mutation"], "parents": list(range(17))},
+        {"operators": ["mutation"], "parents": [3], "file": "x.py"},
+        {"operators": ["mutation"], "parents": ["3"]},
+        {"operators": [["os", "system"]], "parents": [3]},
+    ],
+)
+def test_broods_are_asked_for_in_one_form(asked, body):
+    assert asked.post("/api/breed", body).status == 400
+    assert asked.get("/api/brood").json["brood"] == 0
+
+
+@pytest.mark.parametrize("parents", [[99_999], [2**62]])
+def test_who_is_no_birth_is_no_parent(asked, parents):
+    told = asked.post("/api/breed", {"operators": ["mutation"], "parents": parents})
+    assert told.status == 409
+
+
+def test_every_operator_is_told_with_its_parameters(asked):
+    told = {one["name"]: one for one in asked.get("/api/operators").json["operators"]}
+    assert set(told) == set(evocity.operators.operators())
+    fusion = told["quarter_fusion"]
+    assert fusion["fewest"] == 2
+    assert {"name": "density", "default": "0.5"} in fusion["parameters"]
+    for one in told.values():
+        for parameter in one["parameters"]:
+            json.loads(parameter["default"])
