@@ -15,7 +15,7 @@ from starlette.routing import Route
 from evocity.analysis.asked import check_count
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
-from evocity.studio.breeding import Breeding, Brood, operators_told
+from evocity.studio.breeding import Breeding, Brood, Ready, operators_told
 from evocity.studio.files import files
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
@@ -180,8 +180,9 @@ class Studio:
         return number(request.query_params, "brood", 0, _LARGEST)
 
     def ready(self, request: Request) -> Response:
-        body_of(Body, request.state.body)
-        self.breeding.ready(self.watched.moment)
+        asked = body_of(Ready, request.state.body)
+        with self.watched.reading:
+            self.breeding.ready(self.watched.moment, asked.parents)
         return JSONResponse(self.breeding.told())
 
     def breed(self, request: Request) -> Response:

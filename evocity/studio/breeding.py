@@ -8,7 +8,7 @@ import contextlib
 import inspect
 import json
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -46,6 +46,12 @@ class Brood(Body):
     count: Annotated[int, Field(ge=1, le=MOST_CHILDREN)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     vary: bool = False
+
+
+class Ready(Body):
+    """Who may soon be bred from."""
+
+    parents: Annotated[tuple[Id, ...], Field(max_length=MOST_PARENTS)] = ()
 
 
 @dataclass
@@ -149,6 +155,8 @@ class Breeding:
         self._stopped = False
         self._workers: Workers | None = None
         self._of: str | None = None
+        self._parents: dict[int, Genome] = {}
+        self._parents_of: str | None = None
         self._highest = 10.0
         self.left: dict[str, str] = {}
         self.number = 0
@@ -170,15 +178,24 @@ class Breeding:
             "children": [one.told for one in self.children],
         }
 
-    def ready(self, moment: Moment) -> None:
-        """Have workers at hand, which takes a second or two."""
+    def ready(self, moment: Moment, parents: Sequence[int]) -> None:
+        """Have workers at hand, which takes a second or two, and the genomes of ``parents``.
+        Raises `RunError` for those that have none."""
         self._begin(moment, None, [])
+        self._genomes(moment, parents)
+
+    def _genomes(self, moment: Moment, parents: Sequence[int]) -> dict[int, Genome]:
+        """Of ``parents``, each read once."""
+        known = self._parents if self._parents_of == moment.called else {}
+        found = {one: known.get(one) or moment.run.genome(one) for one in parents}
+        self._parents, self._parents_of = found, moment.called
+        return found
 
     def begin(self, brood: Brood, moment: Moment) -> None:
         """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another is bred
         and for parents that have no genome; `OperatorError` as `planned`."""
         children = planned(brood)
-        parents = {one: moment.run.genome(one) for one in dict.fromkeys(brood.parents)}
+        parents = self._genomes(moment, brood.parents)
         jobs = [
             (one.operator, tuple(parents[n] for n in one.parents), _generator(brood.seed, k, 0))
             for k, one in enumerate(children)
@@ -288,4 +305,4 @@ class Breeding:
         child.stage = "measured"
 
 
-__all__ = ["MOST_CHILDREN", "Breeding", "Brood", "Child", "operators_told", "planned"]
+__all__ = ["MOST_CHILDREN", "Breeding", "Brood", "Child", "Ready", "operators_told", "planned"]

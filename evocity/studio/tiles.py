@@ -8,7 +8,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from evocity import __version__
 from evocity.analysis.scoring import cache_folder
@@ -41,31 +40,31 @@ class Tiles:
         for one, picture in made.items():
             self._keep(one, side, picture)
         found |= made
-        return Sheet.of({n: one for n, one in found.items() if one is not None}, lacking)
+        return Sheet.of({n: one for n, one in found.items() if one is not None}, lacking, packed=0)
 
     def _file(self, one: int, side: int) -> Path | None:
-        return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.png"
+        return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.npy"
 
     def _kept(self, one: int, side: int) -> np.ndarray | None:
         file = self._file(one, side)
         if file is None:
             return None
         try:
-            with Image.open(io.BytesIO(file.read_bytes()), formats=("PNG",)) as picture:
-                found = np.asarray(picture.convert("RGB"))
-        except (OSError, ValueError, SyntaxError):  # it is not there, or not whole
+            found = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)
+        except (OSError, ValueError, EOFError, SyntaxError):  # it is not there, or not whole
             return None
-        return found if max(found.shape[:2]) <= side else None
+        right = found.dtype == np.uint8 and found.ndim == 3 and found.shape[2] == 3
+        return found if right and found.size and max(found.shape[:2]) <= side else None
 
     def _keep(self, one: int, side: int, picture: np.ndarray) -> None:
         """Nothing is lost but time where that cannot be."""
         file = self._file(one, side)
         if file is None:
             return
-        temporary = file.with_name(f".{secrets.token_hex(6)}.png")
+        temporary = file.with_name(f".{secrets.token_hex(6)}.npy")
         with contextlib.suppress(OSError):
             try:
-                Image.fromarray(picture).save(temporary, compress_level=1)
+                np.save(temporary, picture)
                 os.replace(temporary, file)
             finally:
                 temporary.unlink(missing_ok=True)

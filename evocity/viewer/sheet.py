@@ -26,8 +26,11 @@ class Sheet:
     lacking: dict[int, str]
 
     @classmethod
-    def of(cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str]) -> "Sheet":
-        """Of ``pictures`` (height, width, 3), all of one size, by id."""
+    def of(
+        cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str], packed: int = 1
+    ) -> "Sheet":
+        """Of ``pictures`` (height, width, 3), all of one size, by id. ``packed``: how well, 0 for
+        not at all, where room costs nothing."""
         ids = list(pictures)
         if not ids:
             return cls([], b"", 1, 0, 0, dict(lacking))
@@ -38,7 +41,7 @@ class Sheet:
             top, left = place // across * height, place % across * width
             whole[top : top + height, left : left + width] = pictures[one]
         kept = io.BytesIO()
-        Image.fromarray(whole).save(kept, "PNG", compress_level=1)
+        Image.fromarray(whole).save(kept, "PNG", compress_level=packed)
         return cls(ids, kept.getvalue(), across, width, height, dict(lacking))
 
     @property

@@ -236,6 +236,35 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
     assert workers._seats == {}
 
 
+def test_a_run_breeds_the_same_beside_a_studio(toy, tmp_path, monkeypatch):
+    """Whose births are asked for after every generation, with pictures and picks."""
+    monkeypatch.setattr("evocity.studio.watched.FRESH", 0.0)
+    path = write_toy(
+        tmp_path, recipe='\n[[fitness]]\nname = "alignment"\n', generations=1, workers=0
+    )
+    with (
+        patch.dict(registry._from_files),
+        evocity.Search(evocity.read_recipe(path), out=tmp_path / "run") as search,
+    ):
+        generations = iter(search)
+        next(generations)
+        search.flush()
+        with served(tmp_path / "run") as server:
+            client = Client(server)
+            client.open()
+            assert client.get("/api/changes?after=-1").json["going"] is True
+            for _ in range(2):
+                about, _ = client.get("/api/births").framed
+                client.get("/api/tiles?ids=0,1,2,3,4,5&side=96")
+                client.post("/api/pick", {"change": "pick", "ids": [about["count"] - 1]})
+                next(generations, None)
+                search.flush()
+            assert client.get("/api/births").framed[0]["generation"] == 1
+    left, right = (evocity.open_run(one) for one in (toy, tmp_path / "run"))
+    names = [name for name in left.births().column_names if name != "seconds"]
+    assert left.births(columns=names).equals(right.births(columns=names))
+
+
 @pytest.mark.parametrize(
     "body",
     [

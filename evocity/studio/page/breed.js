@@ -60,14 +60,12 @@ export class Breed {
 
   /** The pane is seen: what there is, and workers, are asked for. */
   async open() {
-    if (this.operators.length) return;
     try {
-      this.operators = (await asked("operators")).operators;
+      if (!this.operators.length) this.operators = (await asked("operators")).operators;
       this.inform();
-      this.tell(await told("ready", {}));
+      this.tell(await told("ready", { parents: this.on.ids().slice(0, 16) }));
       this.follow();
     } catch (error) {
-      this.operators = [];
       this.on.trouble(error);
     }
   }

@@ -1,0 +1,121 @@
+"""What studio costs: benchmarks/studio.py FOLDER/run [OTHER]
+
+    python benchmarks/soak.py --generations 999 --drawn --keep FOLDER  # 64 000 births of 64²
+    evocity run --generations 5 --out OTHER  # maps of 256²
+    python benchmarks/studio.py FOLDER/run OTHER
+
+Of the first run what the server does for a page, processor seconds of all its threads, and the page
+in chromium without a window: until it is ready, and its heap. Of the other 70 small pictures, cold
+in a drawn order and warm, and twelve children, by the clock: the first picture, and all measured.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from _machine import description
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "studio"))
+from asking import Client
+
+from evocity.studio.serving import served
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+BROODS = 5
+
+
+def told(name: str, act: Callable[[], object], repeats: int = 3) -> None:
+    """The least processor seconds of some repeats."""
+    found = []
+    for _ in range(repeats):
+        began = time.process_time()
+        act()
+        found.append(time.process_time() - began)
+    print(f"{name:30} {min(found):7.3f} s", flush=True)
+
+
+def large(path: Path) -> None:
+    began = time.process_time()
+    with served(path) as server:
+        client = Client(server)
+        client.open()
+        about, content = client.get("/api/births").framed
+        print(f"{about['count']} births, {len(content) / 1e6:.1f} MB")
+        print(f"{'opened, first births told':30} {time.process_time() - began:7.3f} s")
+        last = about["count"] - 1
+        told("nothing new", lambda: (time.sleep(0.6), client.get("/api/changes?after=9999")))
+        told("births again", lambda: client.get("/api/births"))
+        told("one birth", lambda: client.get(f"/api/one?id={last}"))
+        told("its pedigree, four steps", lambda: client.get(f"/api/pedigree?id={last}&steps=4"))
+        if BROWSER:
+            page(server)
+
+
+def page(server) -> None:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        seen = browser.new_page(viewport={"width": 1400, "height": 900})
+        talk = seen.context.new_cdp_session(seen)
+        talk.send("Performance.enable")
+        seen.goto(server.url)
+        while not seen.evaluate("() => Boolean(studio.viewer)"):
+            time.sleep(0.02)
+        metrics = talk.send("Performance.getMetrics")["metrics"]
+        spent = next(one["value"] for one in metrics if one["name"] == "ThreadTime")
+        heap = seen.evaluate("() => performance.memory.usedJSHeapSize") / 1e6
+        print(f"{'page ready, its own thread':30} {spent:7.3f} s")
+        print(f"{'heap':30} {heap:7.1f} MB")
+        browser.close()
+
+
+def small(path: Path) -> None:
+    with served(path) as server:
+        client = Client(server)
+        client.open()
+        about, content = client.get("/api/births").framed
+        ids = np.frombuffer(content, "<i4", about["count"])
+        drawn = np.random.default_rng(1).permutation(ids)[:70].tolist()
+
+        def tiles() -> None:
+            for some in (drawn[:48], drawn[48:]):  # as the page asks
+                client.get(f"/api/tiles?ids={','.join(map(str, some))}&side=96")
+
+        client.get(f"/api/tiles?ids={int(ids[0])}&side=192")  # what draws is loaded
+        told("70 pictures of 256², cold", tiles, 1)
+        told("warm", tiles)
+        client.post("/api/ready", {"parents": ids[:4].tolist()})
+        while client.get("/api/brood").json["busy"]:
+            time.sleep(0.01)
+        for seed in range(BROODS):
+            asked = {"operators": ["quarter_fusion", "mutation"], "parents": ids[:4].tolist()}
+            began, first = time.monotonic(), None
+            client.post("/api/breed", asked | {"count": 12, "seed": seed, "vary": True})
+            while (state := client.get("/api/brood").json)["busy"]:
+                done = any(one["stage"] != "waiting" for one in state["children"])
+                first = first or (time.monotonic() - began if done else None)
+                time.sleep(0.005)
+            print(
+                f"twelve children, seed {seed}: the first after {first or 0:.3f} s, "
+                f"all measured after {time.monotonic() - began:.3f} s"
+            )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("path", type=Path, metavar="RUN", help="a run of many births")
+    parser.add_argument("other", type=Path, nargs="?", metavar="OTHER", help="a run to breed from")
+    given = parser.parse_args()
+    print(description())
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["XDG_CACHE_HOME"] = cache
+        large(given.path)
+        if given.other:
+            small(given.other)
