@@ -145,6 +145,13 @@ def test_another_token_opens_nothing(attacked, path):
     assert "set-cookie" not in told.headers
 
 
+def test_a_token_changes_nothing(attacked):
+    path = attacked.server.url.removeprefix(attacked.origin)
+    told = attacked.ask("POST", path, [JSON, HEADER, ("Cookie", "")], PICK)
+    assert told.status == 403
+    assert "set-cookie" not in told.headers
+
+
 @pytest.mark.parametrize(
     "path",
     [
