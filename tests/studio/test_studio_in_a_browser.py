@@ -18,6 +18,7 @@ from written_runs import written  # noqa: E402
 
 import evocity  # noqa: E402
 from evocity.store import Birth, Member, RunWriter  # noqa: E402
+from evocity.studio.files import files  # noqa: E402
 from evocity.studio.serving import served  # noqa: E402
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -223,6 +224,45 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert HOSTILE in page.locator("#pane-birth").inner_text()
         assert page.evaluate("window.hacked") is None
         assert page.locator("main script, img[src=x]").count() == 0
+
+
+@pytest.mark.skipif("/page/axonometry.js" not in files(), reason="nothing draws in space here")
+@pytest.mark.parametrize(("button", "kind", "key"), [
+    ("in space", "columns", "ArrowRight"), ("walk", "walk", "q"),
+])  # fmt: skip
+def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, button, kind, key):
+    opened.lost += ("GL Driver Message",)  # of a machine without a graphics card
+    with served(folder) as server:
+        page = opened(server)
+        page.locator("[role=option]").nth(1).click()
+        page.get_by_role("button", name=button, exact=True).click()
+        until(page, "studio.one.drawn && studio.one.drawn.kind")
+        if page.evaluate("() => studio.one.drawn.kind") != kind:
+            pytest.skip("no WebGL2 in this browser")
+        canvas = page.locator(f"canvas[data-kind={kind}]")
+        assert canvas.is_visible()
+        assert "birth" in canvas.get_attribute("aria-label")
+        about, heights = page.evaluate(
+            "() => { const { kind, drawers } = studio.one.drawn;"
+            " const { heights, ...rest } = drawers[kind].city; return [rest, [...heights]]; }"
+        )
+        city = evocity.open_run(folder)[int(shown_ids(page)[1])].city
+        assert heights == city.heights.ravel().tolist()
+        assert (about["rows"], about["columns"]) == city.shape
+        camera = "studio.one.drawn.hands[studio.one.drawn.kind].hand.camera.azimuth"
+        before = page.evaluate(f"() => {camera}")
+        canvas.focus()
+        page.keyboard.down(key)
+        until(page, f"{camera} !== {before}")
+        page.keyboard.up(key)
+        page.locator("[role=option]").nth(2).click()
+        until(page, f"studio.one.within.querySelector('[data-kind={kind}]').ariaLabel"
+                    f".includes('birth {shown_ids(page)[2]} ')")  # fmt: skip
+        assert page.evaluate(f"() => {camera}") != before
+        page.locator("[role=option]").nth(9).click()
+        page.get_by_role("button", name="map", exact=True).click(trial=True)
+        page.get_by_role("button", name="map", exact=True).click()
+        until(page, "studio.one.within.hidden && !studio.one.image.hidden")
 
 
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):

@@ -1,9 +1,11 @@
 import { made, number } from "./made.js";
 import { Pedigree } from "./pedigree.js";
-import { asked, blobOf } from "./server.js";
+import { asked, blobOf, framed } from "./server.js";
 
 /** Pictures of a birth, by what the server calls them. */
 const PICTURES = [["map", "map"], ["stones", "whose stones"]];
+/** What the page draws itself, in three dimensions. */
+const SPACES = [["columns", "in space"], ["walk", "walk"]];
 
 /** All that is told of one birth. `on`: wake(id), pick(ids), drop(ids), trouble(error). */
 export class One {
@@ -21,12 +23,14 @@ export class One {
     this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
     this.origin = made(this.root, "p", "faint");
     const kinds = made(this.root, "div", "row", "", { role: "group", "aria-label": "picture" });
-    this.kinds = PICTURES.map(([kind, text]) => {
+    this.kinds = new Map([...PICTURES, ...SPACES].map(([kind, text]) => {
       const button = made(kinds, "button", "", text, { type: "button" });
       button.addEventListener("click", () => this.picture(kind));
-      return button;
-    });
+      return [kind, button];
+    }));
     this.image = made(this.root, "img");
+    this.within = made(this.root, "div", "space");
+    this.within.hidden = true;
     this.lack = made(this.root, "p", "lack");
     this.facts = made(this.root, "div");
     made(this.root, "h3", "", "from whom it descends");
@@ -71,17 +75,23 @@ export class One {
 
   async picture(kind) {
     const { id } = this;
-    this.kinds.forEach((button) => { button.disabled = !kind; });
+    for (const button of this.kinds.values()) button.disabled = !kind;
     if (!kind) {
-      this.image.hidden = true;
+      this.image.hidden = this.within.hidden = true;
       this.lack.hidden = false;
       this.lack.textContent = "It has no picture.";
       return;
     }
     this.kind = kind;
-    this.kinds.forEach((button, k) => button.setAttribute("aria-pressed", String(PICTURES[k][0] === kind)));
+    for (const [one, button] of this.kinds) button.setAttribute("aria-pressed", String(one === kind));
     const isMeant = () => id === this.id && kind === this.kind;
+    const isDrawn = SPACES.some(([one]) => one === kind);
     try {
+      if (isDrawn) {
+        await this.draw(id, kind, isMeant);
+        return;
+      }
+      this.within.hidden = true;
       const blob = await blobOf("picture", { id, kind });
       if (!isMeant()) return;
       if (this.address) URL.revokeObjectURL(this.address);
@@ -92,10 +102,32 @@ export class One {
       this.lack.hidden = true;
     } catch (error) {
       if (!isMeant()) return;
-      this.image.hidden = true;
+      this.image.hidden = this.within.hidden = true;
       this.lack.hidden = false;
       this.lack.textContent = `It has no picture: ${error.message}`;
     }
+  }
+
+  /** Whether there is what draws in three dimensions; metres at which all colours end. */
+  set space({ hasSpace, highest }) {
+    this.highest = highest;
+    for (const [kind] of SPACES) this.kinds.get(kind).hidden = !hasSpace;
+  }
+
+  /** In three dimensions; what draws is loaded when it is first asked for. */
+  async draw(id, kind, isMeant) {
+    if (!this.drawn) {
+      const { Space } = await import("./space.js");
+      this.drawn = new Space(this.within);
+    }
+    const { about, content } = await framed("heights", { id });
+    if (!isMeant()) return;
+    this.image.hidden = this.lack.hidden = true;
+    this.within.hidden = false;
+    this.drawn.show({
+      heights: new Float32Array(content.slice().buffer), rows: about.height, columns: about.width,
+      metresPerPixel: about.metres, highest: this.highest,
+    }, kind === "walk", `birth ${id}`);
   }
 
   tell(told) {
