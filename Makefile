@@ -61,13 +61,14 @@ clean:  ## remove .venv and the caches; runs stay
 	@$(PIP) install --editable '.[dev]'
 	@touch $@
 
-# What checks and shows .glb files lives in node; where it cannot be had, those tests are skipped.
+# What checks and shows .glb files, and checks pages for who cannot see them, lives in node; where it cannot
+# be had, those tests are skipped.
 .venv/installed-node: .venv/installed-dev
-	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator and three into .venv (once) ..."; \
+	@if command -v npm >/dev/null 2>&1; then echo "Installing gltf-validator, three and axe-core into .venv (once) ..."; \
 		npm install --silent --no-fund --no-audit --no-save --no-package-lock \
-		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 three@0.187.0 \
+		--prefix .venv/node gltf-validator@2.0.0-dev.3.10 three@0.187.0 axe-core@4.14.1 \
 		&& touch $@ \
-		|| echo "gltf-validator and three could not be had; their tests are skipped" >&2; fi
+		|| echo "gltf-validator, three and axe-core could not be had; their tests are skipped" >&2; fi
 
 .venv/installed-docs: .venv/installed
 	@echo "Installing what builds the documentation into .venv (once) ..."

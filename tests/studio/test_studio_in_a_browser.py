@@ -25,6 +25,8 @@ BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 COUNT = 120
+NODE = Path(__file__).parents[2] / ".venv" / "node" / "node_modules"
+AXE = NODE / "axe-core" / "axe.min.js"
 WANTED = ({"name": "gsi", "goal": "min"}, {"name": "crumbs", "goal": "max"})
 
 
@@ -224,6 +226,40 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert HOSTILE in page.locator("#pane-birth").inner_text()
         assert page.evaluate("window.hacked") is None
         assert page.locator("main script, img[src=x]").count() == 0
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there")
+def test_who_cannot_see_it_can_use_it(opened, tmp_path):
+    """axe-core finds nothing, in every pane."""
+    night = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    (night / "picks.json").write_text('{"picks": [{"id": 3, "note": "a note"}, {"id": 20}]}')
+    with served(night) as server:
+        page = opened(server)
+
+        def check() -> None:
+            page.evaluate(AXE.read_text(encoding="utf-8"))
+            found = page.evaluate(
+                """async () => (await axe.run()).violations
+                  .map((one) => [one.id, one.nodes.map((node) => node.html)])"""
+            )
+            assert found == []
+
+        check()
+        page.locator("[role=option]").nth(1).click()
+        until(page, "studio.one.image.naturalWidth > 0 && studio.one.pedigree.nodes.length")
+        page.locator(".evocity-head").first.click()
+        check()
+        page.get_by_role("tab", name="picks").click()
+        check()
+        page.get_by_role("tab", name="breed").click()
+        until(page, "studio.breed.following === false && !studio.breed.go.disabled")
+        page.get_by_role("button", name="breed", exact=True).click()
+        until(page, "studio.breed.children.length && !studio.breed.isBusy")
+        page.locator(".evocity-children button").first.click()
+        until(page, "studio.breed.one.children.length")
+        check()
+        page.evaluate("() => studio.tell(new Error('something is at fault'))")
+        check()
 
 
 @pytest.mark.skipif("/page/axonometry.js" not in files(), reason="nothing draws in space here")

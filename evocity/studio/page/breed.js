@@ -277,7 +277,8 @@ export class Breed {
     if (!Object.keys(values).length) return;
     const table = made(this.one, "table", "values");
     const head = made(table, "tr");
-    for (const text of ["", "child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
+    made(head, "td");
+    for (const text of ["child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
     for (const [name, value] of Object.entries(values)) {
       const column = births.byName.get(name), row = made(table, "tr");
       made(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });

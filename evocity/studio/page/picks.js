@@ -20,7 +20,7 @@ export class Picks {
     this.button(this.steer, "have the run breed from these too", () => this.command("pick"));
     this.button(this.steer, "no longer", () => this.command("drop"));
     this.said = made(parent, "p", "faint", "", { role: "status" });
-    made(parent, "h3", "", "as files");
+    made(parent, "h2", "part", "as files");
     const files = made(parent, "div", "row");
     this.whose = made(made(files, "label", "", "of "), "select");
     for (const text of ["the picks", "the chosen"]) made(this.whose, "option", "", text, { value: text });
@@ -29,7 +29,7 @@ export class Picks {
     this.csv = this.button(files, "CSV", () => this.save("csv"));
     made(parent, "p", "faint", "A zip has of each birth its map as GeoTIFF, a picture, its genome and a scene for " +
       "three-dimensional programs, and the scores of all.");
-    made(parent, "h3", "", "the same births in a notebook");
+    made(parent, "h2", "part", "the same births in a notebook");
     this.python = made(parent, "textarea", "code", "", { readonly: "", rows: "4", "aria-label": "a line of Python" });
     this.button(made(parent, "div", "row"), "copy", () => this.copy());
     this.place = made(parent, "p", "faint");
