@@ -82,6 +82,7 @@ class Studio:
             "/api/stop": self.stop,
             "/api/keep": self.keep,
             "/api/zip": self.zip,
+            "/api/png": self.png,
             "/api/csv": self.csv,
         }
         routes = [Route(address, _file(*one)) for address, one in files().items()]
@@ -210,6 +211,10 @@ class Studio:
         ids = self._some(request)
         check_count("births in a zip", len(ids), MOST_SAVED)
         return self._saved(ids, "births.zip", "application/zip")
+
+    def png(self, request: Request) -> Response:
+        """Births on a contact sheet."""
+        return self._saved(self._some(request), "births.png", "image/png")
 
     def csv(self, request: Request) -> Response:
         """Scores of births as a table."""

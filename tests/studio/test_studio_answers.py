@@ -351,15 +351,18 @@ def test_chosen_births_are_files_as_the_library_writes_them(asked, night, tmp_pa
     run.to_csv(tmp_path / "right.csv", of=[3, 0])
     assert told.content == (tmp_path / "right.csv").read_bytes()
     assert told.headers["content-type"].startswith("text/csv")
+    told = asked.post("/api/png", {"ids": [3, 0]})
+    run.save([3, 0], tmp_path / "right.png")
+    right = (told.content, (tmp_path / "right.png").read_bytes())
+    assert np.array_equal(*(np.asarray(Image.open(io.BytesIO(one))) for one in right))
     told = asked.post("/api/zip", {"ids": [3]})
     with zipfile.ZipFile(io.BytesIO(told.content)) as archive:
         names = set(archive.namelist())
         genome = archive.extract("3/genome.parquet", tmp_path)
-    assert names == {
-        *(f"3/{name}" for name in ("map.tif", "picture.png", "genome.parquet", "scene.glb")),
-        "scores.csv",
-        "ATTRIBUTION.txt",
-    }
+    run.save([3], tmp_path / "right.zip")
+    with zipfile.ZipFile(tmp_path / "right.zip") as archive:
+        assert names == set(archive.namelist())
+    assert {"3/map.tif", "3/scene.glb", "scores.csv", "ATTRIBUTION.txt"} <= names
     assert evocity.read_genome(genome) == run[3].genome
     assert asked.post("/api/zip", {"ids": list(range(MOST_SAVED + 1))}).status == 409
     assert asked.post("/api/csv", {"ids": [99_999]}).status == 409

@@ -25,10 +25,10 @@ export class Picks {
     this.whose = made(made(files, "label", "", "of "), "select");
     for (const text of ["the picks", "the chosen"]) made(this.whose, "option", "", text, { value: text });
     this.whose.addEventListener("change", () => this.inform());
-    this.zip = this.button(files, "zip", () => this.save("zip"));
-    this.csv = this.button(files, "CSV", () => this.save("csv"));
-    made(parent, "p", "faint", "A zip has of each birth its map as GeoTIFF, a picture, its genome and a scene for " +
-      "three-dimensional programs, and the scores of all.");
+    this.files = [["zip", "zip"], ["contact sheet", "png"], ["CSV", "csv"]].map(([text, kind]) =>
+      this.button(files, text, () => this.save(kind)));
+    made(parent, "p", "faint", "A zip has of each birth its map as GeoTIFF, footprints, a picture, its genome and a " +
+      "scene for three-dimensional programs, and the scores of all.");
     made(parent, "h2", "part", "the same births in a notebook");
     this.python = made(parent, "textarea", "code", "", { readonly: "", rows: "4", "aria-label": "a line of Python" });
     this.button(made(parent, "div", "row"), "copy", () => this.copy());
@@ -113,8 +113,7 @@ export class Picks {
     const chosen = this.on.chosen();
     this.pickChosen.textContent = `pick the ${counted(chosen.length)} chosen`;
     this.pickChosen.disabled = !chosen.length;
-    const count = this.meant.length;
-    this.zip.disabled = this.csv.disabled = !count;
+    for (const button of this.files) button.disabled = !this.meant.length;
     this.python.value = this.on.python();
   }
 
