@@ -14,7 +14,6 @@ from evocity.analysis.viewed import Viewed
 from evocity.errors import EvocityError, RunError
 from evocity.store.lock import is_held
 from evocity.store.parts import open_to_read
-from evocity.studio.files import files
 from evocity.studio.tiles import Tiles
 from evocity.viewer.sheet import Sheet
 
@@ -52,7 +51,6 @@ class Moment(Viewed):
             "folder": str(run.path),
             "axes": self.axes(),
             "cities": list(run.header.cities),
-            "space": "/page/axonometry.js" in files(),
             "metres": [
                 run.header.width * run.header.metres_per_pixel,
                 run.header.height * run.header.metres_per_pixel,

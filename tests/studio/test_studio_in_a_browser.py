@@ -18,7 +18,6 @@ from written_runs import written  # noqa: E402
 
 import evocity  # noqa: E402
 from evocity.store import Birth, Member, RunWriter  # noqa: E402
-from evocity.studio.files import files  # noqa: E402
 from evocity.studio.serving import served  # noqa: E402
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -262,7 +261,6 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         check()
 
 
-@pytest.mark.skipif("/page/axonometry.js" not in files(), reason="nothing draws in space here")
 @pytest.mark.parametrize(("button", "kind", "key"), [
     ("in space", "columns", "ArrowRight"), ("walk", "walk", "q"),
 ])  # fmt: skip

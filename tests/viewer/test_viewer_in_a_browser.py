@@ -249,6 +249,18 @@ def test_births_are_chosen_by_pointer_and_keys(opened):
     assert page.locator("[role=option][aria-selected=false]").count() == 0
 
 
+def test_a_press_is_a_click_though_pictures_arrive_meanwhile(opened):
+    page = opened(widget(births()))
+    option = page.locator("[role=option]").nth(3)
+    ids, box = shown_ids(page), option.bounding_box()
+    page.mouse.move(box["x"] + 20, box["y"] + 20)
+    page.mouse.down()
+    page.evaluate("document.querySelector('.evocity-tiles').dispatchEvent(new Event('scroll'))")
+    frames(page)
+    page.mouse.up()
+    assert saved(page)["chosen"] == [ids[3]]
+
+
 def test_what_python_sets_is_seen(opened):
     table = births()
     page = opened(widget(table))

@@ -108,12 +108,6 @@ export class One {
     }
   }
 
-  /** Whether there is what draws in three dimensions; metres at which all colours end. */
-  set space({ hasSpace, highest }) {
-    this.highest = highest;
-    for (const [kind] of SPACES) this.kinds.get(kind).hidden = !hasSpace;
-  }
-
   /** In three dimensions; what draws is loaded when it is first asked for. */
   async draw(id, kind, isMeant) {
     if (!this.drawn) {

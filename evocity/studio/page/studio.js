@@ -108,7 +108,7 @@ class Studio {
     const before = this.about;
     this.about = about;
     document.title = `${about.title} – evocity studio`;
-    this.one.space = { hasSpace: about.space, highest: about.highest };
+    this.one.highest = about.highest; // metres at which all colours end
     if (!before || before.run !== about.run) this.begin(about, content);
     else this.viewer.grow(about, content);
     this.one.renew();

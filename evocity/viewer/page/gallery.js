@@ -162,25 +162,28 @@ export class Gallery {
 
   // -- the list --------------------------------------------------------------------------------
 
+  /** Elements stay as they are while pictures arrive: a press must end where it began. */
   list(first, end) {
-    const options = [];
+    const options = this.options.children;
+    while (options.length > end - first) this.options.lastChild.remove();
     for (let place = first; place < end; place++) {
       const row = this.rows[place], id = this.births.ids[row], [x, y] = this.corner(place);
       const told = [String(id), this.told(row) && `${this.by.name} ${this.told(row)}`,
         this.failed(row) && `failed: ${this.status.words[this.status.values[row]]}`,
         this.breaks(row) && "breaks a bound", this.marked.has(id) && "picked"];
-      const option = made(null, "div", place === this.active ? "option evocity-active" : "option", "", {
-        role: "option", id: `${this.name}-${place}`, "aria-selected": String(this.chosen.has(id)),
+      const option = options[place - first] || made(this.options, "div", "", "", { role: "option" });
+      option.className = place === this.active ? "evocity-option evocity-active" : "evocity-option";
+      const attributes = {
+        id: `${this.name}-${place}`, "aria-selected": String(this.chosen.has(id)),
         "aria-setsize": String(this.rows.length), "aria-posinset": String(place + 1),
         "aria-label": told.filter(Boolean).join(", "),
-      });
+      };
+      for (const [key, value] of Object.entries(attributes)) option.setAttribute(key, value);
       option.dataset.place = place;
       Object.assign(option.style, {
         left: `${x}px`, top: `${y}px`, width: `${this.wide}px`, height: `${this.tall + CAPTION}px`,
       });
-      options.push(option);
     }
-    this.options.replaceChildren(...options);
     if (this.active >= first && this.active < end) {
       this.root.setAttribute("aria-activedescendant", `${this.name}-${this.active}`);
     } else this.root.removeAttribute("aria-activedescendant");
