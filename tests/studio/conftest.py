@@ -7,6 +7,7 @@ from unittest.mock import patch
 
 import pytest
 from asking import OLD, Client
+from served_scene import studio
 
 from evocity.studio.serving import served
 
@@ -30,3 +31,17 @@ def asked(night):
         client = Client(server)
         client.open()
         yield client
+
+
+@pytest.fixture(scope="module")
+def started():
+    """A browser for views of one city."""
+    with studio() as found:
+        yield found
+
+
+@pytest.fixture
+def opened(started):
+    """Opens a page that has a city; afterwards the console must have been silent."""
+    with started.opener() as found:
+        yield found

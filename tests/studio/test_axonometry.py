@@ -2,7 +2,6 @@
 
 import base64
 import itertools
-from collections.abc import Iterator
 
 import naive
 import numpy as np
@@ -16,7 +15,7 @@ from evocity.scene.picture import _WALLS, _brightness, _directions, _View
 
 pytest.importorskip("playwright.sync_api")
 
-from served_scene import BASE64, BROWSER, Studio, frames, picture_of, studio
+from served_scene import BASE64, BROWSER, frames, picture_of
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
@@ -48,19 +47,6 @@ def cameras() -> list[dict]:
     for k, camera in enumerate(found):
         camera |= {"zoom": (1, 2.3, 6)[k % 3], "centre": [(0, 0), (5, -8.25)][k % 2]}
     return found
-
-
-@pytest.fixture(scope="module")
-def started() -> Iterator[Studio]:
-    with studio() as found:
-        yield found
-
-
-@pytest.fixture
-def opened(started):
-    """Opens a page that has a city; afterwards the console must have been silent."""
-    with started.opener() as found:
-        yield found
 
 
 def seen(page, camera: dict, wide: int = WIDE, tall: int = TALL) -> tuple:

@@ -1,7 +1,6 @@
 """Who walks through a city, and where its sun stands: studio's modules without a picture."""
 
 import itertools
-from collections.abc import Iterator
 from datetime import date, timedelta
 
 import numpy as np
@@ -12,21 +11,9 @@ from evocity import CityMap
 
 pytest.importorskip("playwright.sync_api")
 
-from served_scene import BROWSER, Studio, frames, studio
+from served_scene import BROWSER, frames
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
-
-
-@pytest.fixture(scope="module")
-def started() -> Iterator[Studio]:
-    with studio() as found:
-        yield found
-
-
-@pytest.fixture
-def opened(started):
-    with started.opener() as found:
-        yield found
 
 
 def sun(latitude: float, day: date, hour: float) -> tuple[float, float]:

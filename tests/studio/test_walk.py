@@ -1,7 +1,6 @@
 """A city in perspective, in WebGL2 without a graphics card, against lines cast one by one."""
 
 import base64
-from collections.abc import Iterator
 
 import naive
 import numpy as np
@@ -15,26 +14,13 @@ from evocity.scene.picture import _directions
 
 pytest.importorskip("playwright.sync_api")
 
-from served_scene import BASE64, BROWSER, Studio, frames, picture_of, studio
+from served_scene import BASE64, BROWSER, frames, picture_of
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 #: Told apart in any light.
 HUES = np.array([(c >> 2 & 1, c >> 1 & 1, c & 1) for c in range(1, 7)]) * 150 + 50
 WIDE, TALL = 480, 360
-
-
-@pytest.fixture(scope="module")
-def started() -> Iterator[Studio]:
-    with studio() as found:
-        yield found
-
-
-@pytest.fixture
-def opened(started):
-    """Opens a page that has a city; afterwards the console must have been silent."""
-    with started.opener() as found:
-        yield found
 
 
 def walked(page, solids: str = "null") -> None:
