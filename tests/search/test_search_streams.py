@@ -1,5 +1,8 @@
 """Engines that stream: jobs are drawn as there is room, outcomes come as they are done."""
 
+import os
+import subprocess
+import time
 from itertools import count
 from types import SimpleNamespace
 
@@ -10,7 +13,7 @@ from evocity import fitness
 from evocity.kinds import KINDS
 from evocity.search.births import born, coming
 from evocity.search.breeding import Plan
-from evocity.search.evaluation import Here, Workers
+from evocity.search.evaluation import Here, Workers, processes
 from evocity.search.evaluator import Outcome, Setup
 
 MEASURE = """
@@ -145,6 +148,37 @@ class Losing:
                 yield done, Outcome("timeout", "no result", 9.0)
             else:
                 yield done, Outcome("ok", None, 1.0, {"named": rng}, genomes[0])
+
+
+@pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+@pytest.mark.parametrize("where", ["drawing", "telling", "waiting"])
+def test_time_in_which_all_stand_still_counts_for_no_deadline(engine, genome, where):
+    """As Ctrl-Z and fg do. Jobs of a quarter second have a whole one, and all stand still longer,
+    while a job is drawn, while the outcome of another is at hand, or while the pool waits."""
+    pool, me = engine(2, timeout=1.0), os.getpid()
+
+    def stand_still(after: float = 0.0) -> subprocess.Popen:
+        workers = [seat.pid for seat in pool._seats.values()]
+        all_of_us = " ".join(map(str, (me, *workers)))
+        words = f"sleep {after}; kill -STOP {all_of_us}; sleep 1.4; kill -CONT {all_of_us}"
+        helper = subprocess.Popen(["sh", "-c", words])
+        if not after:
+            time.sleep(0.3)  # until stopped
+        return helper
+
+    def drawn():
+        for number in range(8):
+            if where == "drawing" and number == 7:
+                helpers.append(stand_still())
+            yield job(genome, "sleep.25")
+
+    helpers, outcomes = [], []
+    for _, outcome in pool.stream("evaluate", drawn()):
+        outcomes.append(outcome)
+        if len(outcomes) == 3 and where != "drawing":
+            helpers.append(stand_still(0.05 * (where == "waiting")))
+    assert [one.wait() for one in helpers] == [0]
+    assert [(one.status, one.error) for one in outcomes] == [("ok", None)] * 8
 
 
 def test_lost_children_are_bred_again_while_others_are_at_work(genome):

@@ -24,8 +24,9 @@ _SETUP, _ANSWER = 600.0, 20.0
 #: Seconds between two looks at the workers' memory; at those that print without end; at whether
 #: workers ended, where nothing tells.
 _LOOK, _FLOODED, _ASK = 0.5, 0.02, 0.05
-#: Seconds by which a look comes late when this process itself was stopped, or had no processor.
-_LATE = 1.0
+#: Seconds from which on this process is told to have stood still, and those at most between two
+#: looks at the clock while a job has its deadline.
+_LATE, _BEAT = 0.2, 0.1
 # Seconds of a job so short that waiting for the next would tell.
 _SHORT = 0.05
 # So many jobs a worker are drawn and wait: the next of each, and as many from which it comes.
@@ -65,7 +66,6 @@ class Workers:
         self._seats: dict[int, Seat] = {}
         self._tokens = self._failed_starts = self._breaks = 0
         self._looked = 0.0
-        self._stepped = time.monotonic()
         self._seconds = 1.0  # that a job takes, roughly
         self._selector = selectors.DefaultSelector()
         self._watched: dict[int, int] = {}
@@ -99,7 +99,6 @@ class Workers:
         self._begin(method, jobs)
         try:
             while self._draw():
-                self._stepped = time.monotonic()
                 try:
                     self._step()
                 except Broken as error:
@@ -130,6 +129,7 @@ class Workers:
 
     def _begin(self, method: str, jobs: Iterator[tuple | None]) -> None:
         self._method, self._coming = method, jobs
+        self._stepped = time.monotonic(), time.thread_time()
         self._drawn, self._ended = 0, False
         self._jobs: dict[int, tuple] = {}  # by their numbers, those without an outcome
         self._outcomes: dict[int, Outcome] = {}  # those that nobody was told of
@@ -177,7 +177,6 @@ class Workers:
         if self._answered is None and self._starter.answered:
             self._answered = self._clock()
         self._judge()
-        self._stepped = time.monotonic()
 
     def _hand_out(self) -> None:
         busy = any(seat.job is not None for seat in self._seats.values())
@@ -342,11 +341,14 @@ class Workers:
         return True
 
     def _forgive(self, patience: float) -> None:
-        """Time in which this process stood still, and its workers maybe with it, is no worker's."""
-        late = time.monotonic() - self._stepped - patience
-        if late > _LATE:
+        """Time in which this process had no processor, though it did not ask to wait, is no
+        worker's: it was stopped, and its workers maybe with it."""
+        before, worked = self._stepped
+        self._stepped = time.monotonic(), time.thread_time()
+        still = self._stepped[0] - before - (self._stepped[1] - worked) - patience
+        if still > _LATE:
             for seat in self._seats.values():
-                seat.since += late
+                seat.since += still
 
     def _unanswered(self, seat: Seat) -> float:
         """Seconds for which a nursery that answers has not started a worker."""
@@ -409,8 +411,7 @@ class Workers:
         now, until = self._clock(), [_SETUP]
         for seat in self._seats.values():
             if seat.state == "busy":
-                until.append(seat.since + self._timeout - now)
-                until += [_LOOK] if self._memory is not None else []
+                until += [seat.since + self._timeout - now, _BEAT]
             elif seat.state == "ending" or not seat.pid:
                 until.append(seat.since + _ANSWER - now)
             if seat.job is not None and seat.closed:
