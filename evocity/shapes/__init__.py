@@ -9,6 +9,10 @@
 - `drawing`: masks, pictures, SVG
 - `classics`: shapes that everybody knows
 - `curve`: curves of few control points, Bézier curves and splines among them
+- `detail`: a line as a curve with what it lacks, level by level: `Detailed`
+- `filters`: a polygon and its details taken apart and put together
+- `fitting`: maps fitted to a line
+- `lines`: polylines: what may be one, where one crosses itself
 - `wires`: a segment replaced by a line again and again; metamorphosis
 - `files`: shapes in JSON
 - `linear`: small matrices

@@ -2,6 +2,7 @@ from .classics import KNOWN as KNOWN
 from .classics import known as known
 from .contraction import Contraction as Contraction
 from .curve import Curve as Curve
+from .detail import Detailed as Detailed
 from .dimension import Boxes as Boxes
 from .dimension import box_dimension as box_dimension
 from .dimension import boxes_of as boxes_of
@@ -11,8 +12,12 @@ from .drawing import picture_of as picture_of
 from .drawing import svg_of as svg_of
 from .files import read_shape as read_shape
 from .files import write_shape as write_shape
+from .fitting import fit_curve as fit_curve
+from .fitting import rms_of as rms_of
 from .languages import Language as Language
 from .languages import ShapeError as ShapeError
+from .lines import crossing_of as crossing_of
+from .lines import resampled as resampled
 from .primitives import PRIMITIVES as PRIMITIVES
 from .primitives import Primitive as Primitive
 from .shape import Pieces as Pieces

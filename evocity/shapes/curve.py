@@ -3,7 +3,7 @@
 Source: Hnaidi, Guérin, Akkouche, *Insertion de détail dans des figures autosimilaires*, §3.2.
 """
 
-from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from math import comb
 
@@ -44,13 +44,7 @@ class Curve:
     contraction: Contraction = field(init=False)
 
     def __post_init__(self):
-        points, maps = (np.array(one, np.float64) for one in (self.points, self.maps))
-        if points.ndim != 2 or not 2 <= len(points) <= MOST_CONTROLS or not points.shape[1]:
-            raise ShapeError(
-                f"control points of shape {points.shape}",
-                f"(n, 2) or (n, 3), n = 2…{MOST_CONTROLS}",
-                "give a row a point",
-            )
+        points, maps = _points_of(self.points), np.array(self.maps, np.float64)
         count = len(points)
         if maps.ndim != 3 or maps.shape[1:] != (count, count) or not 2 <= len(maps) <= MOST_MAPS:
             raise ShapeError(
@@ -58,8 +52,8 @@ class Curve:
                 f"(N, {count}, {count}), N = 2…{MOST_MAPS}",
                 "give a matrix a part",
             )
-        if not (np.isfinite(points).all() and np.isfinite(maps).all()):
-            raise ShapeError("a number that is not finite", "finite ones", "correct it")
+        if not np.isfinite(maps).all():
+            raise ShapeError("maps with a number that is not finite", "finite ones", "correct it")
         off = np.abs(maps.sum(axis=1) - 1).max(axis=1)
         if off.max() > _SLACK:
             at = int(off.argmax())
@@ -162,9 +156,28 @@ class Curve:
         begins = np.einsum("knd,n->kd", polygons, first)
         return np.vstack([begins, np.einsum("nd,n->d", polygons[-1], last)])
 
-    def moved(self, points: Sequence) -> "Curve":
+    def moved(self, points: ArrayLike) -> "Curve":
         """The same maps with other control points."""
-        return Curve(np.asarray(points, float), self.maps)
+        points = _points_of(points)
+        if len(points) != len(self.points):
+            raise ShapeError(f"{len(points)} control points", f"{len(self.points)}", "give as many")
+        found = copy(self)  # of its maps all is known
+        points.setflags(write=False)
+        object.__setattr__(found, "points", points)
+        return found
+
+
+def _points_of(given: ArrayLike) -> np.ndarray:
+    points = np.array(given, np.float64)
+    if points.ndim != 2 or not 2 <= len(points) <= MOST_CONTROLS or not points.shape[1]:
+        raise ShapeError(
+            f"control points of shape {points.shape}",
+            f"(n, 2) or (n, 3), n = 2…{MOST_CONTROLS}",
+            "give a row a point",
+        )
+    if not np.isfinite(points).all():
+        raise ShapeError("points with a number that is not finite", "finite ones", "correct it")
+    return points
 
 
 __all__ = ["MOST_CONTROLS", "MOST_POINTS", "Curve"]

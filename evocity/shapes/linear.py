@@ -4,6 +4,7 @@ No birth of a search waits for it: matrices of 3 × 3 and automata of some state
 """
 
 import numpy as np
+import scipy
 
 
 def norms(parts: np.ndarray) -> np.ndarray:
@@ -34,6 +35,31 @@ def fixed_of(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(rows, right, rcond=None)[0]
 
 
+def conditions(matrix: np.ndarray) -> float:
+    """How many times longer a ``matrix`` makes one vector than another; 1 of an empty one."""
+    lengths = np.linalg.svd(matrix, compute_uv=False)
+    return float(lengths[0] / max(lengths[-1], 1e-300)) if len(lengths) else 1.0
+
+
+def nothing_of(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal rows ``(n - m, n)`` of which a ``matrix`` ``(m, n)`` of rank m makes nothing."""
+    rows, columns = matrix.shape
+    return np.linalg.qr(matrix.T, mode="complete")[0].T[rows:] if rows else np.eye(columns)
+
+
+def lower_of(matrix: np.ndarray) -> np.ndarray:
+    """The lower triangle L of a positive definite ``matrix`` L Lᵀ."""
+    return np.linalg.cholesky(matrix)
+
+
+def banded_solved(diagonals: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """x of a positive definite matrix told by its lower ``diagonals`` ``(b, n)``, of ``right``
+    ``(n,)`` or ``(n, k)``, real or complex. What ``diagonals`` have beyond the matrix does not
+    count."""
+    diagonals = diagonals[: len(right)]
+    return scipy.linalg.solveh_banded(diagonals, right, lower=True, check_finite=False)
+
+
 def polar(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A ``matrix`` as a turn, orthogonal, after a symmetric stretch."""
     left, lengths, right = np.linalg.svd(matrix)
@@ -55,4 +81,17 @@ def moved(maps: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.einsum("...ij,nj->...ni", maps[..., :size], points) + maps[..., None, :, size]
 
 
-__all__ = ["after", "determinants", "fixed_of", "moved", "norms", "polar", "radii", "solved"]
+__all__ = [
+    "after",
+    "banded_solved",
+    "conditions",
+    "determinants",
+    "fixed_of",
+    "lower_of",
+    "moved",
+    "norms",
+    "nothing_of",
+    "polar",
+    "radii",
+    "solved",
+]
