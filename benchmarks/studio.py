@@ -45,14 +45,14 @@ def large(path: Path) -> None:
     with served(path) as server:
         client = Client(server)
         client.open()
-        about, content = client.get("/api/births").framed
+        about, content = client.get("/api/0/births").framed
         print(f"{about['count']} births, {len(content) / 1e6:.1f} MB")
         print(f"{'opened, first births told':30} {time.process_time() - began:7.3f} s")
         last = about["count"] - 1
-        told("nothing new", lambda: (time.sleep(0.6), client.get("/api/changes?after=9999")))
-        told("births again", lambda: client.get("/api/births"))
-        told("one birth", lambda: client.get(f"/api/one?id={last}"))
-        told("its pedigree, four steps", lambda: client.get(f"/api/pedigree?id={last}&steps=4"))
+        told("nothing new", lambda: (time.sleep(0.6), client.get("/api/0/changes?after=9999")))
+        told("births again", lambda: client.get("/api/0/births"))
+        told("one birth", lambda: client.get(f"/api/0/one?id={last}"))
+        told("its pedigree, four steps", lambda: client.get(f"/api/0/pedigree?id={last}&steps=4"))
         if BROWSER:
             page(server)
 
@@ -66,7 +66,7 @@ def page(server) -> None:
         talk = seen.context.new_cdp_session(seen)
         talk.send("Performance.enable")
         seen.goto(server.url)
-        while not seen.evaluate("() => Boolean(studio.viewer)"):
+        while not seen.evaluate("() => Boolean(studio.run?.viewer)"):
             time.sleep(0.02)
         metrics = talk.send("Performance.getMetrics")["metrics"]
         spent = next(one["value"] for one in metrics if one["name"] == "ThreadTime")
@@ -80,25 +80,25 @@ def small(path: Path) -> None:
     with served(path) as server:
         client = Client(server)
         client.open()
-        about, content = client.get("/api/births").framed
+        about, content = client.get("/api/0/births").framed
         ids = np.frombuffer(content, "<i4", about["count"])
         drawn = np.random.default_rng(1).permutation(ids)[:70].tolist()
 
         def tiles() -> None:
             for some in (drawn[:48], drawn[48:]):  # as the page asks
-                client.get(f"/api/tiles?ids={','.join(map(str, some))}&side=96")
+                client.get(f"/api/0/tiles?ids={','.join(map(str, some))}&side=96")
 
-        client.get(f"/api/tiles?ids={int(ids[0])}&side=192")  # what draws is loaded
+        client.get(f"/api/0/tiles?ids={int(ids[0])}&side=192")  # what draws is loaded
         told("70 pictures of 256², cold", tiles, 1)
         told("warm", tiles)
-        client.post("/api/ready", {"parents": ids[:4].tolist()})
-        while client.get("/api/brood").json["busy"]:
+        client.post("/api/0/ready", {"parents": ids[:4].tolist()})
+        while client.get("/api/0/brood").json["busy"]:
             time.sleep(0.01)
         for seed in range(BROODS):
             asked = {"operators": ["quarter_fusion", "mutation"], "parents": ids[:4].tolist()}
             began, first = time.monotonic(), None
-            client.post("/api/breed", asked | {"count": 12, "seed": seed, "vary": True})
-            while (state := client.get("/api/brood").json)["busy"]:
+            client.post("/api/0/breed", asked | {"count": 12, "seed": seed, "vary": True})
+            while (state := client.get("/api/0/brood").json)["busy"]:
                 done = any(one["stage"] != "waiting" for one in state["children"])
                 first = first or (time.monotonic() - began if done else None)
                 time.sleep(0.005)

@@ -1,10 +1,11 @@
-"""A run in the browser: every birth, live; picks with notes; children of picks. For this machine
+"""Runs in the browser: every birth, live; picks with notes; children of picks. For this machine
 and this user alone.
 
 - `serving`: the server's life, from its socket to Ctrl-C
 - `guard`: who is answered at all; what every answer says
 - `answers`: which address is answered by what; `asked`: what requests may ask for
 - `files`: the page's own files, in memory
+- `runs`: which runs there are, each by its number
 - `watched`: a run folder while one looks at it; `tiles`: its small pictures, kept for this user
 - `one`: all that is told of one birth
 - `picks`: births that a user picked, with notes and undo

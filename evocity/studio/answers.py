@@ -1,7 +1,7 @@
 """Which address is answered by what. Ids are numbers; no part of a request ever becomes a path."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from starlette.routing import Route
 from evocity.analysis.asked import check_count
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
-from evocity.studio.breeding import Breeding, Brood, Ready, operators_told
+from evocity.studio.breeding import Brood, Ready, operators_told
 from evocity.studio.files import files
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
@@ -28,8 +28,9 @@ from evocity.studio.one import (
     png_of,
     told_of,
 )
-from evocity.studio.picks import Change, Id, Picks
-from evocity.studio.watched import Watched, framed
+from evocity.studio.picks import Change, Id
+from evocity.studio.runs import Opened, Runs
+from evocity.studio.watched import framed
 from evocity.viewer.sheet import MOST, SIDES
 
 #: Births in one zip, at most.
@@ -38,6 +39,8 @@ _LARGEST = 2**31 - 1  # the page has ids as int32
 _BYTES = "application/octet-stream"
 
 Answer = Callable[[Request], Response]
+#: Of one run.
+OfRun = Callable[[Opened, Request], Response]
 
 
 class Steer(Body):
@@ -54,182 +57,196 @@ class Some(Body):
 
 
 class Studio:
-    """What is answered of the run in the folder ``path``. Raises `RunError` if there is none."""
+    """What is answered of the runs at ``paths``, and of those within ``folder``. Raises `RunError`
+    as `Runs`.
 
-    def __init__(self, path: str | Path):
-        self.watched = Watched(path)
-        self.picks = Picks(self.watched.path)
-        self.breeding = Breeding()
+    Addresses of one run are ``/api/NUMBER/NAME``, those of all ``/api/NAME``.
+    """
+
+    def __init__(self, paths: Iterable[str | Path], folder: str | Path | None = None):
+        self.runs = Runs(paths, folder)
         asked: dict[str, Answer] = {
-            "/api/changes": self.changes,
-            "/api/births": self.births,
-            "/api/tiles": self.tiles,
-            "/api/one": self.one,
-            "/api/picture": self.picture,
-            "/api/pedigree": self.pedigree,
-            "/api/heights": self.heights,
-            "/api/operators": self.operators,
-            "/api/brood": self.brood,
-            "/api/brood-tiles": self.brood_tiles,
-            "/api/brood-picture": self.brood_picture,
-            "/api/picks": lambda request: JSONResponse(self.picks.told()),
+            "runs": lambda request: JSONResponse(
+                {"runs": self.runs.told(), "more": self.runs.more}
+            ),
+            "operators": lambda request: JSONResponse({"operators": operators_told()}),
         }
-        changed: dict[str, Answer] = {
-            "/api/pick": self.pick,
-            "/api/steer": self.steer,
-            "/api/ready": self.ready,
-            "/api/breed": self.breed,
-            "/api/stop": self.stop,
-            "/api/keep": self.keep,
-            "/api/zip": self.zip,
-            "/api/png": self.png,
-            "/api/csv": self.csv,
+        asked_of_run: dict[str, OfRun] = {
+            "changes": self.changes,
+            "births": self.births,
+            "tiles": self.tiles,
+            "one": self.one,
+            "picture": self.picture,
+            "pedigree": self.pedigree,
+            "heights": self.heights,
+            "brood": self.brood,
+            "brood-tiles": self.brood_tiles,
+            "brood-picture": self.brood_picture,
+            "picks": lambda one, request: JSONResponse(one.picks.told()),
+        }
+        changed_of_run: dict[str, OfRun] = {
+            "pick": self.pick,
+            "steer": self.steer,
+            "ready": self.ready,
+            "breed": self.breed,
+            "stop": self.stop,
+            "keep": self.keep,
+            "zip": self.zip,
+            "png": self.png,
+            "csv": self.csv,
         }
         routes = [Route(address, _file(*one)) for address, one in files().items()]
-        routes += [Route(address, _safely(answer)) for address, answer in asked.items()]
-        routes += [
-            Route(address, _safely(answer), methods=["POST"]) for address, answer in changed.items()
-        ]
+        routes += [Route(f"/api/{name}", _safely(answer)) for name, answer in asked.items()]
+        for method, answers in (("GET", asked_of_run), ("POST", changed_of_run)):
+            routes += [
+                Route(f"/api/{{run}}/{name}", _safely(self._of_run(answer)), methods=[method])
+                for name, answer in answers.items()
+            ]
         self.app = Starlette(routes=routes)
         self.app.router.redirect_slashes = False
 
+    def _of_run(self, answer: OfRun) -> Answer:
+        def answered(request: Request) -> Response:
+            run = number(request.path_params, "run", 0, len(self.runs) - 1)
+            return answer(self.runs[run], request)
+
+        return answered
+
     # -- asked -------------------------------------------------------------------------------
 
-    def changes(self, request: Request) -> Response:
+    def changes(self, run: Opened, request: Request) -> Response:
         """What is new since a generation: `Watched.news`, and whether there are births ``more``."""
         after = number(request.query_params, "after", -1, _LARGEST)
-        news = self.watched.news()
+        news = run.watched.news()
         return JSONResponse(news | {"more": news["generation"] > after})
 
-    def births(self, request: Request) -> Response:
+    def births(self, run: Opened, request: Request) -> Response:
         """All births of whole generations, as columns."""
-        with self.watched.reading:
-            self.watched.news()
-            return Response(self.watched.moment.buffer, media_type=_BYTES)
+        with run.watched.reading:
+            run.watched.news()
+            return Response(run.watched.moment.buffer, media_type=_BYTES)
 
-    def tiles(self, request: Request) -> Response:
+    def tiles(self, run: Opened, request: Request) -> Response:
         """Small pictures of ``ids``, one image; of a ``side``."""
         ids = numbers(request.query_params, "ids", MOST)
         side = number(request.query_params, "side", *SIDES)
         if side not in SIDES:
             raise Faulty(f"side = {side}", f"one of {SIDES}", "ask for one of them")
-        sheet = self.watched.sheet([one for one in ids if 0 <= one <= _LARGEST], side)
+        sheet = run.watched.sheet([one for one in ids if 0 <= one <= _LARGEST], side)
         return Response(framed(sheet.about, sheet.image), media_type=_BYTES)
 
-    def one(self, request: Request) -> Response:
-        return JSONResponse(self._of_one(request, told_of))
+    def one(self, run: Opened, request: Request) -> Response:
+        return JSONResponse(self._of_one(run, request, told_of))
 
-    def picture(self, request: Request) -> Response:
+    def picture(self, run: Opened, request: Request) -> Response:
         """A ``kind`` of picture."""
         kind = request.query_params.get("kind")
         if kind not in PICTURES:
             raise Faulty("no such picture", f"kind = {' or '.join(PICTURES)}", "ask for one")
-        content = self._of_one(request, lambda moment, one: picture_of(moment, one, kind))
+        content = self._of_one(run, request, lambda moment, one: picture_of(moment, one, kind))
         return Response(content, media_type="image/png")
 
-    def pedigree(self, request: Request) -> Response:
+    def pedigree(self, run: Opened, request: Request) -> Response:
         """So many ``steps`` back."""
         steps = number(request.query_params, "steps", 1, MOST_STEPS, 4)
-        return JSONResponse(self._of_one(request, lambda m, one: pedigree_of(m, one, steps)))
+        return JSONResponse(self._of_one(run, request, lambda m, one: pedigree_of(m, one, steps)))
 
-    def heights(self, request: Request) -> Response:
-        return Response(framed(*self._of_one(request, heights_of)), media_type=_BYTES)
+    def heights(self, run: Opened, request: Request) -> Response:
+        return Response(framed(*self._of_one(run, request, heights_of)), media_type=_BYTES)
 
-    def _of_one(self, request: Request, told: Callable):
+    def _of_one(self, run: Opened, request: Request, told: Callable):
         identifier = number(request.query_params, "id", 0, _LARGEST)
-        with self.watched.reading:
-            return told(self.watched.moment, identifier)
+        with run.watched.reading:
+            return told(run.watched.moment, identifier)
 
     # -- changed -----------------------------------------------------------------------------
 
-    def pick(self, request: Request) -> Response:
+    def pick(self, run: Opened, request: Request) -> Response:
         asked = body_of(Change, request.state.body)
-        known = set(self.watched.moment.table.ids.tolist())
-        return JSONResponse(self.picks.change(asked, known))
+        known = set(run.watched.moment.table.ids.tolist())
+        return JSONResponse(run.picks.change(asked, known))
 
-    def steer(self, request: Request) -> Response:
+    def steer(self, run: Opened, request: Request) -> Response:
         """Asked of the run itself, as `evocity pick` does."""
         from evocity.search import commands
 
         asked = body_of(Steer, request.state.body)
         kind = commands.Pick if asked.steer == "pick" else commands.Unpick
         command = kind(ids=tuple(asked.ids))
-        going = commands.send(self.watched.path, command)
+        going = commands.send(run.watched.path, command)
         return JSONResponse({"words": command.words, "going": going})
 
     # -- children ----------------------------------------------------------------------------
 
-    def operators(self, request: Request) -> Response:
-        """By what children may be bred."""
-        return JSONResponse({"operators": operators_told()})
+    def brood(self, run: Opened, request: Request) -> Response:
+        return JSONResponse(run.breeding.told())
 
-    def brood(self, request: Request) -> Response:
-        return JSONResponse(self.breeding.told())
-
-    def brood_tiles(self, request: Request) -> Response:
+    def brood_tiles(self, run: Opened, request: Request) -> Response:
         """Small pictures of children, ``ids`` their numbers."""
         numbered = numbers(request.query_params, "ids", MOST)
-        sheet = self.breeding.sheet(self._brood_of(request), numbered, SIDES[0])
+        sheet = run.breeding.sheet(self._brood_of(request), numbered, SIDES[0])
         return Response(framed(sheet.about, sheet.image), media_type=_BYTES)
 
-    def brood_picture(self, request: Request) -> Response:
+    def brood_picture(self, run: Opened, request: Request) -> Response:
         one = number(request.query_params, "id", 0, _LARGEST)
-        picture = self.breeding.picture(self._brood_of(request), one)
+        picture = run.breeding.picture(self._brood_of(request), one)
         return Response(png_of(picture), media_type="image/png")
 
     def _brood_of(self, request: Request) -> int:
         return number(request.query_params, "brood", 0, _LARGEST)
 
-    def ready(self, request: Request) -> Response:
+    def ready(self, run: Opened, request: Request) -> Response:
         asked = body_of(Ready, request.state.body)
-        with self.watched.reading:
-            self.breeding.ready(self.watched.moment, asked.parents)
-        return JSONResponse(self.breeding.told())
+        breeding = self.runs.breeding(run)
+        with run.watched.reading:
+            breeding.ready(run.watched.moment, asked.parents)
+        return JSONResponse(run.breeding.told())
 
-    def breed(self, request: Request) -> Response:
+    def breed(self, run: Opened, request: Request) -> Response:
         asked = body_of(Brood, request.state.body)
-        with self.watched.reading:
-            self.breeding.begin(asked, self.watched.moment)
-        return JSONResponse(self.breeding.told())
+        breeding = self.runs.breeding(run)
+        with run.watched.reading:
+            breeding.begin(asked, run.watched.moment)
+        return JSONResponse(run.breeding.told())
 
-    def stop(self, request: Request) -> Response:
+    def stop(self, run: Opened, request: Request) -> Response:
         body_of(Body, request.state.body)
-        self.breeding.stop()
-        return JSONResponse(self.breeding.told())
+        run.breeding.stop()
+        return JSONResponse(run.breeding.told())
 
-    def keep(self, request: Request) -> Response:
+    def keep(self, run: Opened, request: Request) -> Response:
         asked = body_of(Keep, request.state.body)
-        with self.watched.reading:
-            moment = self.watched.moment
+        with run.watched.reading:
+            moment = run.watched.moment
             moment.run.told.rows(asked.picks)  # all are births
-            return JSONResponse(keep(moment.run, self.breeding, asked, self.picks.is_own))
+            return JSONResponse(keep(moment.run, run.breeding, asked, run.picks.is_own))
 
     # -- files -------------------------------------------------------------------------------
 
-    def zip(self, request: Request) -> Response:
+    def zip(self, run: Opened, request: Request) -> Response:
         """Births as files, with their scores and whom to thank."""
         ids = self._some(request)
         check_count("births in a zip", len(ids), MOST_SAVED)
-        return self._saved(ids, "births.zip", "application/zip")
+        return self._saved(run, ids, "births.zip", "application/zip")
 
-    def png(self, request: Request) -> Response:
+    def png(self, run: Opened, request: Request) -> Response:
         """Births on a contact sheet."""
-        return self._saved(self._some(request), "births.png", "image/png")
+        return self._saved(run, self._some(request), "births.png", "image/png")
 
-    def csv(self, request: Request) -> Response:
+    def csv(self, run: Opened, request: Request) -> Response:
         """Scores of births as a table."""
-        return self._saved(self._some(request), "births.csv", "text/csv; charset=utf-8")
+        return self._saved(run, self._some(request), "births.csv", "text/csv; charset=utf-8")
 
     def _some(self, request: Request) -> list[int]:
         return list(dict.fromkeys(body_of(Some, request.state.body).ids))
 
-    def _saved(self, ids: list[int], name: str, kind: str) -> Response:
-        with self.watched.reading, tempfile.TemporaryDirectory() as folder:
-            run, path = self.watched.moment.run, Path(folder) / name
+    def _saved(self, run: Opened, ids: list[int], name: str, kind: str) -> Response:
+        with run.watched.reading, tempfile.TemporaryDirectory() as folder:
+            births, path = run.watched.moment.run, Path(folder) / name
             if name.endswith(".csv"):
-                run.to_csv(path, of=ids)
+                births.to_csv(path, of=ids)
             else:
-                run.save(ids, path)
+                births.save(ids, path)
             content = path.read_bytes()
         return Response(content, media_type=kind)
 

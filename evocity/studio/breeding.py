@@ -206,6 +206,13 @@ class Breeding:
         """Begin no more children; who is being bred ends, at its deadline at last."""
         self._stopped = True
 
+    def rest(self) -> None:
+        """Let workers go that nobody breeds by; the next brood has new ones."""
+        with self._lock:
+            if self._workers is not None and not self.busy:
+                self._workers.close()
+                self._workers = None
+
     def close(self) -> None:
         self.stop()
         thread, workers = self._thread, self._workers

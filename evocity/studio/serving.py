@@ -3,7 +3,7 @@
 import contextlib
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import uvicorn
@@ -18,11 +18,14 @@ _AT_ONCE, _PATIENCE = 256, 2
 
 
 class Server(uvicorn.Server):
-    """Answers of the run in the folder ``path`` at `url`, once it ``run``s. Raises `RunError` if
-    there is no run, `EvocityError` if the ``port`` cannot be had; 0 takes any that is free."""
+    """Answers of the runs at ``paths``, and of those within ``folder``, at `url`, once it ``run``s.
+    Raises `RunError` if there is none, `EvocityError` if the ``port`` cannot be had; 0 takes any
+    that is free."""
 
-    def __init__(self, path: str | Path, port: int = 0):
-        self.studio = Studio(path)
+    def __init__(
+        self, paths: Iterable[str | Path], port: int = 0, folder: str | Path | None = None
+    ):
+        self.studio = Studio(paths, folder)
         self._socket = _bound(port)
         self.port = self._socket.getsockname()[1]
         self._guard = Guard(self.studio.app, self.port)
@@ -49,14 +52,14 @@ class Server(uvicorn.Server):
 
     def run_until_stopped(self) -> None:
         """Answer until a signal, which is raised again then, or until `should_exit`."""
-        with contextlib.closing(self._socket), contextlib.closing(self.studio.breeding):
+        with contextlib.closing(self._socket), contextlib.closing(self.studio.runs):
             self.run(sockets=[self._socket])
 
 
 @contextlib.contextmanager
-def served(path: str | Path, port: int = 0) -> Iterator[Server]:
-    """A server in a thread, for as long as the block takes."""
-    server = Server(path, port)
+def served(*paths: str | Path, port: int = 0, folder: str | Path | None = None) -> Iterator[Server]:
+    """A `Server` in a thread, for as long as the block takes."""
+    server = Server(paths, port, folder)
     thread = threading.Thread(target=server.run_until_stopped, daemon=True)
     thread.start()
     try:
@@ -66,9 +69,11 @@ def served(path: str | Path, port: int = 0) -> Iterator[Server]:
         thread.join()
 
 
-def serve(path: str | Path, port: int, began: Callable[[str], None]) -> None:
-    """Answer until Ctrl-C; ``began`` is told the address once it can be opened."""
-    server = Server(path, port)
+def serve(
+    paths: Iterable[str | Path], port: int, folder: str | Path | None, began: Callable[[str], None]
+) -> None:
+    """A `Server` until Ctrl-C; ``began`` is told the address once it can be opened."""
+    server = Server(paths, port, folder)
     began(server.url)
     server.run_until_stopped()
 

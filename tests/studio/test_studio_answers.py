@@ -39,24 +39,24 @@ def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path
     before, run = contents(folder), evocity.open_run(folder)
     with served(folder) as server:
         client = opened(server)
-        about, content = client.get("/api/births").framed
+        about, content = client.get("/api/0/births").framed
         viewed = Viewed(run)
         assert content == viewed.table.buffer
         assert about["columns"] == viewed.table.about["columns"]
         assert about["generation"] == run.generations[-1]
         for one in (run[0], run[-1], run[len(run) // 2]):
-            told = client.get(f"/api/one?id={one.id}").json
+            told = client.get(f"/api/0/one?id={one.id}").json
             values = {m["name"]: m["value"] for m in told["measures"] if m["value"] is not None}
             assert values == one.scores
             assert told["parents"] == [parent.id for parent in one.parents]
             assert (told["operator"], told["status"]) == (one.operator, one.status)
-            pedigree = client.get(f"/api/pedigree?id={one.id}&steps=6").json
+            pedigree = client.get(f"/api/0/pedigree?id={one.id}&steps=6").json
             rows = viewed.run._pedigree.ancestors(run.told.rows([one.id]), 6)
             shown = {id for step in pedigree["steps"] for id in step}
             assert len(shown) + sum(pedigree["more"]) == len(rows)
             assert shown <= set(run.told.ids[rows].tolist())
         ids = [0, 3, 999_999, 5]
-        sheet, image = client.get("/api/tiles?ids=0,3,999999,5&side=96").framed
+        sheet, image = client.get("/api/0/tiles?ids=0,3,999999,5&side=96").framed
         assert sorted([*sheet["tiles"], *(one for one, _ in sheet["lacking"])]) == [0, 3, 5]
         right = viewed.sheet([one for one in sheet["tiles"] if one in ids], 96)
         assert np.array_equal(
@@ -65,14 +65,43 @@ def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path
     assert contents(folder) == before
 
 
+def test_runs_are_told_by_number_and_those_of_a_folder_as_they_come(tmp_path):
+    named = [shutil.copytree(OLD / "run-6", tmp_path / one / "night") for one in ("a", "b")]
+    folder = tmp_path / "all"
+    shutil.copytree(OLD / "run-5", folder / "first")
+    (folder / "no run").mkdir()
+    os.symlink(named[0], folder / "linked")
+    with served(*named, named[0], folder=folder) as server:
+        client = opened(server)
+        told = client.get("/api/runs").json
+        assert [one["run"] for one in told["runs"]] == [0, 1, 2]
+        assert [one["name"] for one in told["runs"]] == [*map(str, named), "first"]
+        shutil.copytree(OLD / "run-4", folder / "before")  # by name it would be first
+        assert client.get("/api/runs").json["runs"][3]["name"] == "before"
+        (folder / "damaged").mkdir()
+        (folder / "damaged" / "provenance.json").write_text("{")
+        os.symlink("/dev/zero", folder / "damaged" / "lock")
+        assert client.get("/api/runs").json["runs"][4]["going"] is False
+        assert client.get("/api/4/changes?after=-1").status == 409
+        for number, path in [(0, named[0]), (2, folder / "first"), (3, folder / "before")]:
+            about, _ = client.get(f"/api/{number}/births").framed
+            assert about["folder"] == str(path)
+        assert client.post("/api/1/pick", {"change": "pick", "ids": [3]}).status == 200
+        assert client.get("/api/0/picks").json["picks"] == []
+        assert [one["id"] for one in client.get("/api/1/picks").json["picks"]] == [3]
+        shutil.rmtree(folder)
+        assert len(client.get("/api/runs").json["runs"]) == 5
+        assert client.get("/api/2/one?id=3").status == 409
+
+
 def test_pictures_and_heights_are_those_of_the_birth(asked, night):
     one = evocity.open_run(night)[3]
-    told = asked.get("/api/picture?id=3&kind=map")
+    told = asked.get("/api/0/picture?id=3&kind=map")
     assert told.headers["content-type"] == "image/png"
     seen, right = Image.open(io.BytesIO(told.content)), one.picture()
     assert np.array_equal(np.asarray(seen), np.asarray(right))
-    assert asked.get("/api/picture?id=3&kind=stones").content != told.content
-    about, content = asked.get("/api/heights?id=3").framed
+    assert asked.get("/api/0/picture?id=3&kind=stones").content != told.content
+    about, content = asked.get("/api/0/heights?id=3").framed
     heights = np.frombuffer(content, "<f4").reshape(about["height"], about["width"])
     assert np.array_equal(heights, one.city.heights)
     assert about["metres"] == one.city.metres_per_pixel
@@ -129,16 +158,16 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
         clients, seen = [opened(server) for _ in range(3)], [-1, -1, -1]
         for _ in range(4):
             for k, client in enumerate(clients[: 1 + _ % 3]):
-                news = client.get(f"/api/changes?after={seen[k]}").json
+                news = client.get(f"/api/0/changes?after={seen[k]}").json
                 assert news["more"] == (news["generation"] > seen[k])
-                about, content = client.get("/api/births").framed
+                about, content = client.get("/api/0/births").framed
                 seen[k] = about["generation"]
                 ids = np.frombuffer(content, "<i4", about["count"]).tolist()
                 assert ids == evocity.open_run(folder).told.ids.tolist()
             grown(folder)
-        called = {client.get("/api/births").framed[0]["run"] for client in clients}
+        called = {client.get("/api/0/births").framed[0]["run"] for client in clients}
         assert len(called) == 1
-        news = clients[0].get("/api/changes?after=4").json
+        news = clients[0].get("/api/0/changes?after=4").json
         assert news == {
             "run": called.pop(), "generation": 4, "going": False, "problem": None, "more": False,
         }  # fmt: skip
@@ -147,7 +176,7 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
 def test_a_run_that_is_bred_now_is_said_to_go_on(tmp_path, unwaited):
     folder = log(tmp_path / "run")
     with served(folder) as server, contextlib.closing(RunWriter.reopen(folder)):
-        assert opened(server).get("/api/changes?after=0").json["going"] is True
+        assert opened(server).get("/api/0/changes?after=0").json["going"] is True
 
 
 def test_a_run_without_a_generation_is_waited_for(tmp_path, unwaited):
@@ -159,13 +188,13 @@ def test_a_run_without_a_generation_is_waited_for(tmp_path, unwaited):
             path.unlink()
     with served(folder) as server:
         client = opened(server)
-        assert client.get("/api/changes?after=-1").json["generation"] == -1
-        told = client.get("/api/births")
+        assert client.get("/api/0/changes?after=-1").json["generation"] == -1
+        told = client.get("/api/0/births")
         assert (told.status, "no whole generation" in told.json["error"]["found"]) == (409, True)
         for kind in ("births", "membership"):
             shutil.copytree(run / kind, folder / kind, dirs_exist_ok=True)
-        assert client.get("/api/changes?after=-1").json["more"] is True
-        assert client.get("/api/births").framed[0]["count"] == 4
+        assert client.get("/api/0/changes?after=-1").json["more"] is True
+        assert client.get("/api/0/births").framed[0]["count"] == 4
 
 
 def damaged(folder: Path) -> None:
@@ -187,32 +216,32 @@ def test_what_happens_to_the_folder_is_told_and_what_was_seen_stays(tmp_path, un
     shutil.copytree(folder, copy)
     with served(folder) as server:
         client = opened(server)
-        about = client.get("/api/births").framed[0]
+        about = client.get("/api/0/births").framed[0]
         deed(folder)
-        told = client.get("/api/changes?after=0").json["problem"]
+        told = client.get("/api/0/changes?after=0").json["problem"]
         if deed is damaged:  # what was read already is not read again; what was not is told
             assert told is None
-            told = str(client.get("/api/one?id=3").json["error"])
+            told = str(client.get("/api/0/one?id=3").json["error"])
         assert str(folder) in told
-        assert client.get("/api/births").framed[0] == about
-        assert client.get("/api/picture?id=3&kind=map").status in (200, 409)
+        assert client.get("/api/0/births").framed[0] == about
+        assert client.get("/api/0/picture?id=3&kind=map").status in (200, 409)
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(copy, folder)
-        assert client.get("/api/changes?after=0").json["problem"] is None
-        assert client.get("/api/picture?id=3&kind=map").status == 200
+        assert client.get("/api/0/changes?after=0").json["problem"] is None
+        assert client.get("/api/0/picture?id=3&kind=map").status == 200
 
 
 def test_another_run_in_its_place_is_another(tmp_path, unwaited):
     folder = log(tmp_path / "run")
     with served(folder) as server:
         client = opened(server)
-        before = client.get("/api/births").framed[0]
+        before = client.get("/api/0/births").framed[0]
         shutil.rmtree(folder)
         values = {"crumbs": 1.0}
         written(folder, [[{"id": 9, "values": values}]], None, ({"name": "crumbs", "goal": "min"},))
-        news = client.get(f"/api/changes?after={before['generation']}").json
+        news = client.get(f"/api/0/changes?after={before['generation']}").json
         assert news["run"] != before["run"]
-        assert client.get("/api/births").framed[0]["count"] == 1
+        assert client.get("/api/0/births").framed[0]["count"] == 1
 
 
 def test_what_is_no_run_is_refused_at_once(tmp_path):
@@ -222,7 +251,7 @@ def test_what_is_no_run_is_refused_at_once(tmp_path):
 
 
 def test_a_port_that_another_has_is_refused(asked, night):
-    with pytest.raises(EvocityError, match="port"), served(night, asked.server.port):
+    with pytest.raises(EvocityError, match="port"), served(night, port=asked.server.port):
         pass
 
 
@@ -234,13 +263,13 @@ def test_strange_texts_arrive_as_texts(tmp_path):
     run = written(tmp_path / HOSTILE.replace("/", "_")[:60], [births])
     with served(run.path) as server:
         client = opened(server)
-        assert client.get("/api/one?id=0").json["operator"] == HOSTILE
-        told = client.get("/api/one?id=1").json
+        assert client.get("/api/0/one?id=0").json["operator"] == HOSTILE
+        told = client.get("/api/0/one?id=1").json
         assert (told["error"], told["pictured"]) == (HOSTILE, False)
-        assert client.get("/api/picture?id=1&kind=map").status == 409
-        told = client.get("/api/births")
+        assert client.get("/api/0/picture?id=1&kind=map").status == 409
+        told = client.get("/api/0/births")
         assert told.headers["content-type"] == "application/octet-stream"
-        sheet, _ = client.get("/api/tiles?ids=0,1&side=96").framed
+        sheet, _ = client.get("/api/0/tiles?ids=0,1&side=96").framed
         assert sheet["lacking"] == [[1, f"timeout: {HOSTILE}"]]
 
 
@@ -249,7 +278,7 @@ def test_strange_texts_arrive_as_texts(tmp_path):
 
 def test_picks_have_notes_and_every_change_can_be_undone(asked, night):
     before = contents(night)
-    states = [asked.get("/api/picks").json["picks"]]
+    states = [asked.get("/api/0/picks").json["picks"]]
     for change in (
         {"change": "pick", "ids": [5, 3, 5]},
         {"change": "note", "ids": [3], "note": f"courtyards\n{HOSTILE}"},
@@ -257,7 +286,7 @@ def test_picks_have_notes_and_every_change_can_be_undone(asked, night):
         {"change": "pick", "ids": [3]},  # changes nothing, and is no step
         {"change": "drop", "ids": [5, 11]},
     ):
-        states.append(asked.post("/api/pick", change).json["picks"])
+        states.append(asked.post("/api/0/pick", change).json["picks"])
     assert [[one["id"] for one in state] for state in states] == [
         [], [5, 3], [5, 3], [5, 3, 7], [5, 3, 7], [3, 7],
     ]  # fmt: skip
@@ -265,17 +294,17 @@ def test_picks_have_notes_and_every_change_can_be_undone(asked, night):
     after = contents(night)
     assert after.pop("picks.json")
     assert after == before  # bytewise, but for the picks
-    told = asked.get("/api/picks").json
+    told = asked.get("/api/0/picks").json
     assert (told["undo"], told["place"]) == (4, str(night / "picks.json"))
     for state in (states[3], states[2], states[1], states[0], states[0]):
-        assert asked.post("/api/pick", {"change": "undo"}).json["picks"] == state
+        assert asked.post("/api/0/pick", {"change": "undo"}).json["picks"] == state
 
 
 def test_picks_outlive_the_server_and_do_no_harm_to_the_run(night):
     with served(night) as server:
-        opened(server).post("/api/pick", {"change": "note", "ids": [4], "note": "the best"})
+        opened(server).post("/api/0/pick", {"change": "note", "ids": [4], "note": "the best"})
     with served(night) as server:
-        assert opened(server).get("/api/picks").json["picks"] == [{"id": 4, "note": "the best"}]
+        assert opened(server).get("/api/0/picks").json["picks"] == [{"id": 4, "note": "the best"}]
     run = evocity.open_run(night)
     assert (len(run), run.damaged) == (24, ())
 
@@ -284,10 +313,10 @@ def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monke
     before = contents(night)
     monkeypatch.setattr(picking, "_is_own", lambda folder: False)
     with served(night) as server:
-        told = opened(server).post("/api/pick", {"change": "pick", "ids": [2]}).json
+        told = opened(server).post("/api/0/pick", {"change": "pick", "ids": [2]}).json
     assert Path(told["place"]).parent == state_folder() / "picks"
     with served(night) as server:
-        assert opened(server).get("/api/picks").json["picks"] == [{"id": 2, "note": ""}]
+        assert opened(server).get("/api/0/picks").json["picks"] == [{"id": 2, "note": ""}]
     assert contents(night) == before
 
 
@@ -304,7 +333,7 @@ def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monke
 )
 def test_a_damaged_file_of_picks_is_told_and_left(asked, night, text):
     (night / "picks.json").write_text(text)
-    told = asked.post("/api/pick", {"change": "pick", "ids": [2]})
+    told = asked.post("/api/0/pick", {"change": "pick", "ids": [2]})
     assert (told.status, "tells no picks" in told.json["error"]["found"]) == (409, True)
     assert (night / "picks.json").read_text() == text
 
@@ -316,30 +345,30 @@ def test_picks_are_not_written_where_a_link_leads(asked, night, tmp_path):
         target.write_text(content)
         (night / "picks.json").unlink(missing_ok=True)
         (night / "picks.json").symlink_to(target)
-        assert asked.post("/api/pick", {"change": "pick", "ids": [2]}).status == 409
+        assert asked.post("/api/0/pick", {"change": "pick", "ids": [2]}).status == 409
         assert target.read_text() == content
 
 
 def test_two_hands_at_once_lose_no_pick(asked):
     hands = [
-        threading.Thread(target=asked.post, args=("/api/pick", {"change": "pick", "ids": [one]}))
+        threading.Thread(target=asked.post, args=("/api/0/pick", {"change": "pick", "ids": [one]}))
         for one in range(12)
     ]
     for hand in hands:
         hand.start()
     for hand in hands:
         hand.join()
-    assert {one["id"] for one in asked.get("/api/picks").json["picks"]} == set(range(12))
+    assert {one["id"] for one in asked.get("/api/0/picks").json["picks"]} == set(range(12))
 
 
 def test_a_run_is_asked_to_breed_from_picks_as_by_the_command(asked, night):
-    told = asked.post("/api/steer", {"steer": "pick", "ids": [3, 5]}).json
+    told = asked.post("/api/0/steer", {"steer": "pick", "ids": [3, 5]}).json
     assert told == {"words": "picked: 3 5", "going": False}
     (line,) = (night / "commands.jsonl").read_text().splitlines()
     assert {"command": "pick", "ids": [3, 5]}.items() <= json.loads(line).items()
-    assert asked.post("/api/steer", {"steer": "drop", "ids": [3]}).status == 200
-    assert asked.post("/api/steer", {"steer": "drop", "ids": [9]}).status == 409
-    assert asked.post("/api/steer", {"steer": "stop", "ids": [9]}).status == 400
+    assert asked.post("/api/0/steer", {"steer": "drop", "ids": [3]}).status == 200
+    assert asked.post("/api/0/steer", {"steer": "drop", "ids": [9]}).status == 409
+    assert asked.post("/api/0/steer", {"steer": "stop", "ids": [9]}).status == 400
 
 
 # -- files ---------------------------------------------------------------------------------------
@@ -347,15 +376,15 @@ def test_a_run_is_asked_to_breed_from_picks_as_by_the_command(asked, night):
 
 def test_chosen_births_are_files_as_the_library_writes_them(asked, night, tmp_path):
     before, run = contents(night), evocity.open_run(night)
-    told = asked.post("/api/csv", {"ids": [3, 0, 3]})
+    told = asked.post("/api/0/csv", {"ids": [3, 0, 3]})
     run.to_csv(tmp_path / "right.csv", of=[3, 0])
     assert told.content == (tmp_path / "right.csv").read_bytes()
     assert told.headers["content-type"].startswith("text/csv")
-    told = asked.post("/api/png", {"ids": [3, 0]})
+    told = asked.post("/api/0/png", {"ids": [3, 0]})
     run.save([3, 0], tmp_path / "right.png")
     right = (told.content, (tmp_path / "right.png").read_bytes())
     assert np.array_equal(*(np.asarray(Image.open(io.BytesIO(one))) for one in right))
-    told = asked.post("/api/zip", {"ids": [3]})
+    told = asked.post("/api/0/zip", {"ids": [3]})
     with zipfile.ZipFile(io.BytesIO(told.content)) as archive:
         names = set(archive.namelist())
         genome = archive.extract("3/genome.parquet", tmp_path)
@@ -364,7 +393,7 @@ def test_chosen_births_are_files_as_the_library_writes_them(asked, night, tmp_pa
         assert names == set(archive.namelist())
     assert {"3/map.tif", "3/scene.glb", "scores.csv", "ATTRIBUTION.txt"} <= names
     assert evocity.read_genome(genome) == run[3].genome
-    assert asked.post("/api/zip", {"ids": list(range(MOST_SAVED + 1))}).status == 409
-    assert asked.post("/api/csv", {"ids": [99_999]}).status == 409
-    assert asked.post("/api/zip", {"ids": []}).status == 400
+    assert asked.post("/api/0/zip", {"ids": list(range(MOST_SAVED + 1))}).status == 409
+    assert asked.post("/api/0/csv", {"ids": [99_999]}).status == 409
+    assert asked.post("/api/0/zip", {"ids": []}).status == 400
     assert contents(night) == before

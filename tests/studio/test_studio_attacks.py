@@ -54,7 +54,7 @@ def own(client: Client) -> str:
     ],
     ids=str,
 )
-@pytest.mark.parametrize("path", ["/", "/api/births", "/nothing", "/page/studio.js"])
+@pytest.mark.parametrize("path", ["/", "/api/0/births", "/nothing", "/page/studio.js"])
 def test_another_host_is_refused_before_anything_is_looked_for(attacked, host, path):
     hosts = [one.format(port=attacked.server.port) for one in host]
     assert attacked.ask("GET", path, host=hosts).status == 421
@@ -63,12 +63,12 @@ def test_another_host_is_refused_before_anything_is_looked_for(attacked, host, p
 @pytest.mark.parametrize("hosts", [[], ["127.0.0.1:{port}", "evil.example"]], ids=str)
 def test_no_host_and_two_hosts_are_refused(attacked, hosts):
     hosts = [one.format(port=attacked.server.port) for one in hosts]
-    assert attacked.ask("GET", "/api/births", host=hosts).status in (400, 421)
+    assert attacked.ask("GET", "/api/0/births", host=hosts).status in (400, 421)
 
 
 @pytest.mark.parametrize("name", ["localhost", "[::1]"])
 def test_other_names_of_this_machine_are_its_own(attacked, name):
-    told = attacked.ask("GET", "/api/picks", host=[f"{name}:{attacked.server.port}"])
+    told = attacked.ask("GET", "/api/0/picks", host=[f"{name}:{attacked.server.port}"])
     assert told.status == 200
 
 
@@ -92,9 +92,9 @@ def test_other_names_of_this_machine_are_its_own(attacked, name):
 def test_another_site_is_refused(attacked, headers, method):
     pairs = [(name, value.format(port=attacked.server.port)) for name, value in headers]
     if method == "POST":
-        told = attacked.ask("POST", "/api/pick", [*pairs, JSON, HEADER], PICK)
+        told = attacked.ask("POST", "/api/0/pick", [*pairs, JSON, HEADER], PICK)
     else:
-        told = attacked.ask("GET", "/api/births", pairs)
+        told = attacked.ask("GET", "/api/0/births", pairs)
     assert told.status == 403
     assert b"night" not in told.content
 
@@ -113,7 +113,7 @@ def test_another_site_is_refused(attacked, headers, method):
         "=;=;,",
     ],
 )
-@pytest.mark.parametrize("path", ["/", "/api/births", "/api/picks", "/page/studio.js"])
+@pytest.mark.parametrize("path", ["/", "/api/0/births", "/api/0/picks", "/page/studio.js"])
 def test_without_the_cookie_nothing_is_told(attacked, cookie, path):
     secret = attacked.cookie.partition("=")[2]
     token = attacked.server.url.partition("token=")[2]
@@ -134,7 +134,7 @@ def test_without_the_cookie_nothing_is_told(attacked, cookie, path):
         "/?token={short}",
         "/?token=guessed&token={token}",
         "/?Token={token}",
-        "/api/births?token={token}",
+        "/api/0/births?token={token}",
     ],
 )
 def test_another_token_opens_nothing(attacked, path):
@@ -172,9 +172,13 @@ def test_a_token_changes_nothing(attacked):
         "/page/table.py",
         "/api",
         "/api/",
-        "/api/births/",
-        "/api/%62irths",
-        "/api/births;x=1",
+        "/api/births",
+        "/api/-1/births",
+        "/api/0/0/births",
+        "/api/%30/births",
+        "/api/0/births/",
+        "/api/0/%62irths",
+        "/api/0/births;x=1",
         "/.git/config",
         "/runs/night/provenance.json",
         "/provenance.json",
@@ -193,17 +197,17 @@ def test_what_is_no_address_of_the_table_is_nothing(attacked, path):
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [
-        ("PUT", "/api/pick", 405),
-        ("DELETE", "/api/picks", 405),
+        ("PUT", "/api/0/pick", 405),
+        ("DELETE", "/api/0/picks", 405),
         ("PATCH", "/", 405),
-        ("OPTIONS", "/api/pick", 405),
+        ("OPTIONS", "/api/0/pick", 405),
         ("TRACE", "/", 405),
         ("CONNECT", "/", 405),
         ("PROPFIND", "/", 405),
-        ("GET", "/api/pick", 405),
-        ("GET", "/api/zip", 405),
-        ("HEAD", "/api/steer", 405),
-        ("POST", "/api/births", 405),
+        ("GET", "/api/0/pick", 405),
+        ("GET", "/api/0/zip", 405),
+        ("HEAD", "/api/0/steer", 405),
+        ("POST", "/api/0/births", 405),
         ("POST", "/", 405),
     ],
 )
@@ -243,44 +247,48 @@ def test_another_method_is_refused(attacked, method, path, status):
     ids=range(24),
 )
 def test_changes_are_json_of_known_form_or_nothing(attacked, headers, body, status):
-    assert attacked.ask("POST", "/api/pick", headers, body).status == status
-    assert attacked.get("/api/picks").json["picks"] == []
+    assert attacked.ask("POST", "/api/0/pick", headers, body).status == status
+    assert attacked.get("/api/0/picks").json["picks"] == []
 
 
 def test_a_body_without_a_length_is_counted(attacked):
     chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
     body = chunk * 17 + b"0\r\n\r\n"
     headers = [HEADER, JSON, ("Transfer-Encoding", "chunked")]
-    assert attacked.ask("POST", "/api/pick", headers, body).status == 413
+    assert attacked.ask("POST", "/api/0/pick", headers, body).status == 413
 
 
 def test_a_question_with_a_body_is_refused(attacked):
-    assert attacked.ask("GET", "/api/births", body=b"{}").status == 400
+    assert attacked.ask("GET", "/api/0/births", body=b"{}").status == 400
 
 
 @pytest.mark.parametrize(
     "question",
     [
-        "/api/one?id=../3",
-        "/api/one?id=",
-        "/api/one",
-        "/api/one?id=-1",
-        "/api/one?id=1.5",
-        "/api/one?id=1e3",
-        "/api/one?id=%D9%A3",
-        "/api/one?id=99999999999999999999",
-        "/api/picture?id=3&kind=../map",
-        "/api/picture?id=3",
-        "/api/pedigree?id=3&steps=1000000",
-        "/api/tiles?ids=&side=96",
-        "/api/tiles?ids=1,,2&side=96",
-        "/api/tiles?ids=../1&side=96",
-        "/api/tiles?ids=1&side=100000",
-        "/api/tiles?ids=1&side=97",
-        "/api/tiles?ids=" + ",".join(["1"] * 65) + "&side=96",
-        "/api/changes?after=nan",
-        "/api/changes",
-        "/api/heights?id=x",
+        "/api/0/one?id=../3",
+        "/api/0/one?id=",
+        "/api/0/one",
+        "/api/0/one?id=-1",
+        "/api/0/one?id=1.5",
+        "/api/0/one?id=1e3",
+        "/api/0/one?id=%D9%A3",
+        "/api/0/one?id=99999999999999999999",
+        "/api/0/picture?id=3&kind=../map",
+        "/api/0/picture?id=3",
+        "/api/0/pedigree?id=3&steps=1000000",
+        "/api/0/tiles?ids=&side=96",
+        "/api/0/tiles?ids=1,,2&side=96",
+        "/api/0/tiles?ids=../1&side=96",
+        "/api/0/tiles?ids=1&side=100000",
+        "/api/0/tiles?ids=1&side=97",
+        "/api/0/tiles?ids=" + ",".join(["1"] * 65) + "&side=96",
+        "/api/0/changes?after=nan",
+        "/api/0/changes",
+        "/api/0/heights?id=x",
+        "/api/1/births",
+        "/api/x/births",
+        "/api/99999999999999999999/births",
+        "/api/0.0/births",
     ],
 )
 def test_questions_are_numbers(attacked, question):
@@ -290,8 +298,8 @@ def test_questions_are_numbers(attacked, question):
 
 
 def test_long_lines_and_headers_are_refused(attacked):
-    assert attacked.get("/api/one?id=" + "0" * 5000).status == 414
-    told = attacked.ask("GET", "/api/picks", [("X-Long", "x" * 100_000)])
+    assert attacked.get("/api/0/one?id=" + "0" * 5000).status == 414
+    told = attacked.ask("GET", "/api/0/picks", [("X-Long", "x" * 100_000)])
     assert told.status in (400, 431)
 
 
@@ -302,15 +310,15 @@ def test_no_websocket_opens(attacked):
         ("Sec-WebSocket-Version", "13"),
         ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
     ]
-    told = attacked.ask("GET", "/api/picks", headers)
+    told = attacked.ask("GET", "/api/0/picks", headers)
     assert told.status != 101
 
 
 def test_a_second_request_cannot_hide_in_a_body(attacked):
-    hidden = f"POST /api/pick HTTP/1.1\r\nHost: {own(attacked)}\r\n\r\n".encode()
+    hidden = f"POST /api/0/pick HTTP/1.1\r\nHost: {own(attacked)}\r\n\r\n".encode()
     with socket.create_connection((HOST, attacked.server.port), 20) as raw:
         raw.sendall(
-            f"POST /api/pick HTTP/1.1\r\nHost: evil.example\r\nContent-Length: {len(hidden)}\r\n"
+            f"POST /api/0/pick HTTP/1.1\r\nHost: evil.example\r\nContent-Length: {len(hidden)}\r\n"
             f"Transfer-Encoding: chunked\r\n\r\n".encode()
             + hidden
         )
@@ -327,7 +335,8 @@ def test_only_this_machine_can_connect(attacked):
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/page/studio.js", "/api/picks", "/api/one?id=3", "/nothing", "/api/one?id=x"]
+    "path",
+    ["/", "/page/studio.js", "/api/0/picks", "/api/0/one?id=3", "/nothing", "/api/0/one?id=x"],
 )
 def test_every_answer_says_what_a_browser_may_do_with_it(attacked, path):
     said = attacked.get(path).headers

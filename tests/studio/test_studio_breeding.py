@@ -150,15 +150,15 @@ def test_a_strangers_measures_are_never_executed(toy, here, tmp_path):
         client = Client(server)
         client.open()
         brood = json.loads(json.dumps(BROOD))
-        assert client.post("/api/breed", brood).status == 200
+        assert client.post("/api/0/breed", brood).status == 200
         end = time.monotonic() + 120
-        while (told := client.get("/api/brood").json)["busy"]:
+        while (told := client.get("/api/0/brood").json)["busy"]:
             assert time.monotonic() < end
         assert told["error"] is None
         assert [set(one["values"]) for one in told["children"]] == [{"alignment"}] * 6
         assert set(told["left"]) == {"spread", "roof"}
         assert "not begun on this machine" in told["left"]["roof"]
-        kept = client.post("/api/keep", {"brood": 1, "children": [0], "picks": [5]}).json
+        kept = client.post("/api/0/keep", {"brood": 1, "children": [0], "picks": [5]}).json
         assert "toys.py" in kept["left"]
     recipe = tomllib.loads(Path(kept["recipe"]).read_text())
     assert [one["name"] for one in recipe["fitness"]] == ["alignment"]
@@ -174,24 +174,24 @@ def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
     with served(run) as server:
         client = Client(server)
         client.open()
-        client.post("/api/breed", json.loads(json.dumps(BROOD)))
-        while client.get("/api/brood").json["busy"]:
+        client.post("/api/0/breed", json.loads(json.dumps(BROOD)))
+        while client.get("/api/0/brood").json["busy"]:
             time.sleep(0.01)
-        sheet, _ = client.get("/api/brood-tiles?brood=1&ids=0,3,77").framed
+        sheet, _ = client.get("/api/0/brood-tiles?brood=1&ids=0,3,77").framed
         assert sheet["tiles"] == [0, 3]
-        picture = client.get("/api/brood-picture?brood=1&id=3")
+        picture = client.get("/api/0/brood-picture?brood=1&id=3")
         assert picture.content.startswith(b"\x89PNG")
-        assert client.get("/api/brood-picture?brood=2&id=3").status == 409
+        assert client.get("/api/0/brood-picture?brood=2&id=3").status == 409
         for asked in ({"children": [77]}, {"brood": 9}, {"picks": [999]}):
-            refused = client.post("/api/keep", {"brood": 1, "children": [3], "picks": []} | asked)
+            refused = client.post("/api/0/keep", {"brood": 1, "children": [3], "picks": []} | asked)
             assert refused.status == 409
         assert not (run.parent / "night-children").exists()
         before = contents(run)
         told = [
-            client.post("/api/keep", {"brood": 1, "children": [3, 0], "picks": [5]}).json
+            client.post("/api/0/keep", {"brood": 1, "children": [3, 0], "picks": [5]}).json
             for _ in range(2)
         ]
-        genome = server.studio.breeding.child(1, 3).genome
+        genome = server.studio.runs[0].breeding.child(1, 3).genome
         assert contents(run) == before
     assert [Path(one["folder"]).name for one in told] == ["night-children", "night-children-2"]
     folder = Path(told[0]["folder"])
@@ -213,26 +213,35 @@ def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
 
 
 def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
-    run = shutil.copytree(OLD / "run-6", tmp_path / "night")
-    with served(run) as server:
+    run, other = (shutil.copytree(OLD / "run-6", tmp_path / one) for one in ("night", "other"))
+    with served(run, other) as server:
         client = Client(server)
         client.open()
-        assert client.post("/api/ready", {}).status == 200
-        while client.get("/api/brood").json["busy"]:
+        assert client.post("/api/0/ready", {}).status == 200
+        while client.get("/api/0/brood").json["busy"]:
             time.sleep(0.05)
-        assert client.post("/api/ready", {"x": 1}).status == 400
+        assert client.post("/api/0/ready", {"x": 1}).status == 400
         asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
-        assert client.post("/api/breed", asked).status == 200
-        refused = client.post("/api/breed", asked)
+        assert client.post("/api/0/breed", asked).status == 200
+        refused = client.post("/api/0/breed", asked)
+        assert (refused.status, refused.json["error"]["expected"]) == (409, "one at a time")
+        refused = client.post("/api/1/ready", {})
         assert (refused.status, refused.json["error"]["expected"]) == (409, "one at a time")
         seen = set()
-        while (told := client.get("/api/brood").json)["busy"]:
+        while (told := client.get("/api/0/brood").json)["busy"]:
             seen |= {one["stage"] for one in told["children"]}
         stages = [one["stage"] for one in told["children"]]
         assert set(stages) <= {"measured", "failed"}
-        workers = server.studio.breeding._workers
+        workers = server.studio.runs[0].breeding._workers
         assert workers.described["engine"] == "workers"
-        assert client.post("/api/stop", {}).status == 200
+        assert client.post("/api/1/ready", {}).status == 200
+        assert workers._seats == {}
+        assert [one["stage"] for one in client.get("/api/0/brood").json["children"]] == stages
+        while client.get("/api/1/brood").json["busy"]:
+            time.sleep(0.05)
+        workers = server.studio.runs[1].breeding._workers
+        assert workers._seats
+        assert client.post("/api/1/stop", {}).status == 200
     assert workers._seats == {}
 
 
@@ -252,14 +261,14 @@ def test_a_run_breeds_the_same_beside_a_studio(toy, tmp_path, monkeypatch):
         with served(tmp_path / "run") as server:
             client = Client(server)
             client.open()
-            assert client.get("/api/changes?after=-1").json["going"] is True
+            assert client.get("/api/0/changes?after=-1").json["going"] is True
             for _ in range(2):
-                about, _ = client.get("/api/births").framed
-                client.get("/api/tiles?ids=0,1,2,3,4,5&side=96")
-                client.post("/api/pick", {"change": "pick", "ids": [about["count"] - 1]})
+                about, _ = client.get("/api/0/births").framed
+                client.get("/api/0/tiles?ids=0,1,2,3,4,5&side=96")
+                client.post("/api/0/pick", {"change": "pick", "ids": [about["count"] - 1]})
                 next(generations, None)
                 search.flush()
-            assert client.get("/api/births").framed[0]["generation"] == 1
+            assert client.get("/api/0/births").framed[0]["generation"] == 1
     left, right = (evocity.open_run(one) for one in (toy, tmp_path / "run"))
     names = [name for name in left.births().column_names if name != "seconds"]
     assert left.births(columns=names).equals(right.births(columns=names))
@@ -283,13 +292,13 @@ def test_a_run_breeds_the_same_beside_a_studio(toy, tmp_path, monkeypatch):
     ],
 )
 def test_broods_are_asked_for_in_one_form(asked, body):
-    assert asked.post("/api/breed", body).status == 400
-    assert asked.get("/api/brood").json["brood"] == 0
+    assert asked.post("/api/0/breed", body).status == 400
+    assert asked.get("/api/0/brood").json["brood"] == 0
 
 
 @pytest.mark.parametrize("parents", [[99_999], [2**62]])
 def test_who_is_no_birth_is_no_parent(asked, parents):
-    told = asked.post("/api/breed", {"operators": ["mutation"], "parents": parents})
+    told = asked.post("/api/0/breed", {"operators": ["mutation"], "parents": parents})
     assert told.status == 409
 
 

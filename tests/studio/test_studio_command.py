@@ -34,7 +34,7 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind):
         with browser.open(told["url"], timeout=20) as answer:
             page = answer.read()
         assert (answer.status, page) == (200, files()["/"][1])
-        with browser.open(told["url"].partition("?")[0] + "api/births", timeout=20) as answer:
+        with browser.open(told["url"].partition("?")[0] + "api/0/births", timeout=20) as answer:
             assert answer.status == 200
         os.killpg(running.pid, getattr(signal, kind))
         out, err = running.communicate(timeout=30)
@@ -58,8 +58,10 @@ def test_without_the_extra_it_is_named(night, monkeypatch):
 
 
 def test_what_is_no_run_is_refused(tmp_path):
-    told = refused("studio", tmp_path / "none", "--no-browser")
-    assert told.count("expected:") == told.count("what to do:") == 1
+    for words in ([tmp_path / "none"], ["--runs", tmp_path / "none"]):
+        told = refused("studio", *words, "--no-browser")
+        assert told.count("expected:") == told.count("what to do:") == 1
+    assert "--runs" in refused("studio")
 
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():

@@ -95,7 +95,7 @@ def opened(browser):
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))
         page.goto(server.url + at)
-        until(page, "studio.viewer && document.querySelectorAll('[role=option]').length")
+        until(page, "studio.run?.viewer && document.querySelectorAll('[role=option]').length")
         return page
 
     # a server may end before its pages, in the middle of an answer too
@@ -140,7 +140,7 @@ def test_the_token_leaves_the_address_and_the_cookie_stays(opened, folder):
         assert cookie["name"] == f"evocity-{server.port}"
         assert page.evaluate("document.cookie") == ""
         page.reload()
-        until(page, "studio.viewer")
+        until(page, "studio.run?.viewer")
 
 
 def test_the_whole_job_by_keys_alone(opened, folder):
@@ -182,12 +182,12 @@ def test_the_whole_job_by_keys_alone(opened, folder):
         tab_to(".evocity-picks textarea")
         keys.type("courtyards <b>")
         keys.press("Tab")
-        until(page, "studio.picks.list.querySelector('textarea').value === 'courtyards <b>'")
+        until(page, "studio.run.picks.list.querySelector('textarea').value === 'courtyards <b>'")
         assert page.locator("[role=option][aria-label*=picked]").count() == 2
         end = time.monotonic() + 10
         while "courtyards" not in (folder / "picks.json").read_text():
             assert time.monotonic() < end
-        tab_to("#pane-picks button:nth-of-type(2)")
+        tab_to("#pane-0-picks button:nth-of-type(2)")
     after = contents(folder)
     kept = json.loads(after.pop("picks.json"))
     assert [one["id"] for one in kept["picks"]] == right[1:3]
@@ -200,30 +200,30 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         page = opened(server)
         page.get_by_label("order").select_option("id")
         page.locator("[role=option]").nth(7).click()
-        until(page, "studio.one.facts.textContent.includes('less is better')")
-        until(page, "studio.one.image.naturalWidth > 0")
-        assert HOSTILE.replace("_", " ") in page.locator("#pane-birth").inner_text()
+        until(page, "studio.run.one.facts.textContent.includes('less is better')")
+        until(page, "studio.run.one.image.naturalWidth > 0")
+        assert HOSTILE.replace("_", " ") in page.locator("#pane-0-birth").inner_text()
         table = page.locator(".evocity-values").first.inner_text()
         value = evocity.open_run(folder)[7].scores["gsi"]
         assert f"{value:.4g}" in table
         assert "left" in page.locator(".evocity-values").nth(1).inner_text()
-        until(page, "studio.one.pedigree.nodes.length >= 4")
+        until(page, "studio.run.one.pedigree.nodes.length >= 4")
         nodes = page.locator(".evocity-pedigree .evocity-node")
         labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
         assert labels[0] == "birth 7, 0 steps back"
         assert "birth 0, left, 1 steps back" in labels
         page.get_by_role("button", name="whose stones").click()
-        until(page, "studio.one.image.alt.startsWith('which city')")
+        until(page, "studio.run.one.image.alt.startsWith('which city')")
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
         assert state_of(page)["one"] == 3
         page.locator("[role=option]").nth(9).click()
         until(
             page,
-            "document.querySelector('#pane-birth .evocity-lack').textContent.includes('picture')",
+            "document.querySelector('#pane-0-birth .evocity-lack').textContent.includes('picture')",
         )
-        until(page, "studio.one.facts.textContent.includes('late: ')")
-        assert HOSTILE in page.locator("#pane-birth").inner_text()
+        until(page, "studio.run.one.facts.textContent.includes('late: ')")
+        assert HOSTILE in page.locator("#pane-0-birth").inner_text()
         assert page.evaluate("window.hacked") is None
         assert page.locator("main script, img[src=x]").count() == 0
 
@@ -246,17 +246,17 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
 
         check()
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.one.image.naturalWidth > 0 && studio.one.pedigree.nodes.length")
+        until(page, "studio.run.one.image.naturalWidth > 0 && studio.run.one.pedigree.nodes.length")
         page.locator(".evocity-head").first.click()
         check()
         page.get_by_role("tab", name="picks").click()
         check()
         page.get_by_role("tab", name="breed").click()
-        until(page, "studio.breed.following === false && !studio.breed.go.disabled")
+        until(page, "studio.run.breed.following === false && !studio.run.breed.go.disabled")
         page.get_by_role("button", name="breed", exact=True).click()
-        until(page, "studio.breed.children.length && !studio.breed.isBusy")
+        until(page, "studio.run.breed.children.length && !studio.run.breed.isBusy")
         page.locator(".evocity-children button").first.click()
-        until(page, "studio.breed.one.children.length")
+        until(page, "studio.run.breed.one.children.length")
         check()
         page.evaluate("() => studio.tell(new Error('something is at fault'))")
         check()
@@ -271,33 +271,33 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
         page = opened(server)
         page.locator("[role=option]").nth(1).click()
         page.get_by_role("button", name=button, exact=True).click()
-        until(page, "studio.one.drawn && studio.one.drawn.kind")
-        if page.evaluate("() => studio.one.drawn.kind") != kind:
+        until(page, "studio.run.one.drawn && studio.run.one.drawn.kind")
+        if page.evaluate("() => studio.run.one.drawn.kind") != kind:
             pytest.skip("no WebGL2 in this browser")
         canvas = page.locator(f"canvas[data-kind={kind}]")
         assert canvas.is_visible()
         assert "birth" in canvas.get_attribute("aria-label")
         about, heights = page.evaluate(
-            "() => { const { kind, drawers } = studio.one.drawn;"
+            "() => { const { kind, drawers } = studio.run.one.drawn;"
             " const { heights, ...rest } = drawers[kind].city; return [rest, [...heights]]; }"
         )
         city = evocity.open_run(folder)[int(shown_ids(page)[1])].city
         assert heights == city.heights.ravel().tolist()
         assert (about["rows"], about["columns"]) == city.shape
-        camera = "studio.one.drawn.hands[studio.one.drawn.kind].hand.camera.azimuth"
+        camera = "studio.run.one.drawn.hands[studio.run.one.drawn.kind].hand.camera.azimuth"
         before = page.evaluate(f"() => {camera}")
         canvas.focus()
         page.keyboard.down(key)
         until(page, f"{camera} !== {before}")
         page.keyboard.up(key)
         page.locator("[role=option]").nth(2).click()
-        until(page, f"studio.one.within.querySelector('[data-kind={kind}]').ariaLabel"
+        until(page, f"studio.run.one.within.querySelector('[data-kind={kind}]').ariaLabel"
                     f".includes('birth {shown_ids(page)[2]} ')")  # fmt: skip
         assert page.evaluate(f"() => {camera}") != before
         page.locator("[role=option]").nth(9).click()
         page.get_by_role("button", name="map", exact=True).click(trial=True)
         page.get_by_role("button", name="map", exact=True).click()
-        until(page, "studio.one.within.hidden && !studio.one.image.hidden")
+        until(page, "studio.run.one.within.hidden && !studio.run.one.image.hidden")
 
 
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
@@ -313,7 +313,7 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
         assert shown_ids(again) == ids
         assert state_of(again) == state_of(page)
         until(again, f"document.querySelector('h2').textContent === 'birth {ids[2]}'")
-        line = again.evaluate("() => studio.picks.python.value")
+        line = again.evaluate("() => studio.run.picks.python.value")
         assert 'view(order="crumbs")' in line
         assert f"[{ids[2]}]" in line
         strange = {
@@ -334,20 +334,23 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder):
         page = opened(server)
         others = [opened(server, context=page.context) for _ in range(7)]
         page.locator("[role=option]").nth(3).click()
-        page.evaluate("() => { studio.viewer.gallery.root.scrollTop = 150; }")
+        page.evaluate("() => { studio.run.viewer.gallery.root.scrollTop = 150; }")
         until(page, "document.querySelector('[role=option]').dataset.place !== '0'")
-        before, top = shown_ids(page), page.evaluate("() => studio.viewer.gallery.root.scrollTop")
+        before, top = (
+            shown_ids(page),
+            page.evaluate("() => studio.run.viewer.gallery.root.scrollTop"),
+        )
         state = state_of(page)
         for _ in range(3):
             grown(folder)
             time.sleep(0.55)
         for one in [page, *others]:
             look(one)
-            until(one, "studio.about.generation === 3")
-            ids = one.evaluate("() => Array.from(studio.viewer.births.ids)")
+            until(one, "studio.run.about.generation === 3")
+            ids = one.evaluate("() => Array.from(studio.run.viewer.births.ids)")
             assert ids == evocity.open_run(folder).told.ids.tolist()
         assert shown_ids(page) == before
-        assert page.evaluate("() => studio.viewer.gallery.root.scrollTop") == top
+        assert page.evaluate("() => studio.run.viewer.gallery.root.scrollTop") == top
         assert state_of(page) == state
         assert f"{COUNT + 60} births" in page.locator("#news").inner_text()
         page.get_by_role("button", name="60 new ones come last: put in order").click()
@@ -365,10 +368,10 @@ def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
         look(page)
         time.sleep(0.2)
         assert field.input_value() == "0.1"
-        assert page.evaluate("() => studio.about.generation") == 0
+        assert page.evaluate("() => studio.run.about.generation") == 0
         page.locator("[role=listbox]").focus()
         look(page)
-        until(page, "studio.about.generation === 1")
+        until(page, "studio.run.about.generation === 1")
         assert (
             page.locator(".evocity-count")
             .inner_text()
@@ -386,10 +389,10 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         page.get_by_role("tab", name="birth").focus()
         for _ in range(2):
             keys.press("ArrowRight")
-        until(page, "studio.breed.following === false && !studio.breed.go.disabled")
-        page.locator("#pane-breed select").focus()
-        page.locator("#pane-breed select").select_option("pavement_fusion")
-        page.locator("#pane-breed summary").first.focus()
+        until(page, "studio.run.breed.following === false && !studio.run.breed.go.disabled")
+        page.locator("#pane-0-breed select").focus()
+        page.locator("#pane-0-breed select").select_option("pavement_fusion")
+        page.locator("#pane-0-breed summary").first.focus()
         keys.press("Enter")
         field = page.get_by_label("fill", exact=True)
         field.focus()
@@ -404,24 +407,76 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         keys.type("0.4")
         keys.press("Enter")
         until(page, "studio.trouble.hidden")
-        until(page, "studio.breed.children.filter((one) => one.stage === 'measured').length === 3")
-        until(page, "!studio.breed.isBusy")
+        until(
+            page, "studio.run.breed.children.filter((one) => one.stage === 'measured').length === 3"
+        )
+        until(page, "!studio.run.breed.isBusy")
         page.locator("[aria-label^='child 1, pavement fusion, measured']").focus()
         keys.press("Enter")
-        until(page, "studio.breed.image.naturalWidth > 0")
-        assert "crumbs" in page.locator("#pane-breed .evocity-values").inner_text()
+        until(page, "studio.run.breed.image.naturalWidth > 0")
+        assert "crumbs" in page.locator("#pane-0-breed .evocity-values").inner_text()
         page.get_by_label("keep it").focus()
         keys.press(" ")
         page.get_by_role("button", name="keep 1 with a recipe").focus()
         keys.press("Enter")
-        until(page, "studio.breed.said.textContent.includes('evocity run')")
+        until(page, "studio.run.breed.said.textContent.includes('evocity run')")
         recipe = page.locator(".evocity-command").inner_text().removeprefix("evocity run ")
         told = [(one.genome, one.id) for one in evocity.read_recipe(recipe).parents]
         assert told == [("child-1.parquet", None), (None, 3), (None, 20)]
         page.reload()
-        until(page, "studio.viewer")
+        until(page, "studio.run?.viewer")
         page.get_by_role("tab", name="breed").click()
-        until(page, "studio.breed.children.length === 3")  # they are there until the next brood
+        until(page, "studio.run.breed.children.length === 3")  # they are there until the next brood
+
+
+def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
+    other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path
+    with served(folder, other) as server:
+        page = opened(server)
+        keys = page.keyboard
+        page.get_by_label("order").select_option("crumbs")
+        page.locator("[role=option]").nth(2).click()
+        first = shown_ids(page)
+        page.locator("#runs select").first.focus()
+        keys.press("ArrowDown")
+        until(page, "studio.run.number === 1 && studio.run.viewer")
+        assert page.locator(".evocity-births").count() == 1
+        assert page.evaluate("document.title") == "run other – evocity studio"
+        assert state_of(page)["run"] == 1
+        assert set(shown_ids(page)) <= set(range(30))
+        keys.press("ArrowUp")
+        until(page, "studio.run.number === 0 && studio.run.viewer")
+        assert shown_ids(page) == first  # as it was left
+        keys.press("Tab")
+        keys.press("ArrowDown")
+        until(page, "studio.runs.length === 2 && studio.runs[1].viewer")
+        sections = page.locator(".evocity-births")
+        boxes = [sections.nth(k).bounding_box() for k in range(2)]
+        assert boxes[0]["x"] + boxes[0]["width"] <= boxes[1]["x"] + 1
+        sections.nth(1).locator("[role=option]").nth(3).click()
+        until(
+            page, "studio.run.number === 1 && studio.run.one.facts.textContent.includes('wanted')"
+        )
+        assert page.locator("#pane-1-birth").is_visible()
+        assert not page.locator("#pane-0-birth").is_visible()
+        page.get_by_role("button", name="pick it").click()
+        until(page, "studio.runs[1].picks.ids.length === 1")
+        assert (other / "picks.json").exists()
+        assert not (folder / "picks.json").exists()
+        sections.nth(0).locator("[role=listbox]").focus()
+        until(page, "studio.run.number === 0")
+        held = state_of(page)
+        assert (held["run"], held["beside"]["run"]) == (0, 1)
+        assert (held["order"]["name"], held["beside"]["order"]["name"]) == ("crumbs", "gsi")
+        again = opened(server, context=page.context, at=f"#{page.url.partition('#')[2]}")
+        until(again, "studio.runs.length === 2 && studio.runs.every((one) => one.viewer)")
+        assert state_of(again) == held
+        until(
+            again, "document.getElementById('news').textContent.includes('run other: generation')"
+        )
+        again.get_by_label("beside it").select_option("none")
+        until(again, "studio.runs.length === 1")
+        assert "beside" not in state_of(again)
 
 
 def test_a_server_that_ends_is_told_and_found_again(opened, folder):
@@ -430,7 +485,7 @@ def test_a_server_that_ends_is_told_and_found_again(opened, folder):
         page, port = opened(server), server.port
     look(page)
     until(page, "document.getElementById('trouble').textContent.includes('has ended')")
-    with served(folder, port) as server:
+    with served(folder, port=port) as server:
         context = page.context
         until(
             page, "studio.trouble.textContent.includes('started again') || (studio.look(), false)"
@@ -439,7 +494,7 @@ def test_a_server_that_ends_is_told_and_found_again(opened, folder):
         look(page)
         until(page, "studio.trouble.hidden || (studio.look(), false)")
         page.locator("[role=option]").nth(2).click()
-        until(page, "studio.one.facts.textContent.includes('wanted')")
+        until(page, "studio.run.one.facts.textContent.includes('wanted')")
 
 
 def test_a_run_that_is_gone_is_told(opened, folder):
@@ -457,9 +512,9 @@ def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
     with served(folder) as server:
         page = opened(server, width, height)
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.one.image.naturalWidth > 0")
+        until(page, "studio.run.one.image.naturalWidth > 0")
         page.get_by_role("button", name="pick it").click()
-        until(page, "studio.picks.ids.length")
+        until(page, "studio.run.picks.ids.length")
         for tab in ("birth", "picks", "breed"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width

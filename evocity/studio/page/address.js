@@ -1,14 +1,22 @@
-/** What the address holds: filter, order, axes, who is chosen, whose numbers are shown. */
+/** What the address holds: which run, or two beside each other; of each filter, order, axes, who is
+ * chosen, whose numbers are shown. */
 
 /** So many chosen ones stand in an address; it holds none of more. */
 const MOST_CHOSEN = 400;
 
-/** The state in the address, as far as it is one of these births; what is else in it does not count. */
-export function readAddress(births, usual) {
-  let told = {};
+/** What the address tells of runs: {run, …} each, one or two, of runs that there are. */
+export function readAddress(isRun) {
+  let told = null;
   try {
-    told = JSON.parse(decodeURIComponent(location.hash.slice(1))) || {};
+    told = JSON.parse(decodeURIComponent(location.hash.slice(1)));
   } catch { /* it was cut off, or is another's */ }
+  const first = told && typeof told === "object" ? told : {}, second = first.beside;
+  if (!isRun(first.run)) first.run = 0;
+  return second && isRun(second.run) && second.run !== first.run ? [first, second] : [first];
+}
+
+/** What was `told` of a state, as far as it is one of these births; what is else in it does not count. */
+export function checked(told, births, usual) {
   const isName = (name) => typeof name === "string" && births.byName.has(name);
   const listed = (value) => (Array.isArray(value) ? value : []);
   const found = { ...usual };
@@ -32,11 +40,12 @@ export function readAddress(births, usual) {
   return found;
 }
 
-/** Put a state into the address, in place of the token that was in it. */
-export function writeAddress(state) {
-  const { chosen, ...rest } = state;
-  const kept = chosen && chosen.length <= MOST_CHOSEN ? { ...rest, chosen } : rest;
-  history.replaceState(null, "", `/#${encodeURIComponent(JSON.stringify(kept))}`);
+/** Put the states of one run or two into the address, in place of the token that was in it. */
+export function writeAddress(states) {
+  const [first, second] = states.map(({ chosen, ...rest }) =>
+    (chosen && chosen.length <= MOST_CHOSEN ? { ...rest, chosen } : rest));
+  const held = second ? { ...first, beside: second } : first;
+  history.replaceState(null, "", `/#${encodeURIComponent(JSON.stringify(held))}`);
 }
 
 /** A line of Python that has the same births in a notebook. */

@@ -1,6 +1,6 @@
 import { Tiles } from "./tiles.js";
 import { made, number, sized } from "./made.js";
-import { asked, blobOf, tiles, told } from "./server.js";
+import { asked } from "./server.js";
 
 const SIZE = 72, SOON = 120;
 /** What takes turns where no operator is named: one of each kind. */
@@ -10,8 +10,8 @@ const ANY = "several in turn";
 
 /** Children of the picks, one by one; those that are kept. `on`: ids(), births(), trouble(error). */
 export class Breed {
-  constructor(parent, on) {
-    this.on = on;
+  constructor(parent, server, on) {
+    [this.server, this.on] = [server, on];
     this.operators = [];
     this.children = [];
     this.kept = new Set();
@@ -63,7 +63,7 @@ export class Breed {
     try {
       if (!this.operators.length) this.operators = (await asked("operators")).operators;
       this.inform();
-      this.tell(await told("ready", { parents: this.on.ids().slice(0, 16) }));
+      this.tell(await this.server.told("ready", { parents: this.on.ids().slice(0, 16) }));
       this.follow();
     } catch (error) {
       this.on.trouble(error);
@@ -129,7 +129,7 @@ export class Breed {
 
   async ask(name, body) {
     try {
-      this.tell(await told(name, body));
+      this.tell(await this.server.told(name, body));
       this.on.trouble(null);
       this.follow();
     } catch (error) {
@@ -144,7 +144,7 @@ export class Breed {
     try {
       while (this.isBusy) {
         await new Promise((resolve) => setTimeout(resolve, SOON));
-        this.tell(await asked("brood"));
+        this.tell(await this.server.asked("brood"));
       }
     } catch (error) {
       this.on.trouble(error);
@@ -157,7 +157,7 @@ export class Breed {
   tell({ brood, busy, error, left, children }) {
     if (brood !== this.brood) {
       this.brood = brood;
-      this.small = new Tiles((ids) => tiles("brood-tiles", { brood, ids }), () => this.draw());
+      this.small = new Tiles((ids) => this.server.tiles("brood-tiles", { brood, ids }), () => this.draw());
       this.grid.replaceChildren(...children.map((child) => this.button(child)));
     }
     this.isBusy = busy;
@@ -227,7 +227,7 @@ export class Breed {
     const place = this.shown, { brood } = this;
     if (!["bred", "measured"].includes(this.children[place].stage)) return;
     try {
-      const blob = await blobOf("brood-picture", { brood, id: place });
+      const blob = await this.server.blobOf("brood-picture", { brood, id: place });
       if (place !== this.shown || brood !== this.brood) return;
       if (this.address) URL.revokeObjectURL(this.address);
       this.address = URL.createObjectURL(blob);
@@ -290,7 +290,7 @@ export class Breed {
 
   async keepThese() {
     try {
-      const { folder, recipe, left } = await told("keep", {
+      const { folder, recipe, left } = await this.server.told("keep", {
         brood: this.brood, children: [...this.kept], picks: this.on.ids().slice(0, 16),
       });
       this.said.replaceChildren();

@@ -1,16 +1,15 @@
 import { made, number } from "./made.js";
 import { Pedigree } from "./pedigree.js";
-import { asked, blobOf, framed } from "./server.js";
 
 /** Pictures of a birth, by what the server calls them. */
 const PICTURES = [["map", "map"], ["stones", "whose stones"]];
 /** What the page draws itself, in three dimensions. */
 const SPACES = [["columns", "in space"], ["walk", "walk"]];
 
-/** All that is told of one birth. `on`: wake(id), pick(ids), drop(ids), trouble(error). */
+/** All that is told of one birth, by the `server` of its run. `on`: wake(id), pick(ids), drop(ids), trouble(error). */
 export class One {
-  constructor(parent, small, on) {
-    this.on = on;
+  constructor(parent, server, small, on) {
+    [this.server, this.on] = [server, on];
     this.id = null;
     this.kind = "map";
     this.marks = new Set();
@@ -34,7 +33,7 @@ export class One {
     this.lack = made(this.root, "p", "lack");
     this.facts = made(this.root, "div");
     made(this.root, "h3", "", "from whom it descends");
-    this.pedigree = new Pedigree(this.root, small, { wake: (id) => on.wake(id) });
+    this.pedigree = new Pedigree(this.root, server, small, { wake: (id) => on.wake(id) });
     this.making = made(this.root, "div");
   }
 
@@ -55,7 +54,7 @@ export class One {
     const { id } = this;
     if (id === null) return;
     try {
-      const told = await asked("one", { id });
+      const told = await this.server.asked("one", { id });
       if (id !== this.id) return;
       this.tell(told);
       if (isOther) this.picture(told.pictured ? this.kind : null);
@@ -92,7 +91,7 @@ export class One {
         return;
       }
       this.within.hidden = true;
-      const blob = await blobOf("picture", { id, kind });
+      const blob = await this.server.blobOf("picture", { id, kind });
       if (!isMeant()) return;
       if (this.address) URL.revokeObjectURL(this.address);
       this.address = URL.createObjectURL(blob);
@@ -114,7 +113,7 @@ export class One {
       const { Space } = await import("./space.js");
       this.drawn = new Space(this.within);
     }
-    const { about, content } = await framed("heights", { id });
+    const { about, content } = await this.server.framed("heights", { id });
     if (!isMeant()) return;
     this.image.hidden = this.lack.hidden = true;
     this.within.hidden = false;

@@ -1,13 +1,12 @@
 import { COLOURS, made, sized } from "./made.js";
-import { asked } from "./server.js";
 
 const STEPS = 4, LARGEST = 56, BETWEEN = 22, CAPTION = 14;
 
 /** From whom a birth descends, a row of pictures a step; lines lead from parents to children. `on`:
  * wake(id). */
 export class Pedigree {
-  constructor(parent, small, on) {
-    [this.small, this.on] = [small, on];
+  constructor(parent, server, small, on) {
+    [this.server, this.small, this.on] = [server, small, on];
     this.root = made(parent, "div", "pedigree");
     this.canvas = made(this.root, "canvas", "", "", { "aria-hidden": "true" });
     this.more = made(parent, "p", "faint");
@@ -17,7 +16,7 @@ export class Pedigree {
 
   async show(id) {
     this.id = id;
-    const told = await asked("pedigree", { id, steps: STEPS });
+    const told = await this.server.asked("pedigree", { id, steps: STEPS });
     if (id !== this.id) return;
     this.told = told;
     this.lay();

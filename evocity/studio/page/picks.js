@@ -1,13 +1,12 @@
 import { counted, made, sized } from "./made.js";
-import { asked, saved, told } from "./server.js";
 
 const SIZE = 56;
 
 /** Who is picked, with notes; births as files. `on`: wake(id), chosen(), choose(ids), picked(ids),
  * python(), trouble(error). */
 export class Picks {
-  constructor(parent, small, on) {
-    [this.small, this.on] = [small, on];
+  constructor(parent, server, small, on) {
+    [this.server, this.small, this.on] = [server, small, on];
     this.ids = [];
     this.isGoing = false;
     const first = made(parent, "div", "row");
@@ -42,11 +41,11 @@ export class Picks {
     return found;
   }
 
-  async load() { this.tell(await asked("picks")); }
+  async load() { this.tell(await this.server.asked("picks")); }
 
   async change(change) {
     try {
-      this.tell(await told("pick", change));
+      this.tell(await this.server.told("pick", change));
       this.on.trouble(null);
     } catch (error) {
       this.on.trouble(error);
@@ -122,7 +121,7 @@ export class Picks {
   async save(kind) {
     this.said.textContent = "writing the files …";
     try {
-      await saved(kind, { ids: this.meant }, `births.${kind}`);
+      await this.server.saved(kind, { ids: this.meant }, `births.${kind}`);
       this.said.textContent = `births.${kind} is with your downloads.`;
       this.on.trouble(null);
     } catch (error) {
@@ -133,7 +132,7 @@ export class Picks {
 
   async command(steer) {
     try {
-      const { words, going } = await told("steer", { steer, ids: this.ids });
+      const { words, going } = await this.server.told("steer", { steer, ids: this.ids });
       this.said.textContent = `${words}; ${going ? "from the next generation on" : "once the run goes on"}`;
       this.on.trouble(null);
     } catch (error) {

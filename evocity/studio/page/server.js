@@ -66,3 +66,7 @@ const question = (name, query) => answered(`/api/${name}?${new URLSearchParams(q
 const change = (name, body) => answered(`/api/${name}`, {
   method: "POST", headers: { "content-type": "application/json", "x-evocity": "studio" }, body: JSON.stringify(body),
 });
+
+/** The same of one run, by its number. */
+export const ofRun = (run) => Object.fromEntries(Object.entries({ asked, blobOf, framed, tiles, told, saved })
+  .map(([name, ask]) => [name, (what, ...rest) => ask(`${run}/${what}`, ...rest)]));

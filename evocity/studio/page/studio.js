@@ -1,43 +1,25 @@
-import { Births } from "./births.js";
-import { counted } from "./made.js";
-import { Tiles } from "./tiles.js";
-import { Viewer } from "./viewer.js";
-import { pythonOf, readAddress, writeAddress } from "./address.js";
-import { Breed } from "./breed.js";
-import { One } from "./one.js";
-import { Picks } from "./picks.js";
-import { asked, framed, tiles } from "./server.js";
-import { Tabs } from "./tabs.js";
+import { readAddress, writeAddress } from "./address.js";
+import { made } from "./made.js";
+import { Run } from "./run.js";
+import { asked } from "./server.js";
 
-/** Milliseconds between two looks for what is new: while the page is seen, and while it is not. */
-const SEEN = 1500, UNSEEN = 15000;
+/** Milliseconds between two looks for runs: while the page is seen, and while it is not. */
+const SEEN = 5000, UNSEEN = 30000;
 
-/** The page: all births on one side; one of them, and what is picked, on the other. */
+/** The page: a run, or two beside each other; at their side what is told of the one that was
+ * touched last. */
 class Studio {
   constructor() {
     this.news = document.getElementById("news");
     this.trouble = document.getElementById("trouble");
-    const side = document.getElementById("side");
-    this.tabs = new Tabs(document.getElementById("tabs"), side, ["birth", "picks", "breed"]);
-    this.small = new Tiles((ids, side) => tiles("tiles", { ids, side }), () => this.arrived());
-    const on = {
-      wake: (id) => this.wake(id),
-      pick: (ids) => this.picks.change({ change: "pick", ids }),
-      drop: (ids) => this.picks.change({ change: "drop", ids }),
-      chosen: () => (this.state ? this.state.chosen : []),
-      choose: (chosen) => this.viewer.change({ chosen }),
-      picked: (ids) => this.picked(ids),
-      python: () => (this.state ? pythonOf(this.about.folder, this.state) : ""),
-      trouble: (error) => this.tell(error),
-    };
-    this.one = new One(this.tabs.panes.birth, this.small, on);
-    this.breed = new Breed(this.tabs.panes.breed, {
-      ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: on.trouble,
-    });
-    this.picks = new Picks(this.tabs.panes.picks, this.small, on);
-    this.tabs.seen = (name) => {
-      if (name === "breed" && this.about) this.breed.open();
-    };
+    this.places = ["births", "side"].map((id) => document.getElementById(id));
+    this.faults = new Map();
+    this.known = [];
+    this.runs = []; // those that are shown
+    this.told = new Map(); // what was told of those that were
+    this.chooser = document.getElementById("runs");
+    this.choosers = ["run", "beside it"].map((text) => made(made(this.chooser, "label", "", `${text} `), "select"));
+    for (const one of this.choosers) one.addEventListener("change", () => this.choose());
     this.pressed = new Set();
     for (const name of ["pointerdown", "pointerup", "pointercancel"]) {
       window.addEventListener(name, ({ pointerId }) => {
@@ -45,131 +27,141 @@ class Studio {
         else this.pressed.delete(pointerId);
       }, true);
     }
-    window.addEventListener("hashchange", () => {
-      if (this.viewer) this.viewer.change(readAddress(this.viewer.births, this.usual));
-    });
+    window.addEventListener("hashchange", () => this.open(readAddress((run) => this.isRun(run))));
     document.addEventListener("visibilitychange", () => {
       if (!document.hidden) this.look();
     });
     if (location.search) history.replaceState(null, "", `/${location.hash}`); // no token stays in the address
-    this.look();
+    this.search();
   }
 
   /** What is at fault with what was asked, or with the looks for what is new; nothing for null. */
   tell(error, of = "asked") {
-    this.faults = { ...this.faults, [of]: error ? error.message || String(error) : "" };
-    const text = Object.values(this.faults).filter(Boolean).join(" ");
+    this.faults.set(of, error ? error.message || String(error) : "");
+    const text = [...new Set(this.faults.values())].filter(Boolean).join(" ");
     if (this.trouble.textContent !== text) this.trouble.textContent = text;
     this.trouble.hidden = !text;
   }
-
-  // -- births ----------------------------------------------------------------------------------
 
   /** Whether the hand is at something that new births would change. */
   get isHeld() {
     return this.pressed.size > 0 || Boolean(document.activeElement.closest(".evocity-panel"));
   }
 
-  /** Look for what is new, again and again, one look at a time. */
-  async look() {
+  // -- which runs ------------------------------------------------------------------------------
+
+  isRun(run) { return this.known.some((one) => one.run === run); }
+
+  /** Look for runs, again and again; show those that the address tells once there are some. */
+  async search() {
     clearTimeout(this.timer);
-    if (this.looking) return;
-    this.looking = true;
-    const began = performance.now();
+    if (this.searching) return;
+    this.searching = true;
     try {
-      const after = this.about ? this.about.generation : -1;
-      const news = await asked("changes", { after });
-      const isOther = this.about && news.run !== this.about.run;
-      if (!this.about) await this.picks.load();
-      if ((news.more || isOther) && !news.problem && !(this.about && this.isHeld)) await this.renew();
-      this.inform(news);
-      this.tell(news.problem, "looked");
+      const { runs, more } = await asked("runs");
+      this.list(runs, more);
+      if (!this.runs.length && runs.length) this.open(readAddress((run) => this.isRun(run)));
+      if (!runs.length) this.news.textContent = "there is no run yet";
+      this.tell(null, "runs");
     } catch (error) {
-      this.tell(error, "looked");
+      this.tell(error, "runs");
     }
-    this.looking = false;
-    const wait = document.hidden ? UNSEEN : SEEN;
-    this.timer = setTimeout(() => this.look(), Math.max(wait, 5 * (performance.now() - began)));
+    this.searching = false;
+    this.timer = setTimeout(() => this.search(), document.hidden ? UNSEEN : SEEN);
   }
 
-  inform(news) {
-    const told = [];
-    if (!this.about) told.push("no whole generation yet");
-    else told.push(`generation ${counted(this.about.generation)}`, `${counted(this.about.count)} births`);
-    told.push(news.going ? "it goes on" : "nothing is at work on it");
-    this.picks.going = news.going;
-    const text = told.join(" · ");
-    if (this.news.textContent !== text) this.news.textContent = text;
-  }
-
-  /** Whole generations anew, in place of those that are here: none can come twice. */
-  async renew() {
-    const { about, content } = await framed("births");
-    const before = this.about;
-    this.about = about;
-    document.title = `${about.title} – evocity studio`;
-    this.one.highest = about.highest; // metres at which all colours end
-    if (!before || before.run !== about.run) this.begin(about, content);
-    else this.viewer.grow(about, content);
-    this.one.renew();
-  }
-
-  begin(about, content) {
-    if (this.viewer) this.viewer.close();
-    this.small.forget();
-    const order = { name: about.axes.length ? about.axes[0].name : "id", reversed: false };
-    this.usual = { chosen: [], brushes: {}, order, axes: about.axes };
-    const { one, ...state } = readAddress(new Births(about, content), this.usual);
-    this.state = { ...state, one };
-    this.viewer = new Viewer(document.getElementById("births"), {
-      about, buffer: content, state,
-      save: (changes) => this.save(changes),
-      tiles: (ids, side) => tiles("tiles", { ids, side }),
-      woken: (id) => this.woken(id),
+  /** Those there are, to choose from; the rest stays under the hand that chooses. */
+  list(runs, more) {
+    const key = JSON.stringify([runs, more]);
+    if (key === this.listed) return;
+    this.listed = key;
+    this.known = runs;
+    this.chooser.hidden = runs.length < 2;
+    const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, goes on` : name]);
+    const left = more ? [["", `${more} more are not listed`]] : [];
+    this.choosers.forEach((select, place) => {
+      const was = select.value, none = place ? [["", "none"]] : [];
+      select.replaceChildren(...[...none, ...options, ...left].map(([value, text]) => made(null, "option", "", text, { value })));
+      if (left.length) select.lastChild.disabled = true;
+      select.value = was;
     });
-    this.picked(this.picks.ids);
-    if (one !== null) this.wake(one);
-    this.save({});
+    this.inform();
   }
 
-  save(changes) {
-    Object.assign(this.state, changes);
-    writeAddress(this.state);
-    this.picks.inform();
+  /** What is chosen in the head. */
+  choose() {
+    const [first, second] = this.choosers.map((one) => one.value);
+    const runs = [first, second].filter((one, place) => one !== "" && (!place || one !== first)).map(Number);
+    this.open(runs.map((run) => this.told.get(run) || { run }));
+    if (this.runs.length > 1) this.turn(this.runs[1]);
   }
 
-  /** Who is picked has a star. */
-  picked(ids) {
-    this.one.picked(ids);
-    if (this.picks) this.breed.inform();
-    if (!this.viewer) return;
-    this.viewer.gallery.marked = new Set(ids);
-    this.viewer.gallery.draw();
+  /** Show the runs of which something is told, one or two, each {run, …}; the others are closed. */
+  open(told) {
+    for (const one of this.runs) this.told.set(one.number, one.held);
+    const kept = new Map(this.runs.map((one) => [one.number, one]));
+    this.runs = told.map((one) => {
+      const here = kept.get(one.run);
+      kept.delete(one.run);
+      if (!here) return this.opened(one);
+      if (JSON.stringify(one) !== JSON.stringify(here.held)) here.change(one);
+      return here;
+    });
+    for (const one of kept.values()) {
+      one.close();
+      for (const of of this.faults.keys()) if (of.startsWith(`${one.number} `)) this.tell(null, of);
+    }
+    this.places[0].append(...this.runs.map((one) => one.main)); // in this order
+    this.places[0].classList.toggle("evocity-two", this.runs.length > 1);
+    this.turn(this.runs.includes(this.run) ? this.run : this.runs[0]);
+    this.saved();
   }
 
-  arrived() {
-    this.one.arrived();
-    this.picks.arrived();
+  opened(told) {
+    const found = new Run(told.run, ...this.places, told, {
+      isHeld: () => this.isHeld,
+      saved: () => this.saved(),
+      inform: () => this.inform(),
+      tell: (error, of) => this.tell(error, `${told.run} ${of}`),
+      turn: () => this.turn(found),
+    });
+    return found;
   }
 
-  // -- one birth -------------------------------------------------------------------------------
-
-  /** What the gallery says of the birth that is awake there. */
-  woken(id) {
-    if (id === null || !this.state || id === this.one.id) return;
-    this.state.one = id;
-    writeAddress(this.state);
-    this.one.show(id);
+  /** The run of which is told at the side. */
+  turn(run) {
+    this.run = run;
+    for (const one of this.runs) {
+      one.side.hidden = one !== run;
+      one.main.classList.toggle("evocity-turned", one === run && this.runs.length > 1);
+    }
+    this.inform();
   }
 
-  /** Show a birth, wherever it is: also one that does not pass the filter. */
-  wake(id) {
-    this.tabs.show("birth");
-    const row = this.viewer.births.row(id), place = this.viewer.rows.indexOf(row);
-    if (place >= 0) this.viewer.gallery.wake(place);
-    this.state.one = id;
-    writeAddress(this.state);
-    this.one.show(id);
+  saved() {
+    if (this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
+  }
+
+  /** What is told of the runs in the head. */
+  inform() {
+    this.choosers.forEach((select, place) => {
+      const run = this.runs[place];
+      select.value = run ? String(run.number) : "";
+      for (const option of select.options) {
+        if (place && this.runs.length) option.disabled = option.value === String(this.runs[0].number);
+      }
+    });
+    const texts = this.runs.map((one) => [one.about ? one.about.title : "", one.news || "opening the run …"]);
+    const text = texts.map(([title, news]) => (texts.length > 1 && title ? `${title}: ${news}` : news)).join(" | ");
+    if (this.runs.length && this.news.textContent !== text) this.news.textContent = text;
+    const about = this.run && this.run.about;
+    if (about) document.title = `${about.title} – evocity studio`;
+  }
+
+  /** Look for what is new now. */
+  look() {
+    this.search();
+    for (const one of this.runs) one.look();
   }
 }
 

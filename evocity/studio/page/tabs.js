@@ -1,15 +1,16 @@
 import { made } from "./made.js";
 
-/** Panes of which one is shown; the arrow keys go from tab to tab. `seen(name)` is told, if it is there. */
+/** Panes of which one is shown; the arrow keys go from tab to tab. `of` what they are, in a word;
+ * `seen(name)` is told, if it is there. */
 export class Tabs {
-  constructor(list, parent, names) {
+  constructor(list, parent, names, of) {
     this.panes = {};
     this.tabs = names.map((name) => {
       const tab = made(list, "button", "", name, {
-        type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `pane-${name}`,
+        type: "button", role: "tab", id: `tab-${of}-${name}`, "aria-controls": `pane-${of}-${name}`,
       });
       this.panes[name] = made(parent, "div", "", "", {
-        role: "tabpanel", id: `pane-${name}`, "aria-labelledby": `tab-${name}`,
+        role: "tabpanel", id: `pane-${of}-${name}`, "aria-labelledby": `tab-${of}-${name}`,
       });
       tab.addEventListener("click", () => this.show(name));
       return tab;
