@@ -402,6 +402,33 @@ def test_a_scheduler_that_is_gone_is_waited_for(cluster, tmp_path, genome, told)
         own.close()
 
 
+def test_what_came_before_a_scheduler_was_lost_is_kept(
+    cluster, machines, genome, told, monkeypatch
+):
+    engine = cluster(machines.address, "time.sleep(0.02)")
+    jobs = named(genome, *calm(40))
+    expected = [one.values for one in engine.run("evaluate", jobs)]
+    take, look, came = engine._take, engine._look, []
+
+    def taken(*told):
+        if len(came) == 2:  # the next after another
+            came.append(None)
+            raise link.Lost("while hearing")
+        came.append(found := take(*told))
+        return found
+
+    def looked():
+        if len(came) == 1:
+            came.append(None)
+            raise link.Lost("while looking")
+        look()
+
+    monkeypatch.setattr(engine, "_take", taken)
+    monkeypatch.setattr(engine, "_look", looked)
+    assert [one.values for one in engine.run("evaluate", jobs)] == expected
+    assert sum("is gone" in text for text in told) == 2
+
+
 def test_a_scheduler_that_does_not_come_back_ends_the_run(
     cluster, tmp_path, genome, told, monkeypatch
 ):

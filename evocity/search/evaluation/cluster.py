@@ -132,14 +132,14 @@ class Cluster:
                     if self._feed is None:
                         return
                     raise RuntimeError("no job is given while none is at work")
+                found: list[tuple[int, Outcome]] = []
                 try:
                     self._hand_out(method)
-                    found = self._hear()
+                    self._hear(found)
                     self._look()
                 except Lost as error:
                     self._connect_again(error)
-                    continue
-                yield from found
+                yield from found  # what came before the scheduler was lost too
         except BaseException:
             self._drop()
             raise
@@ -211,15 +211,13 @@ class Cluster:
             told = [job.told for job in jobs]
             self._link.send(self._number, address, self._heard, self._name, method, told)
 
-    def _hear(self) -> list[tuple[int, Outcome]]:
-        """What came of chunks, waited for a while. Raises `Lost`."""
-        found: list[tuple[int, Outcome]] = []
+    def _hear(self, found: list[tuple[int, Outcome]]) -> None:
+        """Add to ``found`` what came of chunks, waited for a while. Raises `Lost`."""
         with contextlib.suppress(Empty):
             told = self._heard.get(timeout=_LOOK)
             while True:
                 found += self._take(*told)
                 told = self._heard.get_nowait()
-        return found
 
     def _take(self, number: int, ended: str, what: Any) -> list[tuple[int, Outcome]]:
         chunk = self._flying.get(number)
@@ -235,9 +233,9 @@ class Cluster:
         if ended == "failed" or (what is not None and what.failed):
             self._leave_out(chunk.site, what if ended == "failed" else what.failed)
         if ended == "failed" or what is None or what.failed:
+            self._waiting.extendleft(reversed(chunk.jobs))
             if ended == "done" and what is None:  # it began anew, or another took the chunk
                 self._install(list(self._link.sites()), strictly=False)
-            self._waiting.extendleft(reversed(chunk.jobs))
             return []
         for note in what.notes:
             self._retried(f"{note} (at {chunk.site})")
