@@ -10,6 +10,8 @@ from evocity.analysis.asked import ids_of_any
 from evocity.analysis.births import label
 from evocity.analysis.wanted import Aim
 from evocity.errors import RunError
+from evocity.search.binning import grid_of_run
+from evocity.search.cells import Grid
 from evocity.viewer.table import Column, Table
 
 if TYPE_CHECKING:
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 # What is in few words, and what is yes or no.
 _WORDS, _FLAGS = ("island", "operator", "status"), ("alive", "feasible")
+# In which cell of the grid, where there is one.
+_CELL = "cell"
 
 
 class Viewed:
@@ -27,6 +31,7 @@ class Viewed:
         from evocity.analysis.thumbnails import Thumbnails  # which draws
 
         self.run, told = run, run.told
+        self.grid, self._island = _grid_of(run)
         ids = told.ids if of is None else np.unique(ids_of_any(of, told))
         #: The births as columns, and small pictures of them.
         self.table = Table(ids, tuple(self._columns(told.rows(ids))))
@@ -50,6 +55,10 @@ class Viewed:
         for name, ids in flags.items():
             if name not in told.columns:
                 found.append(Column.of_flags(name, np.isin(told.ids[rows], ids)))
+        if self.grid is not None and _CELL not in {one.name for one in found}:
+            values = np.column_stack([told.value(name)[rows] for name in self.grid.descriptors])
+            cells = self.grid.cells(values).astype(np.float32)
+            found.append(Column(_CELL, np.where(cells < 0, np.float32(np.nan), cells)))
         return found
 
     def axes(self, measures: Sequence[str] | None = None) -> list[dict]:
@@ -66,7 +75,17 @@ class Viewed:
     @property
     def about(self) -> dict:
         """What the page is told of the births together, besides the columns."""
+        grid = None
+        if self.grid is not None:
+            grid = {
+                "column": _CELL,
+                "island": self._island,
+                "descriptors": [label(name) for name in self.grid.descriptors],
+                "counts": list(self.grid.counts),
+                "edges": [self.grid.edges(axis).tolist() for axis in range(len(self.grid.counts))],
+            }
         return {
+            "grid": grid,
             "title": f"run {self.run.path.resolve().name}",
             "credit": self.run.header.attribution,
             "highest": self.thumbnails.highest,
@@ -79,6 +98,17 @@ class Viewed:
         from evocity.viewer.sheet import Sheet
 
         return Sheet.of(*self.thumbnails.of(ids, side))
+
+
+def _grid_of(run: Any) -> tuple[Grid | None, str | None]:
+    """The grid that a run selects by, or the first of its islands that has one, and that island;
+    None for a run that has none, or does not tell it."""
+    with suppress(RunError):
+        for island in run.header.islands or [None]:
+            grid = grid_of_run(run, island)
+            if grid is not None and set(grid.descriptors) <= set(run.header.columns):
+                return grid, island
+    return None, None
 
 
 def _measured(aim: Aim, values: np.ndarray) -> Column:

@@ -6,7 +6,20 @@ from pathlib import Path
 
 PAGE = Path(__file__).parent / "page"
 #: In the order in which they need each other.
-MODULES = ("births", "density", "made", "tiles", "axis", "parallel", "gallery", "viewer")
+MODULES = (
+    *(
+        "births",
+        "density",
+        "made",
+        "tiles",
+        "axis",
+        "parallel",
+        "scatter",
+        "cells",
+        "gallery",
+        "viewer",
+    ),
+)
 
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./(\w+)\.js";\n', re.M)
 

@@ -17,6 +17,7 @@ from asking import HOSTILE, OLD, contents  # noqa: E402
 from written_runs import written  # noqa: E402
 
 import evocity  # noqa: E402
+from evocity.search.binning import binned  # noqa: E402
 from evocity.store import Birth, Member, RunWriter  # noqa: E402
 from evocity.studio.serving import served  # noqa: E402
 
@@ -127,7 +128,7 @@ def shown_ids(page) -> list[int]:
 
 
 def state_of(page) -> dict:
-    return json.loads(unquote(page.url.partition("#")[2]))
+    return json.loads(unquote(page.evaluate("location.hash")[1:]))
 
 
 def test_the_token_leaves_the_address_and_the_cookie_stays(opened, folder):
@@ -248,6 +249,11 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         page.locator("[role=option]").nth(1).click()
         until(page, "studio.run.one.image.naturalWidth > 0 && studio.run.one.pedigree.nodes.length")
         page.locator(".evocity-head").first.click()
+        check()
+        page.get_by_role("button", name="scatter").click()
+        page.get_by_role("button", name="filter what lies up").click()
+        check()
+        page.get_by_role("button", name="grid").click()
         check()
         page.get_by_role("tab", name="picks").click()
         check()
@@ -477,6 +483,73 @@ def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder,
         again.get_by_label("beside it").select_option("none")
         until(again, "studio.runs.length === 1")
         assert "beside" not in state_of(again)
+
+
+def test_one_filter_in_all_views(opened, tmp_path):
+    """A box in the scatter is two brushes on the axes; the grid has the best that pass."""
+    night = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    run = evocity.open_run(night)
+    with served(night) as server:
+        page = opened(server)
+        passing = "Array.from(studio.run.viewer.rows, (row) => studio.run.viewer.births.ids[row])"
+        page.get_by_role("button", name="scatter").click()
+        first, second = page.evaluate("() => studio.run.viewer.pair")
+        selects = page.locator(".evocity-scatter select")
+        selects.nth(0).select_option("alignment")
+        selects.nth(1).select_option("gsi")
+        assert state_of(page)["pair"] == ["alignment", "gsi"] != [first, second]
+        table = run.scores
+        spans = {}
+        for name in ("alignment", "gsi"):
+            low, high = table[name].min(), table[name].max()
+            spans[name] = (low + 0.2 * (high - low), low + 0.9 * (high - low))
+        box = page.locator(".evocity-dots").bounding_box()
+        ends = page.evaluate(
+            "() => { const { scatter } = studio.run.viewer;"
+            " return [0.2, 0.9].map((one) => [scatter.x(one), scatter.y(one)]); }"
+        )
+        page.mouse.move(box["x"] + ends[0][0], box["y"] + ends[0][1])
+        page.mouse.down()
+        page.mouse.move(box["x"] + ends[1][0], box["y"] + ends[1][1], steps=3)
+        page.mouse.up()
+        until(page, "Object.keys(studio.run.state.brushes).length === 2")
+        held = state_of(page)["brushes"]
+        for name, span in spans.items():
+            assert held[name] == [pytest.approx(span, abs=0.02 * (span[1] - span[0]))]
+        kept = table
+        for name, ((low, high),) in held.items():
+            kept = kept[kept[name].between(low, high)]
+        assert 0 < len(kept) < len(table)
+        assert sorted(page.evaluate(f"() => {passing}")) == sorted(kept.index.tolist())
+        one = kept.index[0]
+        at = page.evaluate(
+            f"() => studio.run.viewer.scatter.at(studio.run.viewer.births.row({one}))"
+        )
+        page.mouse.click(box["x"] + at[0], box["y"] + at[1])
+        (chosen,) = state_of(page)["chosen"]
+        assert table.loc[chosen, ["alignment", "gsi"]].tolist() == pytest.approx(
+            table.loc[one, ["alignment", "gsi"]].tolist(), rel=0.1
+        )
+        page.get_by_role("button", name="clear filter").click()
+        page.get_by_role("button", name="grid").click()
+        page.get_by_label("order").select_option("crumbs")
+        bins = binned(run).births
+        cells = "[...studio.run.viewer.cells.filled.entries()]"
+        found = page.evaluate(f"() => {cells}.map(([cell, one]) => [cell, one.row])")
+        assert sorted(cell for cell, _ in found) == sorted(bins["cell"].to_pylist())
+        best = dict(zip(bins["cell"].to_pylist(), bins["id"].to_pylist(), strict=True))
+        assert {cell: int(run.told.ids[row]) for cell, row in found} == best
+        page.locator(".evocity-cell[tabindex='0']").focus()
+        for key in ("ArrowUp", "ArrowRight", "ArrowDown", "ArrowLeft"):
+            page.keyboard.press(key)
+        page.keyboard.press("Enter")
+        (chosen,) = state_of(page)["chosen"]
+        assert chosen in best.values()
+        pressed = page.locator(".evocity-cell[aria-pressed=true]")
+        assert f"birth {chosen}," in pressed.get_attribute("aria-label")
+        until(page, f"document.querySelector('h2').textContent === 'birth {chosen}'")
+        again = opened(server, context=page.context, at=f"#{page.url.partition('#')[2]}")
+        assert again.locator(".evocity-cell").count() == len(best)
 
 
 def test_a_server_that_ends_is_told_and_found_again(opened, folder):

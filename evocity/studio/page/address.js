@@ -27,6 +27,9 @@ export function checked(told, births, usual) {
     const axes = told.axes.filter((one) => one && isName(one.name));
     found.axes = [...new Map(axes.map((one) => [one.name, { name: one.name, turned: one.turned === true }])).values()];
   }
+  if (["axes", "scatter", "grid"].includes(told.view)) found.view = told.view;
+  const pair = listed(told.pair).filter(isName);
+  if (pair.length === 2) found.pair = pair;
   found.chosen = [...new Set(listed(told.chosen))].filter((id) => Number.isInteger(id) && births.row(id) >= 0);
   found.brushes = {};
   for (const [name, brush] of Object.entries(told.brushes || {})) {

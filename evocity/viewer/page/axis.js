@@ -1,6 +1,7 @@
 import { made, number } from "./made.js";
 
-/** All that can be done to an axis, without a pointer: what passes, its place, its direction.
+/** All that can be done to an axis, without a pointer: what passes, its place, its direction
+ * if it `isAxis`.
  * `on`: brush(brush), clear(), move(by), turn(), hide(), close(). Returns what begins with the focus. */
 export function axisPanel(parent, column, brush, on) {
   parent.replaceChildren();
@@ -12,10 +13,10 @@ export function axisPanel(parent, column, brush, on) {
   const passing = made(parent, "div", "row");
   const first = column.isWords ? words(passing, column, brush, on) : spans(passing, column, brush, on);
   const buttons = made(parent, "div", "row");
-  const actions = [
-    ["no filter here", on.clear], ["turn over", on.turn], ["move left", () => on.move(-1)],
-    ["move right", () => on.move(1)], ["hide", on.hide], ["close", on.close],
+  const moves = [
+    ["turn over", on.turn], ["move left", () => on.move(-1)], ["move right", () => on.move(1)], ["hide", on.hide],
   ];
+  const actions = [["no filter here", on.clear], ...(on.isAxis ? moves : []), ["close", on.close]];
   for (const [text, act] of actions) {
     made(buttons, "button", "", text, { type: "button" }).addEventListener("click", act);
   }

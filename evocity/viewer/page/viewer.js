@@ -1,20 +1,25 @@
 import { axisPanel } from "./axis.js";
 import { Births, brushOf } from "./births.js";
+import { Cells } from "./cells.js";
 import { Gallery } from "./gallery.js";
 import { counted, made, number } from "./made.js";
 import { Parallel } from "./parallel.js";
+import { Scatter } from "./scatter.js";
 import { Tiles } from "./tiles.js";
 
 /** What is chosen, brushed and ordered: the same for all views and for the host. */
 const STATE = ["chosen", "brushes", "order", "axes"];
+/** What shows births above the gallery; the last where the run fills a grid. */
+const VIEWS = ["axes", "scatter", "grid"];
 
-/** The page of a host: `about` and `buffer` of the births; `state`, see STATE; `save(changes)` of
+/** The page of a host: `about` and `buffer` of the births; `state`, see STATE, and `view`, which of
+ * VIEWS, and `pair`, the two columns of a scatter, if it keeps them; `save(changes)` of
  * it; `tiles(ids, side)`, a promise of pictures, see Tiles; if it has it, `woken(id)`, told of the
  * birth whose numbers are shown, null for none. */
 export class Viewer {
   constructor(element, host) {
     this.host = host;
-    this.state = { chosen: [], brushes: {}, order: { name: "id" }, axes: [], ...host.state };
+    this.state = { chosen: [], brushes: {}, order: { name: "id" }, axes: [], view: VIEWS[0], pair: null, ...host.state };
     this.root = made(element, "section", "view");
     this.tiles = new Tiles(host.tiles, () => this.arrived());
     const top = made(this.root, "div", "row");
@@ -24,11 +29,21 @@ export class Viewer {
     this.button(top, "choose all that pass", () =>
       this.change({ chosen: Array.from(this.rows, (row) => this.births.ids[row]) }));
     this.button(top, "choose none", () => this.change({ chosen: [] }));
+    const seen = made(top, "div", "row", "", { role: "group", "aria-label": "view" });
+    this.seen = new Map(VIEWS.map((name) => [name, this.button(seen, name, () => this.change({ view: name }))]));
     this.parallel = new Parallel(this.root, {
       brushed: (brushes, ended) => (ended ? this.change({ brushes }) : this.later({ brushes })),
       axed: (axes) => this.change({ axes }),
       opened: (name) => this.open(this.parallel.open === name ? null : name, true),
     });
+    const touched = (row, isBesides) => this.touch(row, isBesides);
+    this.scatter = new Scatter(this.root, {
+      brushed: (brushes, ended) => (ended ? this.change({ brushes }) : this.later({ brushes })),
+      placed: (...pair) => this.change({ pair }),
+      opened: (name) => this.open(this.parallel.open === name ? null : name, true),
+      touched,
+    });
+    this.cells = new Cells(this.root, new Tiles(host.tiles, () => this.cells.draw()), { touched });
     this.panel = made(this.root, "div", "panel", "", { role: "group" });
     this.controls();
     this.gallery = new Gallery(this.root, this.tiles, {
@@ -81,6 +96,7 @@ export class Viewer {
   load(about, buffer) {
     this.births = new Births(about, buffer);
     this.tiles.forget();
+    this.cells.tiles.forget();
     this.tell(about);
     this.update(this.state);
   }
@@ -99,6 +115,25 @@ export class Viewer {
     this.tell(about);
     const { chosen, brushes, axes } = this.state;
     this.update({ chosen, brushes, axes });
+  }
+
+  /** The two columns of the scatter: those that were asked for, or the first two axes. */
+  get pair() {
+    const names = [...(this.state.pair || []), ...this.state.axes.map((one) => one.name), "generation", "id"];
+    return [...new Set(names)].filter((name) => this.births.byName.has(name)).slice(0, 2);
+  }
+
+  /** Draw the view that is shown above the gallery. */
+  drawView() {
+    if (this.state.view === "axes") this.parallel.draw(this.mask, this.rows.length);
+    else if (this.state.view === "scatter") this.scatter.draw(this.mask, this.rows.length);
+  }
+
+  /** Choose a birth that is seen in another view than the gallery, and bring it into view there. */
+  touch(row, isBesides) {
+    const id = this.births.ids[row], others = isBesides ? this.state.chosen.filter((one) => one !== id) : [];
+    this.change({ chosen: isBesides && this.state.chosen.includes(id) ? others : [...others, id] });
+    this.gallery.wake(this.rows.indexOf(row));
   }
 
   tell(about) {
@@ -138,15 +173,23 @@ export class Viewer {
     this.coming = null;
     Object.assign(this.state, changes);
     const { chosen, brushes, order, axes } = this.state;
+    if (!this.births.about.grid && this.state.view === "grid") this.state.view = "axes";
+    const { view } = this.state;
+    for (const [name, button] of this.seen) {
+      button.setAttribute("aria-pressed", String(name === view));
+      button.hidden = name === "grid" && !this.births.about.grid;
+    }
+    this.add.parentNode.hidden = view !== "axes";
+    [this.parallel, this.scatter, this.cells].forEach((one, place) => { one.root.hidden = VIEWS[place] !== view; });
     if ("axes" in changes) {
       this.parallel.show(this.births, axes);
       const shown = new Set(axes.map((one) => one.name));
       this.add.replaceChildren(made(null, "option", "", "…", { value: "" }), ...this.births.columns
         .filter((one) => !shown.has(one.name)).map((one) => made(null, "option", "", one.name, { value: one.name })));
-      if (!shown.has(this.parallel.open)) this.open(null);
+      if (view === "axes" && !shown.has(this.parallel.open)) this.open(null);
     }
     if ("brushes" in changes) {
-      this.parallel.brushes = brushes;
+      this.parallel.brushes = this.scatter.brushes = brushes;
       this.mask = this.births.passing(brushes);
       if (this.parallel.open && !this.isFromPanel) this.open(this.parallel.open);
     }
@@ -164,7 +207,14 @@ export class Viewer {
     }
     if ("chosen" in changes) {
       this.gallery.chosen = new Set(chosen);
-      this.parallel.chosen = chosen.map((id) => this.births.row(id)).filter((row) => row >= 0);
+      this.parallel.chosen = this.scatter.chosen = chosen.map((id) => this.births.row(id)).filter((row) => row >= 0);
+      this.cells.chosen = this.gallery.chosen;
+    }
+    if (view === "scatter") this.scatter.show(this.births, ...this.pair);
+    if (view === "grid") this.cells.show(this.births, this.rows, this.births.byName.get(order.name));
+    if ("view" in changes) {
+      this.open(null);
+      this.parallel.resize();
     }
     if ("brushes" in changes || "order" in changes) {
       this.gallery.anchor = -1;
@@ -184,7 +234,8 @@ export class Viewer {
     this.width = width;
     this.parallel.resize();
     this.gallery.resize();
-    this.parallel.draw(this.mask, this.rows.length);
+    this.cells.lay();
+    this.drawView();
   }
 
   arrived() {
@@ -200,6 +251,7 @@ export class Viewer {
     this.parallel.open = name;
     this.panel.hidden = !name;
     this.panel.setAttribute("aria-label", name ? `axis ${name}` : "axis");
+    const isAxis = this.state.view === "axes";
     for (const [k, head] of [...this.parallel.heads.children].entries()) {
       head.setAttribute("aria-expanded", String(this.parallel.columns[k].name === name));
     }
@@ -214,12 +266,13 @@ export class Viewer {
         this.isFromPanel = false;
       },
       clear: () => this.change({ brushes: { ...this.state.brushes, [name]: [] } }),
+      isAxis,
       move: (by) => this.parallel.move(name, place() + by),
       turn: () => this.change({ axes: this.state.axes.map((one) =>
         (one.name === name ? { ...one, turned: !one.turned } : one)) }),
       hide: () => this.change({ axes: this.state.axes.filter((one) => one.name !== name) }),
       close: () => {
-        const head = this.parallel.heads.children[place()];
+        const head = isAxis ? this.parallel.heads.children[place()] : this.scatter.filterOf(name);
         this.open(null);
         if (head) head.focus();
       },
@@ -231,8 +284,8 @@ export class Viewer {
   /** All that is known of a birth; draws its line. */
   detail(row) {
     this.awake = row;
-    this.parallel.active = this.gallery.active >= 0 ? row : -1;
-    this.parallel.draw(this.mask, this.rows.length);
+    this.parallel.active = this.scatter.active = this.gallery.active >= 0 ? row : -1;
+    this.drawView();
     this.about.replaceChildren();
     if (this.host.woken) this.host.woken(row < 0 ? null : this.births.ids[row]);
     if (row < 0) {
@@ -273,7 +326,7 @@ function render({ model, el }) {
     buffer: model.get("births"),
     state: Object.fromEntries(STATE.map((name) => [name, model.get(name)])),
     save(changes) {
-      for (const [name, value] of Object.entries(changes)) model.set(name, value);
+      for (const name of STATE) if (name in changes) model.set(name, changes[name]);
       model.save_changes();
     },
     tiles: (tiles, side) => new Promise((resolve) => {

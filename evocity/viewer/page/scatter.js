@@ -1,0 +1,210 @@
+import { brushOf } from "./births.js";
+import { COLOURS, FONT, made, number, shortened, sized } from "./made.js";
+
+const TALL = 282, EDGE_LEFT = 64, EDGE = 12, EDGE_LOW = 34, NEAR = 9;
+/** More births than this are shown by how many lie on each pixel; so many words stand at an axis. */
+const DOTS = 4000, MOST_WORDS = 8;
+
+/** Births by two of their columns, a dot each, under the same brushes as all views. `on`:
+ * brushed(brushes, whether the hand has let go), placed(x, y), opened(name), touched(row, whether
+ * besides others). */
+export class Scatter {
+  constructor(parent, on) {
+    this.on = on;
+    this.root = made(parent, "div", "scatter");
+    const row = made(this.root, "div", "row");
+    this.selects = ["across", "up"].map((text) => {
+      const select = made(made(row, "label", "", `${text} `), "select");
+      select.addEventListener("change", () => on.placed(...this.selects.map((one) => one.value)));
+      const filter = made(row, "button", "", "filter", { type: "button", "aria-label": `filter what lies ${text}` });
+      filter.addEventListener("click", () => on.opened(select.value));
+      return select;
+    });
+    made(row, "span", "faint", "Draw a box to filter; click beside it to clear, on a dot to choose.");
+    this.canvas = made(this.root, "canvas", "dots", "", { "aria-hidden": "true" });
+    this.canvas.addEventListener("pointerdown", (event) => this.press(event));
+    [this.brushes, this.chosen, this.active] = [{}, [], -1];
+  }
+
+  /** Other births, or other columns of them, by name. */
+  show(births, x, y) {
+    this.births = births;
+    this.columns = [x, y].map((name) => births.byName.get(name));
+    this.selects.forEach((select, k) => {
+      select.replaceChildren(...births.columns.map((one) => made(null, "option", "", one.name, { value: one.name })));
+      select.value = this.columns[k].name;
+    });
+  }
+
+  /** The button that opens the filter of a column. */
+  filterOf(name) {
+    const place = this.columns.findIndex((one) => one.name === name);
+    return place < 0 ? null : this.root.querySelectorAll("button")[place];
+  }
+
+  get width() { return this.root.clientWidth; }
+
+  /** Where a share of an axis lies, and which share lies where, px. */
+  x(share) { return EDGE_LEFT + share * (this.width - EDGE_LEFT - EDGE); }
+  y(share) { return TALL - EDGE_LOW - share * (TALL - EDGE_LOW - EDGE); }
+  shares(x, y) {
+    return [(x - EDGE_LEFT) / (this.width - EDGE_LEFT - EDGE), (TALL - EDGE_LOW - y) / (TALL - EDGE_LOW - EDGE)]
+      .map((one) => Math.min(1, Math.max(0, one)));
+  }
+
+  at(row) {
+    const [x, y] = this.columns.map((column) => column.share(column.values[row]));
+    return [this.x(x), this.y(y)];
+  }
+
+  draw(mask, count) {
+    this.mask = mask;
+    if (!this.births || !this.width) return;
+    const context = sized(this.canvas, this.width, TALL);
+    this.drawDots(context, mask, 0, COLOURS.pale, this.births.count - count > DOTS);
+    this.drawBrushes(context);
+    this.drawDots(context, mask, 1, COLOURS.passing, count > DOTS);
+    context.lineWidth = 2;
+    context.strokeStyle = COLOURS.chosen;
+    for (const row of this.chosen) this.ring(context, row, 4.5);
+    context.strokeStyle = COLOURS.ink;
+    if (this.active >= 0) this.ring(context, this.active, 7);
+    this.drawAxes(context);
+  }
+
+  /** Those of whom the mask says `which`: a dot each, or of many how many lie on each pixel. */
+  drawDots(context, mask, which, colour, isMany) {
+    const [across, up] = this.columns, radius = which ? 2 : 1.5;
+    const wide = Math.ceil(this.width), counts = isMany ? new Uint32Array(wide * TALL) : null;
+    context.fillStyle = `rgb(${colour.join(" ")} / ${which ? 80 : 45}%)`;
+    for (let row = 0; row < mask.length; row++) {
+      if (mask[row] !== which) continue;
+      const x = this.x(across.share(across.values[row])), y = this.y(up.share(up.values[row]));
+      if (Number.isNaN(x) || Number.isNaN(y)) continue;
+      if (!isMany) context.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+      else counts[Math.round(y) * wide + Math.round(x)]++;
+    }
+    if (!isMany) return;
+    let most = 1;
+    for (const count of counts) if (count > most) most = count;
+    const unit = 1 / Math.log1p(most), steps = 24;
+    for (let step = 1; step <= steps; step++) { // as many colours, from rare to often
+      context.fillStyle = `rgb(${colour.join(" ")} / ${(which ? 25 : 12) + ((which ? 70 : 40) * step) / steps}%)`;
+      for (let k = 0; k < counts.length; k++) {
+        if (counts[k] && Math.ceil(Math.log1p(counts[k]) * unit * steps) === step) {
+          context.fillRect((k % wide) - 1, Math.floor(k / wide) - 1, 2, 2);
+        }
+      }
+    }
+  }
+
+  ring(context, row, radius) {
+    const [x, y] = this.at(row);
+    if (Number.isNaN(x) || Number.isNaN(y)) return;
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.stroke();
+  }
+
+  /** Shares of an axis that pass, from the lowest; all of it where nothing is brushed. */
+  spans(column) {
+    const brush = brushOf(this.brushes, column.name);
+    if (!brush.length) return [[0, 1]];
+    const half = 0.5 / Math.max(1, column.words.length);
+    const spans = column.isWords ? brush.map((word) => column.share(column.words.indexOf(word))).map((one) => [one - half, one + half]) :
+      brush.map((ends) => ends.map((value) => column.share(Math.min(column.high, Math.max(column.low, value)))));
+    return spans.filter(([low, high]) => !Number.isNaN(low + high));
+  }
+
+  drawBrushes(context) {
+    if (this.columns.every((one) => !brushOf(this.brushes, one.name).length)) return;
+    context.fillStyle = "rgb(176 64 63 / 12%)";
+    context.strokeStyle = COLOURS.chosen;
+    context.lineWidth = 1.5;
+    const [across, up] = this.columns.map((one) => this.spans(one));
+    for (const [left, right] of across) {
+      for (const [low, high] of up) {
+        const box = [this.x(left), this.y(high), this.x(right) - this.x(left), this.y(low) - this.y(high)];
+        context.fillRect(...box);
+        context.strokeRect(...box);
+      }
+    }
+  }
+
+  drawAxes(context) {
+    context.strokeStyle = COLOURS.ink;
+    context.lineWidth = 1;
+    context.strokeRect(this.x(0), this.y(1), this.x(1) - this.x(0), this.y(0) - this.y(1));
+    context.font = `11px ${FONT}`;
+    context.fillStyle = COLOURS.ink;
+    this.columns.forEach((column, axis) => {
+      const { words } = column, every = Math.ceil(words.length / MOST_WORDS);
+      const ticks = column.isWords ? words.map((word, k) => [column.share(k), word.replaceAll("_", " ") || "none"])
+        .filter((_, k) => k % every === 0) : [0, 0.5, 1].map((share) => [share, number(column.value(share))]);
+      for (const [share, text] of ticks) {
+        context.textAlign = axis ? "right" : column.isWords || share === 0.5 ? "center" : share ? "right" : "left";
+        const room = axis ? EDGE_LEFT - 8 : (this.width - EDGE_LEFT) / ticks.length - 6;
+        const told = shortened(context, text, room);
+        if (axis) context.fillText(told, EDGE_LEFT - 6, Math.max(EDGE + 8, this.y(share) + (share ? 4 : 0)));
+        else context.fillText(told, this.x(share), this.y(0) + 14);
+      }
+    });
+    context.fillStyle = COLOURS.faint;
+    context.textAlign = "center";
+    const told = ({ name, unit }) => name.replaceAll("_", " ") + (unit ? `, ${unit}` : "");
+    context.fillText(shortened(context, `${told(this.columns[0])}  →   ${told(this.columns[1])}  ↑`, this.width - EDGE_LEFT), this.x(0.5), TALL - 4);
+  }
+
+  // -- by hand ---------------------------------------------------------------------------------
+
+  press(event) {
+    if (event.button !== 0 || !this.births) return;
+    event.preventDefault();
+    const place = (at) => {
+      const box = this.canvas.getBoundingClientRect();
+      return [at.clientX - box.left, at.clientY - box.top];
+    };
+    const from = place(event);
+    let moved = false, brushes = this.brushes;
+    this.canvas.setPointerCapture(event.pointerId);
+    this.canvas.onpointermove = (at) => {
+      const to = place(at);
+      if (!moved && Math.hypot(to[0] - from[0], to[1] - from[1]) < 4) return;
+      moved = true;
+      brushes = this.boxed(this.shares(...from), this.shares(...to));
+      this.on.brushed(brushes, false);
+    };
+    this.canvas.onpointerup = this.canvas.onpointercancel = (at) => {
+      this.canvas.onpointermove = this.canvas.onpointerup = this.canvas.onpointercancel = null;
+      if (moved) {
+        this.on.brushed(brushes, true);
+        return;
+      }
+      const row = this.nearest(...from);
+      if (row >= 0) this.on.touched(row, at.ctrlKey || at.metaKey || at.shiftKey);
+      else this.on.brushed({ ...this.brushes, [this.columns[0].name]: [], [this.columns[1].name]: [] }, true);
+    };
+  }
+
+  /** The brushes with a box between two corners in place of what these two columns had. */
+  boxed(...corners) {
+    const found = { ...this.brushes };
+    this.columns.forEach((column, axis) => {
+      const [low, high] = corners.map((one) => one[axis]).sort((a, b) => a - b);
+      found[column.name] = column.isWords ? column.words.filter((_, k) => column.share(k) >= low && column.share(k) <= high) :
+        [[column.value(low), column.value(high)]];
+    });
+    return found;
+  }
+
+  /** The row of those that pass whose dot is nearest to a point, -1 where none is near. */
+  nearest(x, y) {
+    let found = -1, least = NEAR ** 2;
+    for (let row = 0; row < this.mask.length; row++) {
+      if (!this.mask[row]) continue;
+      const [left, top] = this.at(row), apart = (left - x) ** 2 + (top - y) ** 2;
+      if (apart < least) [found, least] = [row, apart];
+    }
+    return found;
+  }
+}
