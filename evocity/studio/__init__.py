@@ -8,6 +8,7 @@ and this user alone.
 - `runs`: which runs there are, each by its number
 - `watched`: a run folder while one looks at it; `tiles`: its small pictures, kept for this user
 - `one`: all that is told of one birth
+- `comparing`: births in order by how they differ
 - `picks`: births that a user picked, with notes and undo
 - `breeding`: children of picks; `measuring`: who breeds and measures them; `keeping`: those that
   are kept, with a recipe that goes on from them

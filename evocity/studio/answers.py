@@ -16,6 +16,7 @@ from evocity.analysis.asked import check_count
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
 from evocity.studio.breeding import Brood, Ready, operators_told
+from evocity.studio.comparing import Compare, compared
 from evocity.studio.files import files
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
@@ -87,6 +88,7 @@ class Studio:
         changed_of_run: dict[str, OfRun] = {
             "pick": self.pick,
             "steer": self.steer,
+            "compare": self.compare,
             "ready": self.ready,
             "breed": self.breed,
             "stop": self.stop,
@@ -158,6 +160,12 @@ class Studio:
         identifier = number(request.query_params, "id", 0, _LARGEST)
         with run.watched.reading:
             return told(run.watched.moment, identifier)
+
+    def compare(self, run: Opened, request: Request) -> Response:
+        """How births differ, see `compared`; many ids, so asked for by a body."""
+        asked = body_of(Compare, request.state.body)
+        with run.watched.reading:
+            return Response(compared(run.watched.moment, asked), media_type=_BYTES)
 
     # -- changed -----------------------------------------------------------------------------
 

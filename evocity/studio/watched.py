@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from evocity.analysis import Run, open_run
+from evocity.analysis.likeness import Likeness
 from evocity.analysis.pedigree import Pedigree
 from evocity.analysis.viewed import Viewed
 from evocity.errors import EvocityError, RunError
@@ -61,6 +62,10 @@ class Moment(Viewed):
     def buffer(self) -> bytes:
         """The births as the page reads them, `framed`: what is told `about` them, the table."""
         return framed(self.about, self.table.buffer)
+
+    @cached_property
+    def likeness(self) -> Likeness:
+        return Likeness(self.run.told)
 
     @cached_property
     def pedigree(self) -> Pedigree:

@@ -107,6 +107,24 @@ def test_pictures_and_heights_are_those_of_the_birth(asked, night):
     assert about["metres"] == one.city.metres_per_pixel
 
 
+@pytest.mark.parametrize("by", ["looks", "scores", "kin"])
+def test_births_are_compared_as_the_library_compares_them(asked, night, by):
+    run = evocity.open_run(night)
+    ids = run.told.ids[run.told.ok].tolist()[::-1]
+    sent = [*ids, *run.told.ids[~run.told.ok].tolist()]
+    told = asked.post("/api/0/compare", {"by": by, "ids": sent, "to": 3}).content
+    found = dict(zip(sent, np.frombuffer(told, "<f4").tolist(), strict=True))
+    right = run.nearest(3, n=len(ids) - 1, by=by, of=ids)["distance"]
+    assert {n: found[n] for n in right.index} == pytest.approx(right.to_dict(), abs=1e-6)
+    assert found[3] == 0
+    assert all(np.isnan(found[n]) for n in sent[len(ids) :])
+    told = asked.post("/api/0/compare", {"by": by, "ids": sorted(ids)}).content
+    places = dict(zip(sorted(ids), np.frombuffer(told, "<f4").tolist(), strict=True))
+    assert sorted(places.values()) == list(range(1, len(ids) + 1))
+    right = run.most_different(4, of=sorted(ids), by=by).index.tolist()
+    assert sorted(places, key=places.get)[:4] == right
+
+
 def test_small_pictures_are_kept_for_the_user_and_never_trusted(asked, night, tmp_path):
     folder = Path(os.environ["XDG_CACHE_HOME"]) / "evocity" / "tiles"
     shutil.rmtree(folder, ignore_errors=True)

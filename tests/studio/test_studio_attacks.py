@@ -251,6 +251,24 @@ def test_changes_are_json_of_known_form_or_nothing(attacked, headers, body, stat
     assert attacked.get("/api/0/picks").json["picks"] == []
 
 
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ({"by": "looks"}, 400),
+        ({"by": "../looks", "ids": [3]}, 400),
+        ({"by": "looks", "ids": []}, 400),
+        ({"by": "looks", "ids": ["3"]}, 400),
+        ({"by": "scores", "ids": [3], "to": -1}, 400),
+        ({"by": "scores", "ids": [3], "to": 99_999}, 409),
+        ({"by": "kin", "ids": [99_999]}, 409),
+        ({"by": "kin", "ids": list(range(401))}, 409),
+        ({"by": "scores", "ids": list(range(401))}, 409),
+    ],
+)
+def test_births_are_compared_by_number_and_not_too_many(attacked, body, status):
+    assert attacked.post("/api/0/compare", body).status == status
+
+
 def test_a_body_without_a_length_is_counted(attacked):
     chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
     body = chunk * 17 + b"0\r\n\r\n"

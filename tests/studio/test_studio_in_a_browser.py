@@ -530,7 +530,15 @@ def test_one_filter_in_all_views(opened, tmp_path):
         assert table.loc[chosen, ["alignment", "gsi"]].tolist() == pytest.approx(
             table.loc[one, ["alignment", "gsi"]].tolist(), rel=0.1
         )
+        page.get_by_label("or by").select_option("likeness")
+        until(page, f"studio.run.viewer.by.name === 'distance to {chosen}'")
+        near = run.nearest(chosen, n=len(kept) - 1, of=kept.index.tolist())
+        seen = page.evaluate(f"() => {passing}")
+        assert seen[0] == chosen or near["distance"].iloc[0] == 0
+        apart = {chosen: 0.0} | near["distance"].to_dict()
+        assert [apart[n] for n in seen] == sorted(apart.values())
         page.get_by_role("button", name="clear filter").click()
+        assert page.evaluate(f"() => {passing}")[: len(seen)] == seen  # the others after
         page.get_by_role("button", name="grid").click()
         page.get_by_label("order").select_option("crumbs")
         bins = binned(run).births

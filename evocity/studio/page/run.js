@@ -118,6 +118,8 @@ export class Run {
       save: (changes) => this.save(changes),
       tiles: (ids, side) => this.sheet(ids, side),
       woken: (id) => this.woken(id),
+      compare: (asked) => this.server.numbers("compare", asked),
+      trouble: (error) => this.on.tell(error, "asked"),
     });
     this.picked(this.picks.ids);
     if (one !== null) this.wake(one);

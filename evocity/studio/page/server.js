@@ -51,6 +51,9 @@ export async function tiles(name, query) {
 /** What is to be changed; the answer, JSON. */
 export const told = async (name, body) => (await change(name, body)).json();
 
+/** The answer to what a body asks: float32. */
+export const numbers = async (name, body) => new Float32Array(await (await change(name, body)).arrayBuffer());
+
 /** What is to be saved: a file that the browser keeps under a name. */
 export async function saved(name, body, file) {
   const address = URL.createObjectURL(await (await change(name, body)).blob());
@@ -68,5 +71,5 @@ const change = (name, body) => answered(`/api/${name}`, {
 });
 
 /** The same of one run, by its number. */
-export const ofRun = (run) => Object.fromEntries(Object.entries({ asked, blobOf, framed, tiles, told, saved })
+export const ofRun = (run) => Object.fromEntries(Object.entries({ asked, blobOf, framed, tiles, told, numbers, saved })
   .map(([name, ask]) => [name, (what, ...rest) => ask(`${run}/${what}`, ...rest)]));

@@ -96,9 +96,14 @@ export class Births {
     const key = `${reversed ? "-" : "+"}${name}`;
     if (!this.orders.has(key)) {
       const column = this.byName.get(name) || this.byName.get("id");
-      this.orders.set(key, sorted(this.count, (row) => column.rank(column.values[row]), reversed));
+      this.orders.set(key, this.sorted(column, reversed));
     }
     return this.orders.get(key);
+  }
+
+  /** The same by any column, also one of another's. */
+  sorted(column, reversed = false) {
+    return sorted(this.count, (row) => column.rank(column.values[row]), reversed);
   }
 }
 

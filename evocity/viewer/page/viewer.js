@@ -1,5 +1,5 @@
 import { axisPanel } from "./axis.js";
-import { Births, brushOf } from "./births.js";
+import { Births, Column, brushOf } from "./births.js";
 import { Cells } from "./cells.js";
 import { Gallery } from "./gallery.js";
 import { counted, made, number } from "./made.js";
@@ -11,10 +11,14 @@ import { Tiles } from "./tiles.js";
 const STATE = ["chosen", "brushes", "order", "axes"];
 /** What shows births above the gallery; the last where the run fills a grid. */
 const VIEWS = ["axes", "scatter", "grid"];
+/** Orders by how births differ, and by what; so many are compared where each takes long. */
+const DIFFERING = [["", "…"], ["likeness", "likeness to the chosen"], ["spread", "spread: what differs most first"]];
+const BY = [["looks", "how they look"], ["scores", "scores"], ["kin", "stones"]], MOST_COMPARED = 400;
 
 /** The page of a host: `about` and `buffer` of the births; `state`, see STATE, and `view`, which of
  * VIEWS, and `pair`, the two columns of a scatter, if it keeps them; `save(changes)` of
- * it; `tiles(ids, side)`, a promise of pictures, see Tiles; if it has it, `woken(id)`, told of the
+ * it; `tiles(ids, side)`, a promise of pictures, see Tiles; if it has them, `compare({ids, to, by})`, a promise of
+ * how far `ids` are from `to`, or of their places where that is null, and `trouble(error)`; and if it has it, `woken(id)`, told of the
  * birth whose numbers are shown, null for none. */
 export class Viewer {
   constructor(element, host) {
@@ -46,6 +50,7 @@ export class Viewer {
     this.cells = new Cells(this.root, new Tiles(host.tiles, () => this.cells.draw()), { touched });
     this.panel = made(this.root, "div", "panel", "", { role: "group" });
     this.controls();
+    this.compared = made(this.root, "p", "faint", "", { role: "status" });
     this.gallery = new Gallery(this.root, this.tiles, {
       choose: (chosen) => this.change({ chosen }),
       wake: (row) => this.detail(row),
@@ -71,7 +76,16 @@ export class Viewer {
     this.order.addEventListener("change", () => this.change({ order: { name: this.order.value, reversed: false } }));
     this.turn = this.button(row, "", () =>
       this.change({ order: { ...this.state.order, reversed: !this.state.order.reversed } }));
-    this.fresh = this.button(row, "", () => this.change({ order: this.state.order }));
+    this.fresh = this.button(row, "", () => (this.arranged ? this.arrange() : this.change({ order: this.state.order })));
+    if (this.host.compare) {
+      const choice = (text, listed) => {
+        const select = made(made(row, "label", "", text), "select");
+        for (const [value, told] of listed) made(select, "option", "", told, { value });
+        select.addEventListener("change", () => this.arrange());
+        return select;
+      };
+      [this.kind, this.way] = [choice("or by ", DIFFERING), choice("of ", BY)];
+    }
     const size = made(row, "label", "", "size ");
     this.size = made(size, "input", "", "", { type: "range", min: "48", max: "192", step: "16", value: "96" });
     this.size.addEventListener("input", () => {
@@ -112,9 +126,60 @@ export class Viewer {
     const more = this.births.ordered(this.state.order).filter((row) => !isKnown[row]);
     this.ordered = Uint32Array.from([...kept, ...more]);
     this.unordered = (this.unordered || 0) + more.length;
+    if (this.arranged) this.arranged = this.differing(this.arranged.name, before.ids, this.arranged.values);
     this.tell(about);
     const { chosen, brushes, axes } = this.state;
     this.update({ chosen, brushes, axes });
+  }
+
+  /** By what the gallery is in order. */
+  get by() { return this.arranged || this.births.byName.get(this.state.order.name); }
+
+  /** A column of what some births have, by id; the others have nothing. */
+  differing(name, ids, numbers) {
+    const values = new Float32Array(this.births.count).fill(NaN);
+    ids.forEach((id, k) => {
+      const row = this.births.row(id);
+      if (row >= 0) values[row] = numbers[k];
+    });
+    const told = { name, words: [], unit: "", sign: "", wanted: "", goal: null, target: null };
+    return new Column(told, values);
+  }
+
+  /** Put those that pass in order by how they differ; the first of them, in the order that there
+   * was, where all are too many. */
+  async arrange() {
+    const kind = this.kind.value, by = this.way.value, to = kind === "likeness" ? this.state.chosen.at(-1) : null;
+    if (!kind) {
+      this.change({ order: this.state.order });
+      return;
+    }
+    if (to === undefined) {
+      this.kind.value = "";
+      this.host.trouble(new Error("Choose a birth first: the others are put in order by how like it they are."));
+      return;
+    }
+    const { births } = this, passing = this.births.ordered(this.state.order).filter((row) => this.mask[row]);
+    const isQuick = kind === "likeness" && by === "scores", kept = isQuick ? passing : passing.slice(0, MOST_COMPARED);
+    if (!kept.length) return;
+    const ids = Array.from(kept, (row) => births.ids[row]);
+    try {
+      this.compared.textContent = "comparing …";
+      const numbers = await this.host.compare({ ids, to, by });
+      if (this.kind.value !== kind || this.way.value !== by) return;
+      this.arranged = this.differing(kind === "spread" ? kind : `distance to ${to}`, ids, numbers);
+      this.compared.textContent = kept.length < passing.length ?
+        `The first ${kept.length} of ${counted(passing.length)} that pass are compared; the others come after.` : "";
+      this.ordered = this.births.sorted(this.arranged);
+      this.unordered = 0;
+      this.gallery.root.scrollTop = 0;
+      this.update({ brushes: this.state.brushes });
+      this.host.trouble(null);
+    } catch (error) {
+      this.compared.textContent = "";
+      this.kind.value = "";
+      this.host.trouble(error);
+    }
   }
 
   /** The two columns of the scatter: those that were asked for, or the first two axes. */
@@ -199,6 +264,9 @@ export class Viewer {
       this.gallery.root.scrollTop = 0;
       this.ordered = this.births.ordered(order);
       this.unordered = 0;
+      this.arranged = null;
+      this.compared.textContent = "";
+      if (this.kind) this.kind.value = "";
     }
     this.fresh.hidden = !this.unordered;
     if (this.unordered) this.fresh.textContent = `${counted(this.unordered)} new ones come last: put in order`;
@@ -211,14 +279,14 @@ export class Viewer {
       this.cells.chosen = this.gallery.chosen;
     }
     if (view === "scatter") this.scatter.show(this.births, ...this.pair);
-    if (view === "grid") this.cells.show(this.births, this.rows, this.births.byName.get(order.name));
+    if (view === "grid") this.cells.show(this.births, this.rows, this.by);
     if ("view" in changes) {
       this.open(null);
       this.parallel.resize();
     }
     if ("brushes" in changes || "order" in changes) {
       this.gallery.anchor = -1;
-      this.gallery.show(this.births, this.rows, this.births.byName.get(order.name));
+      this.gallery.show(this.births, this.rows, this.by);
     } else if ("chosen" in changes) this.gallery.draw();
     this.nobody.hidden = this.rows.length > 0;
     const told = [`${counted(this.rows.length)} of ${counted(this.births.count)} births pass`];
