@@ -20,8 +20,10 @@ from evocity.studio.comparing import Compare, compared
 from evocity.studio.files import files
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
+    COUNTS,
     MOST_STEPS,
     PICTURES,
+    calls_of,
     fault_of,
     heights_of,
     pedigree_of,
@@ -80,6 +82,7 @@ class Studio:
             "picture": self.picture,
             "pedigree": self.pedigree,
             "heights": self.heights,
+            "calls": self.calls,
             "brood": self.brood,
             "brood-tiles": self.brood_tiles,
             "brood-picture": self.brood_picture,
@@ -155,6 +158,14 @@ class Studio:
 
     def heights(self, run: Opened, request: Request) -> Response:
         return Response(framed(*self._of_one(run, request, heights_of)), media_type=_BYTES)
+
+    def calls(self, run: Opened, request: Request) -> Response:
+        """Of a ``count``, how often it calls its own parts, as picture."""
+        count = request.query_params.get("count")
+        if count not in COUNTS:
+            raise Faulty("no such count", f"count = {' or '.join(COUNTS)}", "ask for one")
+        content = framed(*self._of_one(run, request, lambda m, one: calls_of(m, one, count)))
+        return Response(content, media_type=_BYTES)
 
     def _of_one(self, run: Opened, request: Request, told: Callable):
         identifier = number(request.query_params, "id", 0, _LARGEST)

@@ -9,7 +9,9 @@ from PIL import Image
 
 from evocity.analysis.births import label
 from evocity.analysis.individual import Individual
+from evocity.coding.usage import COUNTS
 from evocity.errors import EvocityError
+from evocity.pictures.picture import even
 from evocity.studio.watched import Moment
 
 #: What of a birth can be had as a picture.
@@ -17,6 +19,8 @@ PICTURES = ("map", "stones")
 #: Steps back that a pedigree may have; births of each step that are shown; letters that are told of
 #: one thing.
 MOST_STEPS, IN_A_STEP, LETTERS = 6, 12, 400
+# Pixels that a bar of colours is high.
+_BAR = 8
 
 
 def told_of(moment: Moment, identifier: int) -> dict:
@@ -129,6 +133,22 @@ def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
     }
 
 
+def calls_of(moment: Moment, identifier: int, count: str) -> tuple[dict, bytes]:
+    """How often a birth calls its own parts, one of `COUNTS`: the ``most``, lifs; ``end``, at
+    which colours end, for a few parts are called so often that all others would be pale; a PNG, a
+    pixel a pixel, pale where nothing calls, and beneath it a bar of its colours. Raises
+    `RunError` where it has no genome."""
+    from evocity.coding.usage import usage
+
+    values = getattr(usage(Individual(moment.run.told, identifier).genome), count)
+    end = float(np.quantile(values, 0.995)) or float(values.max()) or 1.0
+    about = {"most": int(values.max()), "end": end}
+    bar = np.linspace(0, end, values.shape[1])[None].repeat(_BAR, axis=0)
+    gap = np.full((_BAR // 2, values.shape[1], 3), 255, np.uint8)
+    parts = [even(values.astype(np.float32), end), gap, even(bar, end)]
+    return about, png_of(Image.fromarray(np.concatenate(parts)))
+
+
 def heights_of(moment: Moment, identifier: int) -> tuple[dict, bytes]:
     """The map of a birth: rows, columns, metres a pixel; heights in metres as float32, row by row
     from the north. Raises `RunError` where it has none."""
@@ -144,8 +164,10 @@ def fault_of(error: EvocityError) -> dict:
 
 
 __all__ = [
+    "COUNTS",
     "MOST_STEPS",
     "PICTURES",
+    "calls_of",
     "fault_of",
     "heights_of",
     "pedigree_of",

@@ -18,6 +18,7 @@ from written_runs import written
 
 import evocity
 from evocity.analysis.viewed import Viewed
+from evocity.coding.usage import usage
 from evocity.errors import EvocityError, RunError
 from evocity.search.trust import state_folder
 from evocity.store import Birth, Member, RunWriter
@@ -105,6 +106,17 @@ def test_pictures_and_heights_are_those_of_the_birth(asked, night):
     heights = np.frombuffer(content, "<f4").reshape(about["height"], about["width"])
     assert np.array_equal(heights, one.city.heights)
     assert about["metres"] == one.city.metres_per_pixel
+    for count in ("pixels", "ranges"):
+        about, content = asked.get(f"/api/0/calls?id=3&count={count}").framed
+        values = getattr(usage(one.genome), count)
+        seen = np.asarray(Image.open(io.BytesIO(content)))[: values.shape[0]]
+        assert about["most"] == values.max()
+        # a colour a number up to the end, the more the darker
+        shades = {int(n): seen[values == n].astype(int) for n in np.unique(values)}
+        assert all((shade == shade[0]).all() for shade in shades.values())
+        below = [shades[n][0].sum() for n in sorted(shades) if n <= about["end"]]
+        assert below == sorted(below, reverse=True)
+        assert len(set(below)) == len(below) > 1
 
 
 @pytest.mark.parametrize("by", ["looks", "scores", "kin"])

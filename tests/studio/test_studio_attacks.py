@@ -303,6 +303,8 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/changes?after=nan",
         "/api/0/changes",
         "/api/0/heights?id=x",
+        "/api/0/calls?id=3&count=__init__",
+        "/api/0/calls?id=3",
         "/api/1/births",
         "/api/x/births",
         "/api/99999999999999999999/births",

@@ -215,6 +215,10 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert "birth 0, left, 1 steps back" in labels
         page.get_by_role("button", name="whose stones").click()
         until(page, "studio.run.one.image.alt.startsWith('which city')")
+        for name in ("usage", "µ"):
+            page.get_by_role("button", name=name, exact=True).click()
+            until(page, "studio.run.one.image.alt.includes('how many lifs call')")
+        until(page, "studio.run.one.legend.textContent.startsWith('how many lifs call each pixel')")
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
         assert state_of(page)["one"] == 3

@@ -3,6 +3,9 @@ import { Pedigree } from "./pedigree.js";
 
 /** Pictures of a birth, by what the server calls them. */
 const PICTURES = [["map", "map"], ["stones", "whose stones"]];
+/** Maps of how often its own parts are called, by what the server calls them, and in words. */
+const COUNTS = [["ranges", "usage", "how many lifs call the domain block that each range block is made of"],
+  ["pixels", "µ", "how many lifs call each pixel"]];
 /** What the page draws itself, in three dimensions. */
 const SPACES = [["columns", "in space"], ["walk", "walk"]];
 
@@ -22,12 +25,13 @@ export class One {
     this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
     this.origin = made(this.root, "p", "faint");
     const kinds = made(this.root, "div", "row", "", { role: "group", "aria-label": "picture" });
-    this.kinds = new Map([...PICTURES, ...SPACES].map(([kind, text]) => {
+    this.kinds = new Map([...PICTURES, ...COUNTS, ...SPACES].map(([kind, text]) => {
       const button = made(kinds, "button", "", text, { type: "button" });
       button.addEventListener("click", () => this.picture(kind));
       return [kind, button];
     }));
     this.image = made(this.root, "img");
+    this.legend = made(this.root, "p", "faint");
     this.within = made(this.root, "div", "space");
     this.within.hidden = true;
     this.lack = made(this.root, "p", "lack");
@@ -83,6 +87,7 @@ export class One {
     }
     this.kind = kind;
     for (const [one, button] of this.kinds) button.setAttribute("aria-pressed", String(one === kind));
+    this.legend.textContent = "";
     const isMeant = () => id === this.id && kind === this.kind;
     const isDrawn = SPACES.some(([one]) => one === kind);
     try {
@@ -91,12 +96,22 @@ export class One {
         return;
       }
       this.within.hidden = true;
-      const blob = await this.server.blobOf("picture", { id, kind });
+      const count = COUNTS.find(([one]) => one === kind);
+      let blob, words = { map: `map of heights of birth ${id}, north up`, stones: `which city each stone of birth ${id} is from` }[kind];
+      if (count) {
+        const { about, content } = await this.server.framed("calls", { id, count: kind });
+        if (!isMeant()) return;
+        blob = new Blob([content], { type: "image/png" });
+        words = `birth ${id}: ${count[2]}`;
+        const more = about.most > about.end ? `; a few up to ${about.most}` : "";
+        this.legend.textContent = `${count[2]}: the bar goes from 0 to ${number(about.end)}${more}.`;
+      } else blob = await this.server.blobOf("picture", { id, kind });
       if (!isMeant()) return;
       if (this.address) URL.revokeObjectURL(this.address);
       this.address = URL.createObjectURL(blob);
       this.image.src = this.address;
-      this.image.alt = kind === "map" ? `map of heights of birth ${id}, north up` : `which city each stone of birth ${id} is from`;
+      this.image.alt = words;
+      this.image.classList.toggle("evocity-pixels", Boolean(count));
       this.image.hidden = false;
       this.lack.hidden = true;
     } catch (error) {

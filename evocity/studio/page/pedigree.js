@@ -1,6 +1,6 @@
 import { COLOURS, made, sized } from "./made.js";
 
-const STEPS = 4, LARGEST = 56, BETWEEN = 22, CAPTION = 14;
+const STEPS = 6, LARGEST = 56, BETWEEN = 22, CAPTION = 14;
 
 /** From whom a birth descends, a row of pictures a step; lines lead from parents to children. `on`:
  * wake(id). */
