@@ -21,8 +21,8 @@ from evocity.viewer.sheet import Sheet
 from evocity.viewer.table import Column, Table
 from evocity.viewer.widget import Widget
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "viewer"))
-from served_page import BROWSER, served
+sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / one) for one in (".", "viewer")]
+from served_page import BROWSER, served  # noqa: E402
 
 BIRTHS, REPEATS = 64_000, 9
 READ = 'for (const one of document.querySelectorAll(".evocity-view canvas")) '

@@ -2,20 +2,20 @@
 
 import base64
 import contextlib
-import shutil
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
+from chromium import BROWSER as BROWSER
+from chromium import started
 
 import evocity
 from evocity import CityMap
 from evocity.viewer.joined import PAGE as VIEWER
 
 PAGE = Path(evocity.__file__).parent / "studio" / "page"
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 #: WebGL without a graphics card.
 WITHOUT_CARD = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:"
@@ -139,12 +139,8 @@ class Studio:
 
 @contextlib.contextmanager
 def studio() -> Iterator[Studio]:
-    from playwright.sync_api import sync_playwright
-
-    with served_modules() as address, sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=BROWSER, args=list(WITHOUT_CARD))
+    with served_modules() as address, started(*WITHOUT_CARD) as browser:
         yield Studio(browser, address)
-        browser.close()
 
 
 def frames(page) -> None:

@@ -11,17 +11,17 @@ from urllib.parse import quote, unquote
 import numpy as np
 import pytest
 
-playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("playwright.sync_api")
 
-from asking import HOSTILE, OLD, contents  # noqa: E402
-from written_runs import written  # noqa: E402
+from asking import HOSTILE, OLD, contents
+from chromium import BROWSER, started
+from written_runs import written
 
-import evocity  # noqa: E402
-from evocity.search.binning import binned  # noqa: E402
-from evocity.store import Birth, Member, RunWriter  # noqa: E402
-from evocity.studio.serving import served  # noqa: E402
+import evocity
+from evocity.search.binning import binned
+from evocity.store import Birth, Member, RunWriter
+from evocity.studio.serving import served
 
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 COUNT = 120
@@ -75,10 +75,8 @@ def folder(tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with playwright.sync_playwright() as started:
-        found = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+    with started() as found:
         yield found
-        found.close()
 
 
 @pytest.fixture

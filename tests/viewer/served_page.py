@@ -2,16 +2,15 @@
 
 import contextlib
 import json
-import shutil
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+from chromium import BROWSER as BROWSER
+
 from evocity.viewer.joined import MODULES, module, text
 from evocity.viewer.widget import Widget
-
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 
 # What studio's page may do, and no more.
 POLICY = (

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 pytest.importorskip("anywidget")
-playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("playwright.sync_api")
 
-from served_page import BROWSER, served  # noqa: E402
+from chromium import BROWSER, started
+from served_page import served
 
-from evocity.viewer.sheet import Sheet  # noqa: E402
-from evocity.viewer.table import Column, Table  # noqa: E402
-from evocity.viewer.widget import Widget  # noqa: E402
+from evocity.viewer.sheet import Sheet
+from evocity.viewer.table import Column, Table
+from evocity.viewer.widget import Widget
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
@@ -59,10 +60,8 @@ def widget(
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with playwright.sync_playwright() as started:
-        found = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+    with started() as found:
         yield found
-        found.close()
 
 
 @pytest.fixture
