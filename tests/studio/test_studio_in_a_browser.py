@@ -187,6 +187,7 @@ def test_the_whole_job_by_keys_alone(opened, folder):
         while "courtyards" not in (folder / "picks.json").read_text():
             assert time.monotonic() < end
         tab_to("#pane-0-picks button:nth-of-type(2)")
+        page.close()  # else it may be told that its server is ending
     after = contents(folder)
     kept = json.loads(after.pop("picks.json"))
     assert [one["id"] for one in kept["picks"]] == right[1:3]
