@@ -35,5 +35,13 @@ def array_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
     return found
 
 
+def words_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
+    """Texts of a ``column``, ``(n,)``, of any type that Arrow keeps words in; None for null."""
+    words = column.cast("string")
+    words = words.combine_chunks() if isinstance(words, pa.ChunkedArray) else words
+    words = words.dictionary_encode(null_encoding="encode")
+    return np.array(words.dictionary.to_pylist(), object)[array_of(words.indices)]
+
+
 def _truths(bits: pa.Buffer | None) -> np.ndarray:
     return np.unpackbits(np.frombuffer(bits or b"", np.uint8), bitorder="little").view(bool)

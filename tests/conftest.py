@@ -7,10 +7,15 @@ from collections.abc import Iterator
 from unittest.mock import patch
 
 import pytest
+from hypothesis import settings
 from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.fitness import registry
+
+# Other work on the machine, or a library that is loaded when it is first used, is no fault.
+settings.register_profile("evocity", deadline=None)
+settings.load_profile("evocity")
 
 # A shell's background job ignores Ctrl-C, and so would all it starts; some tests press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

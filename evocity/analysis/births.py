@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
-from evocity.columns import array_of
+from evocity.columns import array_of, words_of
 from evocity.errors import RunError, check_word, near_miss, shown
 from evocity.fitness import Aims
 from evocity.kinds import Expressed
@@ -38,7 +38,7 @@ class Told:
             raise RunError(
                 f"{run.path} has no whole generation yet",
                 "at least one",
-                "wait for the first generation to end, or go on: evocity resume RUN",
+                f"wait for the first generation to end, or go on: evocity resume {run.path}",
             )
         #: The last generation that counts.
         self.last = run.generations[-1] if last is None else last
@@ -121,9 +121,7 @@ class Told:
         return array_of(self._table["seconds"])
 
     def _words(self, name: str) -> np.ndarray:
-        words = self._table[name].cast("string").combine_chunks()
-        words = words.dictionary_encode(null_encoding="encode")
-        return np.array(words.dictionary.to_pylist(), object)[array_of(words.indices)]
+        return words_of(self._table[name])
 
     @cached_property
     def values(self) -> np.ndarray:

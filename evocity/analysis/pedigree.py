@@ -1,11 +1,18 @@
 """Who descends from whom, as arrays and as a graph."""
 
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.errors import EvocityError, RunError, shown
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 class Pedigree:
@@ -56,6 +63,36 @@ class Pedigree:
         return self._told.ids[parents[among]], self._told.ids[children[among]]
 
 
+def graph_of(
+    ids: np.ndarray, columns: Mapping[str, np.ndarray], parents: np.ndarray, children: np.ndarray
+) -> "nx.DiGraph":
+    """A node each of ``ids`` with what ``columns`` have of it, an edge from each of ``parents`` to
+    its child."""
+    import networkx
+
+    graph = networkx.DiGraph()
+    with _uncollected():
+        graph.add_nodes_from(ids.tolist())
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        for node, values in zip(graph.nodes.values(), rows, strict=True):
+            node.update(zip(columns, values, strict=True))
+        graph.add_edges_from(zip(parents.tolist(), children.tolist(), strict=True))
+    return graph
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Within, Python does not look for rings of garbage: among hundreds of thousands of new
+    dictionaries that takes as long again as to make them."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
 def steps_of(generations: object) -> int | None:
     """How many steps back are asked for. Raises `EvocityError` for what is no number of them."""
     if generations is None:
@@ -70,4 +107,4 @@ def steps_of(generations: object) -> int | None:
     return int(generations)
 
 
-__all__ = ["Pedigree", "steps_of"]
+__all__ = ["Pedigree", "graph_of", "steps_of"]

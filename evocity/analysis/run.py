@@ -16,7 +16,7 @@ from evocity.analysis.credit import credit_of
 from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.pedigree import Pedigree, steps_of
+from evocity.analysis.pedigree import Pedigree, graph_of, steps_of
 from evocity.analysis.series import series_of
 from evocity.analysis.spread import diversity_of, farthest_first
 from evocity.analysis.wanted import Aim
@@ -352,19 +352,13 @@ class Run(opening.Run, Displayed):
         """From whom ``one`` descends, as a graph of networkx: nodes are ids, with what `scores`
         tells of each; edges lead from parent to child. ``generations``: so many steps back; all the
         way to the source cities unless it is told."""
-        networkx = library("networkx", "a lineage")
+        library("networkx", "a lineage")
         told = self.told
         rows = told.rows(ids_of(one, told))
         rows = self._pedigree.ancestors(rows, steps_of(generations))
         names = [name for name in told.columns if name not in ("id", "lived")]
-        columns = [told.column(name)[rows].tolist() for name in names]
-        graph = networkx.DiGraph()
-        graph.add_nodes_from(told.ids[rows].tolist())
-        for node, values in zip(graph.nodes.values(), zip(*columns, strict=True), strict=True):
-            node.update(zip(names, values, strict=True))
-        parents, children = self._pedigree.edges(rows)
-        graph.add_edges_from(zip(parents.tolist(), children.tolist(), strict=True))
-        return graph
+        columns = {name: told.column(name)[rows] for name in names}
+        return graph_of(told.ids[rows], columns, *self._pedigree.edges(rows))
 
     def ancestry(self, which: object) -> "dict[str, float] | pd.DataFrame":
         """Source city -> share of the map that is its stone, of one birth; of several, named by

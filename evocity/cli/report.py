@@ -6,7 +6,6 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, echo
-from evocity.errors import RunError
 
 
 @click.command(
@@ -32,13 +31,7 @@ def report(run: str, output: Path | None) -> None:
     """
     from evocity.report import write_report
 
-    opened = evocity.open_run(run)
+    evocity.open_run(run)  # what is no run is told before the output is looked at
     if output is not None:
         check_output(output, run, {".html", ".htm"})
-    if not opened.generations:
-        raise RunError(
-            f"{run} has no whole generation yet",
-            "at least one",
-            f"wait for the first generation to end, or go on: evocity resume {run}",
-        )
     echo(f"report: {write_report(run, output)}")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -199,6 +199,7 @@ def _rounded_up(value: float) -> float:
     return math.ceil(value / power * 0.999) * power
 
 
+@lru_cache(8)  # many pictures are on one scale
 def _table(highest: float) -> np.ndarray:
     """Uint8 ``(1024, 3)``: colours from 0 to ``highest`` metres, mixed in OKLab."""
     stops = _oklab(np.array([_rgb(text) for text in _RAMP]) / 255)

@@ -267,9 +267,12 @@ class Facts:
             for measure in fitness.measures()
             if measure.name not in self.run.header.columns
         ]
+        parents = [None] * len(births)
+        if any("parents" in measure.takes for measure in others):  # they are read from the log
+            parents = self.run.parents(births)
         found = {}
-        for birth, parents in zip(births, self.run.parents(births), strict=True):
-            city, given = self.city(birth), {"parents": parents, "sources": sources}
+        for birth, bred_of in zip(births, parents, strict=True):
+            city, given = self.city(birth), {"parents": bred_of, "sources": sources}
             given["genome"] = birth.genome
             found[birth.id] = [(m.name, _measured(m, city, given), m.unit) for m in others]
         return found

@@ -8,7 +8,6 @@ from pathlib import Path
 from markupsafe import Markup
 
 from evocity.analysis import open_run
-from evocity.analysis.thumbnails import highest_of
 from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.pages import data_uri, templates_of
@@ -19,7 +18,7 @@ from evocity.report.gallery import Galleries, city_key, parents
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands
 from evocity.report.kept import best_of_last, few_to_keep, title_of
-from evocity.report.pictures import Pictures, scale_colours
+from evocity.report.pictures import pictures_of, scale_colours
 from evocity.report.plots import ticks
 from evocity.report.summary import Summary
 from evocity.report.words import WORDS
@@ -65,8 +64,8 @@ def page_of(facts: Facts) -> str:
 def page_values(facts: Facts) -> dict:
     """What the template of the page is given: plain values, all of them escaped there. Only our
     own drawings, style and script are no text."""
-    highest = highest_of(facts.told)
-    pictures = Pictures(highest)
+    pictures = pictures_of(facts)
+    highest = pictures.highest
     kept = few_to_keep(facts, pictures)
     script = _asset("report.js")
     digest = b64encode(sha256(script.encode()).digest()).decode()

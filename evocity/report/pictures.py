@@ -1,13 +1,15 @@
 """Maps as pictures on one scale of heights, and the contact sheet of a run."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from PIL import Image
 
 from evocity.analysis.exporting import caption
-from evocity.analysis.thumbnails import highest_of
+from evocity.analysis.thumbnails import highest_of, thumbnail
 from evocity.citymap import CityMap
-from evocity.pages import data_uri
-from evocity.pictures.picture import ramp, render
+from evocity.pages import Palette, data_uri
+from evocity.pictures.picture import ramp
 from evocity.pictures.sheet import sheet_of
 from evocity.report.facts import Facts, Shown
 from evocity.scene import scene
@@ -15,31 +17,40 @@ from evocity.store import Run
 
 _WIDE = 560  # pixels of a scene: so few of them that they may be larger
 _LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
-
-
-def map_uri(city: CityMap, highest: float) -> str:
-    """The bare map on the scale that ends at ``highest`` metres, as a ``data:`` address.
-
-    Larger maps are shrunk until their longer side has `_LARGEST` pixels.
-    """
-    picture = render(city, highest=highest, legend=False)
-    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.BOX)
-    return data_uri(picture)
+_COLOURS = 192  # of all pictures together: then each is as near as with 128 of its own, to the eye
+_EXAMPLES = 4  # of each kind of map tell these colours
 
 
 class Pictures:
-    """Bare maps on the scale that ends at ``highest`` metres as `map_uri` has them, each made
-    once."""
+    """Bare maps on the scale that ends at ``highest`` metres, as ``data:`` addresses, each made
+    once. Larger maps are shrunk until their longer side has `_LARGEST` pixels.
 
-    def __init__(self, highest: float):
+    All share one palette: that of the scale's own colours and of some ``examples``.
+    """
+
+    def __init__(self, highest: float, examples: Sequence[CityMap]):
         self.highest = highest
+        scale = Image.fromarray(
+            ramp(np.linspace(0, highest, 1024, dtype=np.float32)[None], highest)
+        )
+        pictures = [thumbnail(city, highest, _LARGEST) for city in examples]
+        self._palette = Palette([scale, *pictures], _COLOURS)
         self._made: dict[int | str, str] = {}
 
     def of(self, name: int | str, city: CityMap) -> str:
         """The picture of the individual, or city, that is called so."""
         if name not in self._made:
-            self._made[name] = map_uri(city, self.highest)
+            picture = thumbnail(city, self.highest, _LARGEST)
+            self._made[name] = data_uri(picture, self._palette)
         return self._made[name]
+
+
+def pictures_of(facts: Facts) -> Pictures:
+    """The pictures of a report, whose palette a few of its maps tell."""
+    examples = [source.city for source in facts.sources[:_EXAMPLES]]
+    for shown in (facts.shown, facts.shown_gone):
+        examples += [one.city for one in shown[:: len(shown) // _EXAMPLES + 1]]
+    return Pictures(highest_of(facts.told), examples)
 
 
 def scene_uri(city: CityMap, highest: float) -> str:

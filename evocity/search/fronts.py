@@ -1,8 +1,9 @@
-"""Who dominates whom, and how good many are together. All losses: lower is better."""
+"""Who dominates whom, and how good many are together. All losses: lower is better.
+
+What is borrowed for it is loaded when it is used: a tenth of what many commands load.
+"""
 
 import numpy as np
-
-from evocity.search.borrowed import deap, moocore
 
 
 def ranks_of(losses: np.ndarray, violations: np.ndarray | None = None) -> np.ndarray:
@@ -13,6 +14,8 @@ def ranks_of(losses: np.ndarray, violations: np.ndarray | None = None) -> np.nda
 
     Raises ValueError for a loss that is not finite: it would be ranked first.
     """
+    from evocity.search.borrowed import moocore
+
     losses = np.ascontiguousarray(losses, np.float64)
     broken = np.zeros(len(losses)) if violations is None else np.asarray(violations, float)
     if not (np.isfinite(losses).all() and np.isfinite(broken).all()):
@@ -27,6 +30,8 @@ def ranks_of(losses: np.ndarray, violations: np.ndarray | None = None) -> np.nda
 
 def crowding_of(losses: np.ndarray, ranks: np.ndarray) -> np.ndarray:
     """Crowding distance of each row of ``(n, m)`` losses within its front."""
+    from evocity.search.borrowed import deap
+
     crowding = np.zeros(len(losses))
     for front in np.unique(ranks):
         where = np.flatnonzero(ranks == front)
@@ -40,6 +45,8 @@ def not_dominated(losses: np.ndarray) -> np.ndarray:
 
     The first front of `ranks_of` without doubles, and for many rows far quicker.
     """
+    from evocity.search.borrowed import moocore
+
     losses = np.ascontiguousarray(losses, np.float64)
     if not np.isfinite(losses).all():
         raise ValueError("losses must be finite to be compared")
@@ -75,4 +82,6 @@ class Hypervolume:
 
     def __call__(self, losses: np.ndarray) -> float:
         """At least 0; not finite where a loss is too far below those of the first population."""
+        from evocity.search.borrowed import moocore
+
         return moocore.hypervolume(self._scale(losses), self._scale.reference)

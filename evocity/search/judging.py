@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from evocity.columns import array_of
+from evocity.columns import array_of, column_of, words_of
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.commands import Standing
@@ -86,7 +86,8 @@ def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) ->
     values = [f"fitness.{name}" for name in run.header.measures]
     others = [f"fitness.{name}" for name in recorded if name not in run.header.measures]
     births = run.births(columns=["generation", "id", "status", "feasible", *values, *others])
-    births = births.filter(pc.equal(births["status"], "ok")).replace_schema_metadata(None)
+    ok = column_of(words_of(births["status"]) == "ok")
+    births = births.filter(ok).replace_schema_metadata(None)
     sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
     complete = births["feasible"]
     if sought:

@@ -57,14 +57,15 @@ def read_bounded(
     kind: str,
     groups: Sequence[int],
     columns: Sequence[str] | None,
+    end: int | None = None,
 ) -> pa.Table:
-    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``. Texts of errors
-    are cut to `LONGEST_ERROR` letters; of a generation with more than `MOST_TEXT` bytes of them it
-    is told how many there are."""
+    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``; up to the row
+    ``end`` alone, if it is told. Texts of errors are cut to `LONGEST_ERROR` letters; of a
+    generation with more than `MOST_TEXT` bytes of them it is told how many there are."""
     if kind != BIRTHS or (columns is not None and ERROR not in columns):
-        return file.read_row_groups(groups, columns=columns)
+        return _read(file, groups, columns, end)
     others = [name for name in columns or file.schema_arrow.names if name != ERROR]
-    table = file.read_row_groups(groups, columns=others)
+    table = _read(file, groups, others, end)
     with pq.ParquetFile(
         path,
         metadata=file.metadata,
@@ -73,7 +74,19 @@ def read_bounded(
     ) as again:
         errors = [one for group in groups for one in _errors(again, group)]
     at = (columns or file.schema_arrow.names).index(ERROR)
-    return table.add_column(at, ERROR, pa.chunked_array(errors, pa.string()))
+    told = pa.chunked_array(errors, pa.string()).slice(0, len(table))
+    return table.add_column(at, ERROR, told)
+
+
+def _read(file: pq.ParquetFile, groups, columns, end: int | None) -> pa.Table:
+    if not end:
+        return file.read_row_groups(groups if end is None else [], columns=columns)
+    found, left = [], end
+    batches = file.iter_batches(end, groups, columns)
+    while left > 0 and (batch := next(batches, None)) is not None:
+        found.append(batch.slice(0, left))
+        left -= len(batch)
+    return pa.Table.from_batches(found)
 
 
 def read_through(file: pq.ParquetFile, group: int) -> None:

@@ -11,7 +11,6 @@ from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from evocity.citymap import CityMap
 from evocity.columns import array_of, column_of
@@ -171,11 +170,9 @@ class Run:
             for generation, first, last in spans:
                 if not any(first <= identifier <= last for identifier in missing):
                     continue
-                table = self.births(generation)
+                table = self._table(BIRTHS, generation, None, missing)
                 with self._readable(self.path):
-                    sought = column_of(np.array(missing, np.int64))
-                    wanted = pc.is_in(table.column("id"), value_set=sought)
-                    births = births_of(table.filter(wanted), self.header, self.condensation)
+                    births = births_of(table, self.header, self.condensation)
                 found |= {birth.id: birth for birth in births}
             missing = [identifier for identifier in ids if identifier not in found]
         if missing:
@@ -348,7 +345,7 @@ class Run:
 
     # -- files ---------------------------------------------------------------------------
 
-    def _table(self, kind, generation, columns) -> pa.Table:
+    def _table(self, kind, generation, columns, ids=None) -> pa.Table:
         whole = self.generations
         if generation is not None and generation not in whole:
             raise RunError(
@@ -367,7 +364,7 @@ class Run:
                 )
                 if wanted:
                     with self._readable(piece.path, gone_is_damage=False):
-                        tables.append(self._tables.rows(kind, piece, wanted, columns))
+                        tables.append(self._tables.rows(kind, piece, wanted, columns, ids))
             return tables
 
         tables = self._with_pieces(read)

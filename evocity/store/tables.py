@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evocity.columns import array_of, column_of
 from evocity.store.bounds import check_bounds, read_bounded
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Piece
 from evocity.store.membership import membership_schema
@@ -30,10 +32,16 @@ class Tables:
         self._known: set[bytes] = set()  # headers of files, of which hundreds tell the same
 
     def rows(
-        self, kind: str, piece: Piece, wanted: range, columns: Sequence[str] | None
+        self,
+        kind: str,
+        piece: Piece,
+        wanted: range,
+        columns: Sequence[str] | None,
+        ids: Sequence[int] | None = None,
     ) -> pa.Table:
         """Generations ``wanted`` of a file, once its header and columns are those of the run; all
-        ``columns`` if None."""
+        ``columns`` if None. ``ids``: of the births these alone, and what follows the last of them
+        is not unpacked."""
         with opened(piece.path) as file:
             schema = file.schema_arrow
             groups = [g - piece.first for g in wanted]
@@ -47,9 +55,17 @@ class Tables:
                 self._known.add(told)
             if not schema.equals(self.schemas[kind]):
                 raise ValueError(f"its columns are not those of {kind}")
-            table = read_bounded(piece.path, file, kind, groups, columns)
+            places = None if ids is None else _places(file, groups, ids)
+            end = None if places is None else int(places.max(initial=-1)) + 1
+            table = read_bounded(piece.path, file, kind, groups, columns, end)
             check_rows(table, self._header, kind != BIRTHS)
-            return table
+            return table if places is None else table.take(column_of(places))
+
+
+def _places(file: pq.ParquetFile, groups: Sequence[int], ids: Sequence[int]) -> np.ndarray:
+    """Which rows of some row groups are the births with these ``ids``."""
+    known = array_of(file.read_row_groups(groups, columns=["id"])["id"])
+    return np.flatnonzero(np.isin(known, np.array(ids, np.int64)))
 
 
 def spans_of(piece: Piece, whole: range) -> list[tuple[int, int, int]]:

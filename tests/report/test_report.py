@@ -31,7 +31,7 @@ from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
 from evocity.report.html import page_of
 from evocity.report.kept import best_of_last, few_to_keep
-from evocity.report.pictures import Pictures, _caption, data_uri, map_uri
+from evocity.report.pictures import Pictures, _caption, data_uri
 from evocity.report.plots import Axis, curve
 from evocity.report.summary import Summary, gain
 from evocity.report.words import WORDS
@@ -197,7 +197,7 @@ def test_only_its_own_script_may_run(usual):
 
 def test_large_maps_become_small_pictures(town):
     large = town.replace(np.kron(town.heights, np.ones((8, 8), np.float32)))
-    code = map_uri(large, 30).partition(",")[2]
+    code = Pictures(30.0, [large]).of("large", large).partition(",")[2]
     assert max(Image.open(io.BytesIO(base64.b64decode(code))).size) < 300
 
 
@@ -312,6 +312,18 @@ def test_few_colours_are_kept_and_many_are_as_near_as_pillow_has_them(town):
         for one in (of_few_colours(picture), own)
     ]
     assert off[0] <= 1.05 * off[1]
+
+
+def test_a_shared_palette_has_the_colours_of_pictures_that_it_was_not_made_of(town):
+    """A child differs in its heights, on the same scale: no pixel is off by more than one step of
+    colour that the eye tells from the next, and few by any."""
+    pictures = Pictures(30.0, [town])
+    child = town.replace(np.minimum(np.roll(town.heights, 3, axis=1) * 1.3, 30).astype(np.float32))
+    code = pictures.of(1, child).partition(",")[2]
+    kept = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
+    off = np.abs(np.asarray(kept, int) - np.asarray(render(child, highest=30, legend=False), int))
+    assert off.mean() < 1
+    assert off.max() <= 16
 
 
 def test_measures_that_ask_for_sources_get_the_cities_of_the_run(tmp_path):
@@ -637,7 +649,7 @@ def test_those_worth_keeping_stand_first_with_their_reasons(tmp_path):
 def test_those_worth_keeping_stand_beside_archive_and_parents(tmp_path):
     facts = Facts(open_run(told_run(tmp_path / "run", generations=6)))
     gsi = [row["fitness.gsi"] for row in facts.archive.births.to_pylist()]
-    for one in few_to_keep(facts, Pictures(30.0)):
+    for one in few_to_keep(facts, Pictures(30.0, ())):
         (row,) = (row for row in one.rows if row.name == "gsi")
         low, high = map(float, row.archive.split(" to "))
         assert (low, high) == (float(f"{min(gsi):.4g}"), float(f"{max(gsi):.4g}"))
@@ -686,7 +698,7 @@ def test_those_that_break_a_constraint_are_crosses(tmp_path, usual):
 def test_cards_can_be_ordered_and_filtered_by_every_measure(tmp_path):
     goals = [{"name": "gsi", "goal": "min"}, {"name": "fsi", "min": 0.5}]
     facts = Facts(open_run(make_run(tmp_path / "run", provenance={"fitness": goals})))
-    galleries = Galleries(facts, Pictures(30.0))
+    galleries = Galleries(facts, Pictures(30.0, ()))
     assert galleries.orders[2:] == ["gsi, best first", "fsi, highest first", "fsi, lowest first"]
     told = Page(page_of(facts)).told
     for one in facts.shown:

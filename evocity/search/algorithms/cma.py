@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
 from evocity.search.algorithms.algorithm import Algorithm, Look, tournament
-from evocity.search.borrowed.deap import Covariances
-from evocity.search.borrowed.moocore import contributions
 from evocity.search.fronts import Scale, crowding_of, ranks_of
 from evocity.search.individual import Individual
 from evocity.search.values import Section
+
+if TYPE_CHECKING:
+    from evocity.search.borrowed import deap
 
 #: Of so many losses, contributions of so many individuals are measured at most: anew for each
 #: that is dropped, so for fewer than `HypervolumeContribution` measures them. Crowding stands for
@@ -52,7 +54,7 @@ class Cma(Algorithm):
         super().__init__(size, keys)
         self._fields: np.ndarray | None = None  # of the births asked for last
         self._first = self._sources = 0
-        self._strategy: Covariances | None = None
+        self._strategy: deap.Covariances | None = None
         self._ids: list[int] = []  # of those who live, in the strategy's order
         self._steps: dict[int, float] = {}
 
@@ -91,7 +93,9 @@ class Cma(Algorithm):
         goals = max((len(one.losses) for one in candidates), default=1)
         losses = np.array([_told(by_id.get(one), goals) for one in ids])
         if self._strategy is None:
-            self._strategy = Covariances(self._fields, losses, self.keys.step, _least)
+            from evocity.search.borrowed import deap
+
+            self._strategy = deap.Covariances(self._fields, losses, self.keys.step, _least)
             self._ids = ids
         else:
             both = self._ids + ids
@@ -131,7 +135,9 @@ def _told(one: Individual | None, goals: int) -> list[float]:
 
 def _least(losses: np.ndarray) -> int:
     """Who of a front is missed least."""
+    from evocity.search.borrowed import moocore
+
     if len(losses) > MOST.get(losses.shape[1], 0):
         return int(crowding_of(losses, np.zeros(len(losses), int)).argmin())
     scale = Scale(losses)
-    return int(contributions(scale(losses), scale.reference).argmin())
+    return int(moocore.contributions(scale(losses), scale.reference).argmin())

@@ -3,7 +3,6 @@
 import numpy as np
 
 from evocity.search.algorithms.algorithm import Order, Ranked
-from evocity.search.borrowed.moocore import least_first
 from evocity.search.fronts import Scale, crowding_of, ranks_of
 
 #: Of so many losses, contributions of so many individuals are measured at most, which takes some
@@ -24,6 +23,8 @@ class HypervolumeContribution(Ranked):
     marks = ("contribution",)
 
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
+        from evocity.search.borrowed import moocore
+
         ranks = ranks_of(losses, violations)
         if len(losses) > MOST.get(losses.shape[1], 0):
             crowding = crowding_of(losses, ranks)
@@ -34,7 +35,9 @@ class HypervolumeContribution(Ranked):
             where = np.flatnonzero(ranks == front)
             scale = Scale(losses[where])
             surplus = min(max(len(where) - max(room, 0), 0), len(where))
-            dropped, worth[where] = least_first(scale(losses[where]), scale.reference, surplus)
+            dropped, worth[where] = moocore.least_first(
+                scale(losses[where]), scale.reference, surplus
+            )
             turns[where] = surplus
             turns[where[dropped]] = np.arange(surplus)
             room -= len(where)

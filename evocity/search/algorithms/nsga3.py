@@ -7,7 +7,6 @@ import numpy as np
 from pydantic import Field
 
 from evocity.search.algorithms.algorithm import DistinctKeys, Order, Ranked, tournament
-from evocity.search.borrowed.deap import fill_niches, niches_of, reference_points
 from evocity.search.fronts import Scale, ranks_of
 from evocity.search.individual import Individual
 from evocity.search.values import Section
@@ -61,6 +60,8 @@ class Nsga3(Ranked):
     def _best_first(
         self, losses: np.ndarray, violations: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
+        from evocity.search.borrowed import deap
+
         order = self._order(losses, violations)
         ranks = order.ranks[order.best_first]
         last = ranks[min(self.size, len(ranks)) - 1]
@@ -71,7 +72,7 @@ class Nsga3(Ranked):
         split = order.ranks[among] == last
         taken = np.bincount(niches[~split], minlength=len(self._reference(losses.shape[1])))
         room = self.size - np.count_nonzero(~split)
-        filled = fill_niches(room, niches[split], distances[split], taken, rng)
+        filled = deap.fill_niches(room, niches[split], distances[split], taken, rng)
         chosen = among[split][filled]
         first = order.best_first[ranks < last]
         left = np.setdiff1d(order.best_first, np.concatenate([first, chosen]))
@@ -79,11 +80,15 @@ class Nsga3(Ranked):
         return np.concatenate([first, chosen, rest])
 
     def _niches(self, losses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        from evocity.search.borrowed import deap
+
         scale = Scale(losses)
-        return niches_of(scale(losses), self._reference(losses.shape[1]))
+        return deap.niches_of(scale(losses), self._reference(losses.shape[1]))
 
     def _reference(self, goals: int) -> np.ndarray:
-        return reference_points(goals, self.keys.divisions or _divisions(goals, self.size))
+        from evocity.search.borrowed import deap
+
+        return deap.reference_points(goals, self.keys.divisions or _divisions(goals, self.size))
 
 
 def _points(goals: int, divisions: int) -> int:

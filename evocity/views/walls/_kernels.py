@@ -4,7 +4,7 @@ y to the south, from the map's north-west corner."""
 import numpy as np
 
 from evocity.accelerate import kernel
-from evocity.views.walls.fitting._kernels import _crossing, _douglas_peucker
+from evocity.views.walls.fitting._kernels import _crossing, _douglas_peucker, farthest
 
 #: What lies beyond the map, or beyond its site.
 BEYOND = -1
@@ -182,7 +182,7 @@ def _simplified(vertices, first, last, nodes, ends, tolerance, points, place):
     keep = np.zeros(count, np.bool_)
     stack = np.empty((count + 2, 2), np.int64)
     if ends[0] < 0:  # about: from where it begins to what is farthest from there, and back
-        far = np.argmax((own[:, 0] - own[0, 0]) ** 2 + (own[:, 1] - own[0, 1]) ** 2)
+        far = farthest(own, own[0, 0], own[0, 1])
         _douglas_peucker(own[: far + 1], tolerance, keep[: far + 1], stack)
         _douglas_peucker(own[far:], tolerance, keep[far:], stack)
     else:

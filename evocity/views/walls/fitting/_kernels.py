@@ -234,6 +234,17 @@ def split_arc(corners, tolerance, merged, detail, closed, runs):
 
 
 @kernel
+def farthest(points, x, y):
+    """The first of ``points`` (n, 2) that none is farther from (x, y) than."""
+    found, most = 0, -1.0
+    for k in range(len(points)):
+        away = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
+        if away > most:
+            found, most = k, away
+    return found
+
+
+@kernel
 def split_arcs(vertices, starts, ends, fixed, details, runs, begins):
     """`split_arc` for all arcs but those that are ``fixed``, bool (arcs,): these have no run.
 
@@ -251,9 +262,12 @@ def split_arcs(vertices, starts, ends, fixed, details, runs, begins):
         closed = ends[arc, 0] < 0
         if closed:
             around = vertices[first : last - 1].copy()
-            x, y = around[:, 0].mean(), around[:, 1].mean()
-            at = np.argmax((around[:, 0] - x) ** 2 + (around[:, 1] - y) ** 2)
             size = last - 1 - first
+            x, y = 0.0, 0.0
+            for k in range(size):
+                x += around[k, 0]
+                y += around[k, 1]
+            at = farthest(around, x / size, y / size)
             for k in range(size + 1):
                 vertices[first + k] = around[(at + k) % size]
         corners = vertices[first:last].astype(np.float64)
@@ -565,7 +579,9 @@ def settle(vertices, runs, members, begins, lines, ranges):
             count = _gathered(vertices, runs, own, lines[k], trim, left, right)
             if count < 2:
                 break
-            long = max(np.abs(left[:count, 0]).max(), np.abs(right[:count, 0]).max())
+            long = 0.0
+            for n in range(count):
+                long = max(long, abs(left[n, 0]), abs(right[n, 0]))
             least, greatest, room = _free(left, right, count, min(1.25 / long, 0.8))
             if room > 0:
                 ranges[k, 2] = trim
