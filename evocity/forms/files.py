@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
-from evocity.forms.curve import CurveForm
+from evocity.forms.curve import CurveForm, details_of, flat
 from evocity.forms.form import ABOUT, TOLD, VERSION, Form
 from evocity.forms.shape import ShapeForm
 from evocity.forms.site import Site
@@ -77,13 +77,17 @@ def form_of(kind: str, arrays: Mapping[str, np.ndarray], common: Mapping) -> For
 
 def curves_of(arrays: Mapping[str, np.ndarray], common: Mapping) -> tuple[CurveForm, ...]:
     """The curves whose arrays follow each other. Raises as `form_of`."""
-    sizes, laid = arrays["sizes"].reshape(-1, 2).astype(int), arrays["laid"].reshape(-1, 2)
-    points, maps, found = arrays["points"], arrays["maps"], []
-    for (count, parts), (breadth, lay) in zip(sizes.tolist(), laid.tolist(), strict=True):
+    sizes, laid = arrays["sizes"].reshape(-1, 3).astype(int), arrays["laid"].reshape(-1, 2)
+    points, maps, details = (arrays[name] for name in ("points", "maps", "details"))
+    found = []
+    for (count, parts, depth), (breadth, lay) in zip(sizes.tolist(), laid.tolist(), strict=True):
         own, points = points[: 2 * count], points[2 * count :]
         ours, maps = maps[: parts * count**2], maps[parts * count**2 :]
+        inner = details_of(details, count, parts, depth)
+        details = details[flat(inner).size :]
         found.append(
             CurveForm(
+                details=inner,
                 points=own.reshape(count, 2),
                 maps=ours.reshape(parts, count, count),
                 breadth=breadth,
@@ -91,7 +95,7 @@ def curves_of(arrays: Mapping[str, np.ndarray], common: Mapping) -> tuple[CurveF
                 **common,
             )
         )
-    if points.size or maps.size or not found:
+    if points.size or maps.size or details.size or not found:
         raise ValueError("numbers of curves that are too many, or none")
     return tuple(found)
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from math import comb
 
 import numpy as np
 
@@ -135,34 +134,6 @@ def strip(line: np.ndarray, breadth: float, pixels: int, metres_per_pixel: float
     return rasterize(
         [(ground, 1)], (pixels, pixels), transform=affine.Affine(*to), dtype=np.uint8
     ).astype(bool)
-
-
-def bernstein(count: int, at: np.ndarray) -> np.ndarray:
-    """Weights ``(n, count)`` of the control points of a Bézier curve at parameters ``at`` (n,)."""
-    degree = count - 1
-    return np.column_stack(
-        [comb(degree, k) * at**k * (1 - at) ** (degree - k) for k in range(count)]
-    )
-
-
-def controls_of(line: np.ndarray, count: int) -> np.ndarray:
-    """Control points ``(count, 2)`` of the Bézier curve with a line's ends that is nearest to it,
-    by least squares at 200 places of equal distance."""
-    steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
-    reached = np.append(0, np.cumsum(steps)) / steps.sum()
-    at = np.linspace(0, 1, 200)
-    sought = np.column_stack([np.interp(at, reached, axis) for axis in line.T])
-    from evocity.shapes.linear import solved
-
-    weights = bernstein(count, at)
-    ends = np.stack([line[0], line[-1]])
-    if count == 2:
-        return ends
-    rest = sought - np.einsum("nk,kd->nd", weights[:, [0, -1]], ends)
-    inner = weights[:, 1:-1]
-    square = np.einsum("ni,nj->ij", inner, inner)
-    middle = solved(square, np.einsum("ni,nd->id", inner, rest))
-    return np.vstack([ends[:1], middle, ends[1:]])
 
 
 def read_line(path, name: str | None = None) -> tuple[np.ndarray, bool]:

@@ -117,6 +117,7 @@ class Curves(Lined):
         "maps": np.dtype(np.float64),
         "sizes": np.dtype(np.int16),
         "laid": np.dtype(np.float64),
+        "details": np.dtype(np.float64),
     }
     first = ("curve_metamorphosis", "point_exchange"), ("point_perturbation",)
     usual: ClassVar = {

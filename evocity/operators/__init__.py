@@ -56,6 +56,8 @@ from evocity.operators.lambda_field import LambdaField
 from evocity.operators.mutation import Mutation
 from evocity.operators.of_curves import (
     CurveMetamorphosis,
+    DetailExchange,
+    DetailScaling,
     PartPerturbation,
     PointExchange,
     PointPerturbation,
@@ -124,6 +126,8 @@ OF_FORMS: Mapping[str, type[Operator]] = {
         PartPerturbation,
         PointExchange,
         CurveMetamorphosis,
+        DetailExchange,
+        DetailScaling,
     )
 }
 
@@ -227,6 +231,8 @@ __all__ = [
     "AsymmetricFusion",
     "BlockExchange",
     "CurveMetamorphosis",
+    "DetailExchange",
+    "DetailScaling",
     "DirectFusion",
     "Draft",
     "Drafting",

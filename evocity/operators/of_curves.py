@@ -84,8 +84,8 @@ class PartPerturbation(Forming):
 
 @dataclass(frozen=True, kw_only=True)
 class PointExchange(Forming):
-    """Each control point of the first curve, or of the second, and the maps of one of them. Both
-    have as many points.
+    """Each control point of the first curve, or of the second; maps and details of one of them.
+    Both have as many points.
 
     Parameters
     ----------
@@ -108,14 +108,16 @@ class PointExchange(Forming):
         points = np.where(taken[:, None], second.points, first.points)
         at = int(rng.random() < self.share)
         made = {"points": np.flatnonzero(taken).tolist(), "maps": at}
-        return first.replace(points=points, maps=parents[at].maps), made
+        chosen_one = parents[at]
+        return chosen_one.replace(points=points), made
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveMetamorphosis(Forming):
     """A curve on the way from the first to the second, of as many control points: points and maps
     in between, so that parts which join at both ends join in between. Where the one has fewer maps,
-    its end counts as more of them, and ``made`` tells the pairs.
+    its end counts as more of them, and ``made`` tells the pairs. Details are in between where both
+    have as many levels of them and as many maps; else the child has none.
 
     Parameters
     ----------
@@ -143,11 +145,88 @@ class CurveMetamorphosis(Forming):
                 for k in range(max(counts))
             ]
         maps = [_lengthened(one, max(counts)) for one in parents]
+        details = ()
+        if counts[0] == counts[1] and len(first.details) == len(second.details):
+            levels = zip(first.details, second.details, strict=True)
+            details = tuple((1 - t) * one + t * other for one, other in levels)
         child = first.replace(
             points=(1 - t) * first.points + t * second.points,
             maps=(1 - t) * maps[0] + t * maps[1],
+            details=details,
         )
         return child, {"t": t, **made}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetailExchange(Forming):
+    """The first curve with the second's details in its finest levels, as they stand in the frames
+    of its polygons: how the second lies and how large it is does not matter. Both have details, of
+    as many levels, and as many maps and control points.
+
+    Parameters
+    ----------
+    levels : how many of the finest, all if there are fewer.
+    gain : how many times as large.
+    """
+
+    name: ClassVar[str] = "detail_exchange"
+    of: ClassVar[str] = "curve"
+    parents: ClassVar[tuple[int, int | None]] = (2, 2)
+
+    levels: int = 3
+    gain: float = 1.0
+
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "levels": (lambda levels: 1 <= levels <= 64, "1…64"),
+            "gain": (lambda gain: 0 <= gain <= 100, "0…100"),
+        }
+
+    def _child(self, parents: Sequence[CurveForm], rng: np.random.Generator):
+        first, second = parents
+        _check_alike(self.name, first, second)
+        depths = len(first.details), len(second.details)
+        if not depths[0] or depths[0] != depths[1] or len(first.maps) != len(second.maps):
+            raise OperatorError(
+                f"{self.name}: curves of {len(first.maps)} and {len(second.maps)} maps with "
+                f"{depths[0]} and {depths[1]} levels of details",
+                "as many maps, and as many levels",
+                "begin both by lines in files, or leave the operator out",
+            )
+        keep = max(0, depths[0] - self.levels)
+        details = first.details[:keep] + tuple(self.gain * one for one in second.details[keep:])
+        return first.replace(details=details), {"kept": keep}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetailScaling(Forming):
+    """The details of a curve larger or smaller, those of each level alike.
+
+    Parameters
+    ----------
+    step : standard deviation of the logarithm of how many times, drawn for each level.
+    """
+
+    name: ClassVar[str] = "detail_scaling"
+    of: ClassVar[str] = "curve"
+    parents: ClassVar[tuple[int, int | None]] = (1, 1)
+
+    step: float = 0.3
+
+    def _checks(self) -> dict[str, Check]:
+        return {"step": step_checks()["step"]}
+
+    def _child(self, parents: Sequence[CurveForm], rng: np.random.Generator):
+        (parent,) = parents
+        if not parent.details:
+            raise OperatorError(
+                f"{self.name}: a curve without details",
+                "one that began as a line in a file",
+                "leave the operator out",
+            )
+        gains = np.exp(self.step * rng.standard_normal(len(parent.details)))
+        details = tuple(gain * one for gain, one in zip(gains, parent.details, strict=True))
+        return parent.replace(details=details), {"gains": gains.tolist()}
 
 
 def _lengthened(curve: CurveForm, count: int) -> np.ndarray:
@@ -179,4 +258,11 @@ def _check_ends(name: str, curve: CurveForm) -> None:
         )
 
 
-__all__ = ["CurveMetamorphosis", "PartPerturbation", "PointExchange", "PointPerturbation"]
+__all__ = [
+    "CurveMetamorphosis",
+    "DetailExchange",
+    "DetailScaling",
+    "PartPerturbation",
+    "PointExchange",
+    "PointPerturbation",
+]

@@ -9,8 +9,11 @@ import pytest
 from evocity import CityMap, encode
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, MapError
+from evocity.fitness.curves import line_distance
 from evocity.forms import CurveForm, ShapeForm, Site, read_form
-from evocity.forms.lines import bernstein, controls_of, cut_to, line_in, placed
+from evocity.forms.courses import courses_of
+from evocity.forms.lines import cut_to, line_in, placed
+from evocity.search.sections import CourseSection
 from evocity.shapes import Curve, ShapeError, known
 
 WINDOW = {"pixels": 32, "metres_per_pixel": 2.0}
@@ -56,7 +59,7 @@ def test_a_shape_that_does_not_contract_is_named_or_told():
         ShapeForm(maps=maps, **WINDOW)
     maps[1, :, :2] *= 0.98 / 1.25
     assert "map 1 does not contract enough" in ShapeForm(maps=maps, **WINDOW).problem
-    far = [*ShapeForm.of(known("koch"), 32, 1.0).maps, 0, 0, 40]
+    far = ShapeForm.of(known("koch"), 32, 1.0).maps + np.array([0, 0, 40])
     assert "within the window" in ShapeForm(maps=far, **WINDOW).problem
 
 
@@ -143,14 +146,24 @@ def test_what_is_no_form_is_refused(fabric, tmp_path):
         read_form(path)
 
 
-def test_the_fitted_bezier_curve_is_found_again():
-    controls = np.array([[0.0, 0], [20, 60], [50, -10], [64, 40]])
-    line = np.einsum("nk,kd->nd", bernstein(4, np.linspace(0, 1, 2000)), controls)
-    found = controls_of(line, 4)
-    assert np.abs(found[[0, -1]] - controls[[0, -1]]).max() == 0
-    again = np.einsum("nk,kd->nd", bernstein(4, np.linspace(0, 1, 400)), found)
-    apart = np.sqrt(((again[:, None] - line[None, ::5]) ** 2).sum(axis=2)).min(axis=1)
-    assert apart.max() < 3  # read at equal steps of length, not of its parameter
+def test_a_course_from_a_file_is_the_line_with_its_details(tmp_path):
+    x = np.linspace(-5, 70, 400)
+    line = np.column_stack([x, 30 + 12 * np.sin(x / 9) + 2 * np.sin(x)])
+    (tmp_path / "river.geojson").write_bytes(document(line.tolist(), window=True))
+    city = CityMap(np.zeros((32, 32)), 2.0)
+    course = CourseSection.model_validate(
+        {"width": 4.0, "from": "river.geojson", "points": 4},
+        context={"folder": tmp_path, "kept": None},
+    )
+    (found,) = courses_of([course], city, tmp_path)
+    assert found.problem is None
+    assert len(found.details) > 3
+    assert len(found.points) == 4
+    assert line_distance(found.line, cut_to(line, 64.0, "river")) < 0.2
+    moved = found.replace(points=found.points + np.array([1.0, -2.0]))  # its details go with it
+    assert np.abs(moved.line - found.line - np.array([1.0, -2.0])).max() < 1e-9
+    found.write(tmp_path / "a.parquet")
+    assert read_form(tmp_path / "a.parquet").digest == found.digest
 
 
 def document(coordinates, **more) -> bytes:
