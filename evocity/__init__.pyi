@@ -59,6 +59,7 @@ class _Fitness:
         *,
         any_site: bool = False,
         data: str | Sequence[str] = (),
+        of: str = "city",
     ) -> Callable[[Callable], _fitness.Measure]: ...
     @overload
     def __call__(
@@ -70,6 +71,7 @@ class _Fitness:
         numbers: Sequence[str],
         any_site: bool = False,
         data: str | Sequence[str] = (),
+        of: str = "city",
     ) -> Callable[[Callable], _fitness.Measure | _fitness.Family]: ...
     EXTRAS = _fitness.EXTRAS
     GOALS = _fitness.GOALS

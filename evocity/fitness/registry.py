@@ -57,6 +57,7 @@ def fitness(
     range: tuple[float, float] = (-math.inf, math.inf),
     *,
     any_site: bool = False,
+    of: str = "city",
 ) -> Callable[[Callable], Measure]: ...
 
 
@@ -68,6 +69,7 @@ def fitness(
     *,
     numbers: Sequence[str],
     any_site: bool = False,
+    of: str = "city",
 ) -> Callable[[Callable], Measure | Family]: ...
 
 
