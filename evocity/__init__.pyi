@@ -59,6 +59,7 @@ class _Fitness:
         *,
         any_site: bool = False,
         data: str | Sequence[str] = (),
+        of: str = "city",
     ) -> Callable[[Callable], _fitness.Measure]: ...
     @overload
     def __call__(
@@ -70,6 +71,7 @@ class _Fitness:
         numbers: Sequence[str],
         any_site: bool = False,
         data: str | Sequence[str] = (),
+        of: str = "city",
     ) -> Callable[[Callable], _fitness.Measure | _fitness.Family]: ...
     EXTRAS = _fitness.EXTRAS
     GOALS = _fitness.GOALS
@@ -89,16 +91,21 @@ class _Fitness:
     alignment_global = _fitness.alignment_global
     alignment_momepy = _fitness.alignment_momepy
     alignment_neighbours = _fitness.alignment_neighbours
+    area_within_reach = _fitness.area_within_reach
     autosimilarity = _fitness.autosimilarity
     box_dimension = _fitness.box_dimension
     building_density = _fitness.building_density
     building_types = _fitness.building_types
+    buildings_near_course = _fitness.buildings_near_course
+    built_area_lost = _fitness.built_area_lost
     compactness = _fitness.compactness
     component_density = _fitness.component_density
     convexity = _fitness.convexity
     correlation_dimension = _fitness.correlation_dimension
     courtyard_index = _fitness.courtyard_index
     crumbs = _fitness.crumbs
+    curve_dimension = _fitness.curve_dimension
+    curve_length = _fitness.curve_length
     elongation = _fitness.elongation
     eri = _fitness.eri
     fabric_distance = _fitness.fabric_distance
@@ -127,7 +134,11 @@ class _Fitness:
     roof_flatness = _fitness.roof_flatness
     salingaros = _fitness.salingaros
     salingaros_buildings = _fitness.salingaros_buildings
+    shape_cover = _fitness.shape_cover
+    shape_dimension = _fitness.shape_dimension
     shape_index = _fitness.shape_index
+    simplicity = _fitness.simplicity
+    sinuosity = _fitness.sinuosity
     sky_view_factor = _fitness.sky_view_factor
     slivers = _fitness.slivers
     small_buildings = _fitness.small_buildings

@@ -18,7 +18,8 @@ OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / roo
 # Which room may import which; CONTRIBUTING.md draws it.
 BELOW_ALL = {"errors", "plugins", "files", "accelerate", "displayed", "rooms", "columns"}
 CORE = {"views", "citymap", "condensation", "genome", "isometries", "pavement"}
-BREEDING = CORE | {"coding", "kinds", "operators", "fitness", "store", "io", "pictures"}
+FORMING = CORE | {"coding", "shapes", "forms"}
+BREEDING = FORMING | {"kinds", "operators", "fitness", "store", "io", "pictures"}
 MAY_IMPORT = {
     "errors": set(),
     "rooms": set(),
@@ -41,12 +42,13 @@ MAY_IMPORT = {
     "io": {"citymap", "condensation", "formats", "pictures"},
     "scene": {"views", "citymap", "formats", "io", "pictures"},
     "coding": CORE,
-    "operators": CORE | {"coding"},
-    "growth": CORE | {"coding", "operators"},
-    "fitness": CORE | {"coding"},
-    "authoring": CORE | {"coding", "fitness"},
-    "kinds": CORE | {"coding"},
-    "store": CORE | {"coding", "kinds"},
+    "forms": CORE | {"coding", "shapes"},
+    "operators": FORMING,
+    "growth": FORMING | {"operators"},
+    "fitness": FORMING,
+    "authoring": FORMING | {"fitness"},
+    "kinds": FORMING,
+    "store": FORMING | {"kinds"},
     "search": BREEDING,
     "viewer": set(),
     "shapes": {"formats"},

@@ -23,7 +23,7 @@ from evocity.search import recipe as recipes
 from evocity.search.algorithms import algorithms
 from evocity.search.islands import IslandSection
 from evocity.search.mixture import OperatorEntry
-from evocity.search.sections import Parent
+from evocity.search.sections import CourseSection, Parent
 from evocity.search.wanted import FitnessEntry
 from evocity.store import STATUSES
 
@@ -119,6 +119,18 @@ def test_operators_page_tells_every_parameter_and_its_default():
         assert told == {field.name: repr(field.default) for field in fields}, name
 
 
+def test_kinds_page_tells_every_operator_and_measure_of_forms():
+    text = text_of("docs/kinds.md")
+    told = {row[0].strip("`") for row in rows(text)}
+    assert {
+        one.name for one in measures(None) if one.of != "city" and one.origin == "evocity"
+    } <= told
+    for name, kind in operators.OF_FORMS.items():
+        (line,) = re.findall(rf"^- `{name}`: (.*?)(?=^- |^$)", text, re.M | re.S)
+        own = {one.name for one in dataclasses.fields(kind)} - {"tries"}
+        assert all(f"`{one}" in line for one in own), name
+
+
 @pytest.mark.parametrize("section", [*recipes.Recipe.model_fields])
 def test_recipe_page_tells_every_key_and_its_default(section):
     models = {
@@ -126,12 +138,13 @@ def test_recipe_page_tells_every_key_and_its_default(section):
         "fitness": FitnessEntry,
         "operators": OperatorEntry,
         "islands": IslandSection,
+        "curves": CourseSection,
     }
     model = models.get(section) or recipes.Recipe.model_fields[section].annotation
     text = text_of("docs/recipe.md")
     (part,) = re.findall(rf"^## `\[+{section}\]+`.*?\n(.*?)(?=^## |\Z)", text, re.M | re.S)
     told = {row[0].strip("`"): row for row in rows(part)[1:] if row[0].startswith("`")}
-    fields = dict(model.model_fields)
+    fields = {one.alias or key: one for key, one in model.model_fields.items()}
     if section == "search":  # those of all algorithms stand in one table
         fields |= {
             key: one

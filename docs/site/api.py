@@ -17,7 +17,7 @@ ROOMS = (
     *("analysis", "citymap", "coding", "condensation", "fitness", "genome", "growth", "io"),
     *("operators", "pavement", "pictures", "plot", "report", "scene", "search", "shapes", "towns"),
 )
-MEASURES = "../docs/measures.md"
+MEASURES, OF_FORMS = "../docs/measures.md", "../docs/kinds.md"
 _TITLE = re.compile(r"^(Parameters|Raises|Returns|Attributes)\n-+\n", re.M)
 _ENTRY = re.compile(r"(?:^|(?<=[.;] ))(?=[\w`*][\w`*,.… ]* : )", re.M)
 
@@ -42,10 +42,16 @@ def _places() -> dict[str, str]:
         for name in module.__all__:
             place = f"evocity.{room}.md#{name.lower()}"
             if isinstance(getattr(module, name), Measure | Family):
-                place = f"{MEASURES}#{name}"
+                place = _told_at(name, getattr(module, name))
             places.setdefault(name, place)
             places.setdefault(f"{room}.{name}", place)
     return places
+
+
+def _told_at(name: str, measure: Measure | Family) -> str:
+    """Where the documentation tells of a measure."""
+    of = measure.of if isinstance(measure, Measure) else measure.measures[0].of
+    return f"{MEASURES}#{name}" if of == "city" else f"{OF_FORMS}#measures"
 
 
 def _linked(text: str, places: dict[str, str], own: str) -> str:
@@ -121,7 +127,8 @@ def _room(room: str) -> str:
     }
     if measures:
         text += "\n## Measures\n\n| measure | what it says |\n|---|---|\n" + "".join(
-            f"| [`{name}`]({MEASURES}#{name}) | {one.summary} |\n" for name, one in measures.items()
+            f"| [`{name}`]({_told_at(name, one)}) | {one.summary} |\n"
+            for name, one in measures.items()
         )
     for name in module.__all__:
         thing = getattr(module, name)

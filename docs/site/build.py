@@ -24,7 +24,7 @@ _AT_ITS_SIZE = r"[\g<0>](\1)"  # a click shows it so
 GUIDES = (
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
     *("analysis", "studio", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
-    "shapes",
+    *("shapes", "kinds"),
 )
 WORDS = ("glossary", "papers")
 PROJECT = (

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evocity.analysis.births import Told
+from evocity.analysis.fabrics import fabric_of
 from evocity.citymap import CityMap
 from evocity.displayed import Displayed
-from evocity.errors import MapError, RunError
+from evocity.errors import MapError, RunError, keyword, setting
 from evocity.genome import Genome
 from evocity.store import Birth
 
@@ -168,7 +169,8 @@ class Individual(Displayed):
 
     def ancestry(self) -> dict[str, float]:
         """Source city -> share of the map that is its stone; together 1."""
-        shares = zip(self.genome.cities, self.genome.shares, strict=True)
+        fabric = fabric_of(self.run.header, self.genome, "the ancestry")
+        shares = zip(fabric.cities, fabric.shares, strict=True)
         return {city: float(share) for city, share in shares if share > 0}
 
     def ancestors(self) -> "pa.Table":
@@ -184,6 +186,12 @@ class Individual(Displayed):
         from evocity.pictures import render
 
         city = self.city
+        if zoom is not None and self.run.header.kind != "fabric":
+            raise RunError(
+                f"{setting('zoom', zoom)} of a {self.run.header.kind}",
+                "a fabric, which decodes at any size",
+                f"leave {keyword('zoom')} out",
+            )
         if zoom is not None:
             city = decode(self.genome, zoom=zoom).city
             city = city.replace(city.heights, name=f"{self._title}, zoom {zoom:g}")
@@ -195,7 +203,8 @@ class Individual(Displayed):
         from evocity.coding.ancestry import ancestry
         from evocity.pictures import Shares, render_shares
 
-        genome, title = self.genome, "whose stones these are"
+        genome = fabric_of(self.run.header, self.genome, "the ancestry")
+        title = "whose stones these are"
         return render_shares(Shares(self.city, ancestry(genome), genome.cities, title))
 
     def scene(self, **how: Any) -> "Scene":

@@ -3,6 +3,7 @@
 import numpy as np
 
 from evocity.analysis.births import NEVER_BRED, Told
+from evocity.analysis.fabrics import fabric_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError, check_word
 from evocity.genome import Genome
@@ -59,7 +60,7 @@ class Likeness:
     def _places(self, birth) -> np.ndarray:
         if birth.genome is None:
             raise self._lacks(birth.id, NEVER_BRED)
-        return _stones(birth.genome)
+        return _stones(fabric_of(self._told.run.header, birth.genome, "the kin"))
 
     def _lacks(self, identifier: int, why: str) -> RunError:
         return RunError(

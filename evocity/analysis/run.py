@@ -14,6 +14,7 @@ from evocity.analysis.clusters import labelled, medoids
 from evocity.analysis.compromise import best_compromise, weights_of
 from evocity.analysis.credit import credit_of
 from evocity.analysis.extras import library
+from evocity.analysis.fabrics import fabric_of
 from evocity.analysis.individual import Individual
 from evocity.analysis.likeness import Likeness
 from evocity.analysis.pedigree import Pedigree, graph_of, steps_of
@@ -372,7 +373,7 @@ class Run(opening.Run, Displayed):
         for rows in np.array_split(order, len(ids) // _AT_A_TIME + 1):
             for row, birth in zip(rows, self.individuals(ids[rows].tolist()), strict=True):
                 if birth.genome is not None:
-                    found[row] = birth.genome.shares
+                    found[row] = fabric_of(self.header, birth.genome, "the ancestry").shares
         index = pandas.Index(ids, name="id")
         return pandas.DataFrame(found, index, list(self.header.cities))
 

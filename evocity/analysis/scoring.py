@@ -28,6 +28,7 @@ from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
 from evocity.fitness.shipping import shipped
 from evocity.genome import Genome
+from evocity.pavement.levels import USUAL
 from evocity.search import warm
 from evocity.search.compiling import compile_once
 from evocity.search.evaluation import Here, Workers
@@ -139,7 +140,8 @@ def _bred_from(run: Run, births: Sequence[Birth], measures: Sequence[Measure]):
 
 
 def _setup(run: Run, measures, asked: dict[str, "_Asked"], sources) -> Setup:
-    pavement = run.sources()[0].genome.pavement
+    fabric = run.header.chromosome.fabric(run.sources()[0].genome)
+    sides = USUAL if fabric is None else fabric.pavement.ends
     own = [one for one in measures if one.origin != "evocity"]
     parts = [warm.DECODE, *(f"measure:{one.name}" for one in measures if one not in own)]
     return Setup(
@@ -147,7 +149,7 @@ def _setup(run: Run, measures, asked: dict[str, "_Asked"], sources) -> Setup:
         tuple((one.name, file_of(own_name(one.name))) for one in measures),
         run.condensation,
         shipped(measures),
-        pavement.block if pavement.uniform else (pavement.finest, pavement.coarsest),
+        sides,
         tuple([*parts, warm.VIEWS] if own else parts),
         {name: one.reference for name, one in asked.items() if one.reference is not None},
         tuple(sources) if any("sources" in one.takes for one in measures) else (),
@@ -199,9 +201,9 @@ class _Asked:
         """What a value depends on of the birth itself."""
         takes = self.measure.takes
         whose = {"genome", "reference"} & set(takes)
-        told = [genome.digest, *([_stones(genome)] if whose else [])]
+        told = [genome.digest, *([_stones(_fabric(genome))] if whose else [])]
         if "parents" in takes:
-            told += [part for one in parents for part in (one.digest, _stones(one))]
+            told += [part for one in parents for part in (one.digest, _stones(_fabric(one)))]
         return told[0] if len(told) == 1 else _digest(told)
 
     def known(self, key: str) -> float:
@@ -232,8 +234,15 @@ def _read(file: Path) -> dict[str, float]:
     return {k: v for k, v in pairs if isinstance(v, float) and math.isfinite(v)}
 
 
-def _stones(genome: Genome) -> str:
-    """What a genome's digest does not tell: whose stones it is made of."""
+def _fabric(genome) -> Genome | None:
+    """What of a genome of any kind is fabric."""
+    return genome if isinstance(genome, Genome) else getattr(genome, "fabric", None)
+
+
+def _stones(genome: Genome | None) -> str:
+    """What a genome's digest does not tell: whose stones it is made of; "" of one without any."""
+    if genome is None:
+        return ""
     arrays = (genome.parent, genome.source, genome.turn, genome.other, genome.part)
     parts = [hashlib.blake2b(np.ascontiguousarray(one).tobytes()).hexdigest() for one in arrays]
     return _digest([*parts, *genome.cities])

@@ -14,7 +14,7 @@ from evocity.cli.common import (
     note_compiling,
     output_option,
 )
-from evocity.cli.given import decoded_name, genome_of, id_option, is_run
+from evocity.cli.given import decoded, decoded_name, fabric_in, genome_of, id_option, is_run
 from evocity.errors import EvocityError, keyword, setting
 
 
@@ -104,6 +104,9 @@ def decode(
     code = genome_of(genome, identifier)
     if at is not None:
         code = code.replace(**_place(genome, at))
+    if getattr(code, "kind", "fabric") != "fabric":
+        _write_form(code, genome, identifier, zoom, filters, output, raw)
+        return
     check_zoom(code.pavement, zoom)
     told = []
     for name, f_c in filters.items():
@@ -117,6 +120,23 @@ def decode(
     evocity.write_map(city, output, raw=raw)
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
         echo(line)
+    echo(f"wrote {output}")
+
+
+def _write_form(
+    form, source: str, identifier, zoom: float, filters, output: str, raw: bool
+) -> None:
+    """Write the map of what is no fabric alone."""
+    if filters:
+        fabric_in(form, source)
+        raise EvocityError(
+            f"--{next(iter(filters))} of a {form.kind}",
+            "a fabric alone",
+            "leave it out",
+        )
+    city = decoded(form, source, identifier, zoom)
+    evocity.write_map(city, output, raw=raw)
+    echo(describe(city))
     echo(f"wrote {output}")
 
 

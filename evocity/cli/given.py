@@ -10,7 +10,7 @@ import click
 
 import evocity
 from evocity.cli.common import converged, note_reading
-from evocity.errors import EvocityError, FitnessError
+from evocity.errors import EvocityError, FitnessError, keyword, setting
 
 
 def one_id(told: tuple) -> int | None:
@@ -94,7 +94,28 @@ def genome_of(source: str, identifier: int | None):
             if kind == "a map"
             else "name a genome file in it, or another folder",
         )
-    return evocity.read_genome(source)
+    return _read(source)
+
+
+def _read(source: str):
+    """The genome in a file, of whatever kind."""
+    from evocity.forms.files import is_form, read_form
+
+    return read_form(source) if is_form(source) else evocity.read_genome(source)
+
+
+def fabric_in(genome, source: str):
+    """What of a ``genome`` from ``source`` is fabric. Raises `EvocityError` where nothing is."""
+    from evocity.genome import Genome
+
+    found = genome if isinstance(genome, Genome) else getattr(genome, "whole", None)
+    if found is None:
+        raise EvocityError(
+            f"{source}: a {genome.kind}, in which nothing is made of stones",
+            "a genome of a city",
+            "leave the option out; its picture is there: evocity show",
+        )
+    return found
 
 
 def city_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
@@ -154,8 +175,23 @@ def measures_of(word: str) -> list:
 def decoded(genome, source: str, identifier: int | None, zoom: float = 1.0):
     """The map that a ``genome`` from ``source`` stands for, called what it is."""
     name = source if identifier is None else f"{source} --id {identifier}"
+    if getattr(genome, "kind", "fabric") != "fabric":
+        return _formed(genome, source, identifier, zoom)
     city = converged(evocity.decode(genome, zoom=zoom), name).city
     return city.replace(city.heights, name=decoded_name(city.name, genome, source, identifier))
+
+
+def _formed(form, source: str, identifier: int | None, zoom: float):
+    """The map of a form, at the size it has."""
+    if zoom != 1:
+        raise EvocityError(
+            f"{setting('zoom', zoom)} of a {form.kind}",
+            "a fabric, which decodes at any size",
+            f"leave {keyword('zoom')} out",
+        )
+    city = form.city
+    name = decoded_name(city.name or form.kind, form, source, identifier)
+    return city.replace(city.heights, name=name)
 
 
 def decoded_name(name: str, genome, source: str, identifier: int | None) -> str:

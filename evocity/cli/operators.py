@@ -27,7 +27,8 @@ def list_operators(as_json: bool) -> None:
     docs/operators.md tells what the parameters mean. They are set in a recipe, or by --set of
     `evocity breed`.
 
-    JSON: each name to parents (fewest, most; null for any number), parameters (each to its
+    JSON: each name to what it breeds (fabric, shape, curve), parents (fewest, most; null for any
+    number), parameters (each to its
     default; null for none), origin, doc.
     """
     from evocity.operators import operators as every
@@ -53,7 +54,10 @@ def list_operators(as_json: bool) -> None:
 
 def _about(kind: type, origin: str) -> dict[str, object]:
     parameters = inspect.signature(kind).parameters.values()
+    from evocity.operators import bred_by
+
     return {
+        "of": bred_by(kind),
         "parents": list(kind.parents),
         "parameters": {
             one.name: _plain(one.default)

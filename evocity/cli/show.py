@@ -6,7 +6,15 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, count_option, echo, map_options, output_option, writing
-from evocity.cli.given import city_of, decoded, genome_of, ids_option, one_id, refuse_reading
+from evocity.cli.given import (
+    city_of,
+    decoded,
+    fabric_in,
+    genome_of,
+    ids_option,
+    one_id,
+    refuse_reading,
+)
 from evocity.errors import EvocityError
 
 #: Title of the picture of each count.
@@ -78,7 +86,7 @@ def show(
     identifier = None if several else one_id(identifiers)
     if asked:
         refuse_reading(asked[0], reading)
-        genome = genome_of(what, identifier)
+        genome = fabric_in(genome_of(what, identifier), what)
         if leaves:
             _show_leaves(genome, decoded(genome, what, identifier), output)
         elif usage:

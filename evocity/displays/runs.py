@@ -61,7 +61,8 @@ def individual_html(one: Individual) -> str:
         city = one.city
         uri, width = fitted(render(city, zoom=max(1, LARGEST // 2 // max(city.shape))))
         alt = alt_of(city)
-        shares = stone_of(one.genome)
+        fabric = run.header.chromosome.fabric(one.genome)
+        shares = [] if fabric is None else stone_of(fabric)
     parents = ", ".join(str(each) for each in one.birth.parents)
     told = [
         ("born", f"generation {one.generation}, by {one.operator.replace('_', ' ')}"),

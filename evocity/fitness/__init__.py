@@ -29,6 +29,10 @@
 - `classes`: what stands on a map besides buildings: `object_classes`, `object_counts`
 - `heredity`: what a child keeps: `integrity`, of its sources' buildings (`whole_buildings` says
   which); `heritability`, of the map that was meant
+- `curves`: of curves and shapes, in runs that breed these: `curve_length`, `sinuosity`,
+  `curve_dimension`, `simplicity`, `shape_dimension`, `shape_cover`; distances to a line in GeoJSON
+  and to a picture
+- `courses`: of sites: `built_area_lost`, `buildings_near_course`, `area_within_reach`
 - `similarity`: how much of the city is a copy of itself: `autosimilarity`
 
 A measure of one's own is a function with one decorator:
@@ -46,6 +50,15 @@ from types import ModuleType
 
 from evocity.fitness.classes import object_classes, object_counts
 from evocity.fitness.composition import WEIGHTED, Aims, Constraint, Wanted
+from evocity.fitness.courses import area_within_reach, buildings_near_course, built_area_lost
+from evocity.fitness.curves import (
+    curve_dimension,
+    curve_length,
+    shape_cover,
+    shape_dimension,
+    simplicity,
+    sinuosity,
+)
 from evocity.fitness.density import fsi, gsi, mean_height, osr, storeys
 from evocity.fitness.directions import (
     alignment_momepy,
@@ -128,16 +141,21 @@ __all__ = [
     "alignment_global",
     "alignment_momepy",
     "alignment_neighbours",
+    "area_within_reach",
     "autosimilarity",
     "box_dimension",
     "building_density",
     "building_types",
+    "buildings_near_course",
+    "built_area_lost",
     "compactness",
     "component_density",
     "convexity",
     "correlation_dimension",
     "courtyard_index",
     "crumbs",
+    "curve_dimension",
+    "curve_length",
     "elongation",
     "eri",
     "fabric_distance",
@@ -166,7 +184,11 @@ __all__ = [
     "roof_flatness",
     "salingaros",
     "salingaros_buildings",
+    "shape_cover",
+    "shape_dimension",
     "shape_index",
+    "simplicity",
+    "sinuosity",
     "sky_view_factor",
     "slivers",
     "small_buildings",

@@ -48,9 +48,9 @@ class Undefined(float):
 class Measure:
     """A named function from a city map to one number, with what is needed to search by it.
 
-    Call it on a `CityMap`: it returns a float, NaN (often an `Undefined`) where the measure
-    has no meaning. It raises `FitnessError`, with file and line, if the function raises or
-    returns anything but one finite real number or NaN.
+    Call it on a `CityMap`, or on what else it is ``of``: it returns a float, NaN (often an
+    `Undefined`) where the measure has no meaning. It raises `FitnessError`, with file and line, if
+    the function raises or returns anything but one finite real number or NaN.
 
     Attributes
     ----------
@@ -74,6 +74,8 @@ class Measure:
     reference : what it compares with unless told otherwise, see `bound`; None for nothing.
     any_site : whether it is right of parts of maps that are no rectangles.
     data : files that it reads, as seen from the folder of its file.
+    of : what it is a function of: "city", a map; or a form of `evocity.forms`: "shape", "curve",
+        "site".
     """
 
     name: str
@@ -92,6 +94,7 @@ class Measure:
     reference: Reference | None = None
     any_site: bool = False
     data: tuple[str, ...] = ()
+    of: str = "city"
 
     def __post_init__(self):
         object.__setattr__(self, "__doc__", self.doc)
@@ -113,7 +116,14 @@ class Measure:
         the names it has for them. Only measures that take them need them; in this order those it
         takes may be ``given`` without their names.
         """
-        if not isinstance(city, CityMap):
+        if self.of != "city":
+            if getattr(city, "kind", None) != self.of:
+                raise FitnessError(
+                    f"{self.name} of a {type(city).__name__}",
+                    f"a {self.of}",
+                    f"measure an individual of a run that breeds {self.of}s",
+                )
+        elif not isinstance(city, CityMap):
             raise FitnessError(
                 f"{self.name} of a {type(city).__name__}",
                 "a CityMap",

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import overload
 
-from evocity.errors import EvocityError, FitnessError, near_miss, told
+from evocity.errors import EvocityError, FitnessError, check_word, near_miss, told
 from evocity.fitness.data import checked_names, data_of
 from evocity.fitness.measure import (
     EXTRAS,
@@ -34,6 +34,8 @@ from evocity.plugins import load_plugins, origin_of
 #: Entry points of this group name modules, or single measures, of other packages.
 PLUGINS = "evocity.fitness"
 
+#: What measures may be of.
+SUBJECTS = ("city", "shape", "curve", "site")
 _HOW_TO_DECLARE = '@evocity.fitness(goal="max", unit="m", range=(0, 1)) above def name(city):'
 
 
@@ -55,6 +57,7 @@ def fitness(
     range: tuple[float, float] = (-math.inf, math.inf),
     *,
     any_site: bool = False,
+    of: str = "city",
 ) -> Callable[[Callable], Measure]: ...
 
 
@@ -66,6 +69,7 @@ def fitness(
     *,
     numbers: Sequence[str],
     any_site: bool = False,
+    of: str = "city",
 ) -> Callable[[Callable], Measure | Family]: ...
 
 
@@ -77,6 +81,7 @@ def fitness(
     numbers: Sequence[str] = (),
     any_site: bool = False,
     data: str | Sequence[str] = (),
+    of: str = "city",
 ) -> Callable[[Callable], Measure | Family]:
     """Decorator that makes a `Measure` of a function of a city map, under its name.
 
@@ -100,6 +105,8 @@ def fitness(
     data : files that the function reads, beside the Python file or in a folder beside it, such as
         "trees.csv": they are part of its source, kept by runs, and go along to other machines. The
         function finds them by ``Path(__file__).with_name("trees.csv")``.
+    of : what it is a function of: "city", a map, or for runs of other kinds "shape", "curve" or
+        "site", a form of `evocity.forms`.
 
     Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
     is taken.
@@ -107,6 +114,7 @@ def fitness(
     if callable(goal):
         raise FitnessError("@evocity.fitness without brackets", _HOW_TO_DECLARE, "add brackets")
     several, read = _checked_names(numbers), checked_names(data)
+    check_word("of", of, SUBJECTS, "leave it out for a map", FitnessError)
     each = [
         (
             number,
@@ -144,6 +152,7 @@ def fitness(
                 number=number,
                 any_site=bool(any_site),
                 data=read,
+                of=of,
                 origin="evocity" if file.startswith(_PACKAGE) else "this session",
             )
             for number, goal, unit, bounds in each
@@ -161,7 +170,7 @@ def fitness(
 def get(name: str) -> Measure:
     """The measure called ``name``. Raises `FitnessError`, which tells the one that is most like
     it."""
-    known = {measure.name: measure for measure in measures()}
+    known = {measure.name: measure for measure in measures(None)}
     if name in known:
         return known[name]
     raise FitnessError(
@@ -174,7 +183,7 @@ def get(name: str) -> Measure:
 def named(name: str) -> list[Measure]:
     """The measure called ``name``, or all those of the function so called that returns several
     numbers, none of them of its own name. Raises `FitnessError` as `get` does."""
-    found = measures()
+    found = measures(None)
     return [m for m in found if m.name == name] or family_of(name, found) or [get(name)]
 
 
@@ -183,11 +192,12 @@ def family_of(name: str, among: Sequence[Measure]) -> list[Measure]:
     return [one for one in among if one.number is not None and one.name == f"{name}.{one.number}"]
 
 
-def measures() -> list[Measure]:
-    """All measures, by name: the package's, plugins', and those of files loaded so far."""
+def measures(of: str | None = "city") -> list[Measure]:
+    """All measures of maps, or of what else they are to be ``of``, None for all there are, by name:
+    the package's, plugins', and those of files loaded so far."""
     plugin_warnings()  # the first call loads the plugins
     known = _table | _from_files
-    return [known[name] for name in sorted(known)]
+    return [known[name] for name in sorted(known) if of in (None, known[name].of)]
 
 
 def execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:

@@ -1,6 +1,8 @@
 """Fabric: a city as an iterated function system, a `Genome`."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -9,8 +11,8 @@ from evocity.citymap import CityMap
 from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, shown
-from evocity.genome import FIELDS, NEWER, Genome, packed, unpacked
-from evocity.kinds.kind import Expressed, lists
+from evocity.genome import FIELDS, NEWER, Genome, packed, read_genome, unpacked
+from evocity.kinds.kind import Expressed, Window, lists
 from evocity.pavement import Pavement
 
 #: The column of the range blocks' sides, px, in the order of `Pavement.side`.
@@ -26,6 +28,15 @@ class Fabric:
 
     name = "fabric"
     first = ("quarter_fusion", "pavement_fusion"), ("quarter_refill", "mutation")
+    usual: ClassVar = {
+        "quarter_fusion": {"weight": 2, "fill": {"from": 0.05, "to": 0.6}},
+        "height_scaling": {"weight": 2},
+        "relocation": {"weight": 1.5},
+        "region_fusion": {"weight": 1.5, "cut": 0.0},
+    }
+    subjects = ("city",)
+    factors = ("fabric",)
+    sources = ("map",)
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         if header.block is not None:
@@ -105,6 +116,31 @@ class Fabric:
         from evocity.coding.encode import encode
 
         return encode(city, condensation=locked, **how).genome
+
+    def begun(self, parent, folder: Path, window: Window, name: str) -> Genome:
+        raise NotImplementedError("its parents are maps")
+
+    def called(self, genome: Genome, name: str) -> Genome:
+        return genome.replace(cities=(name,))
+
+    def completed(self, genome: Genome, city: CityMap, recipe) -> Genome:
+        return genome
+
+    def read(self, path: Path) -> Genome:
+        return read_genome(path)
+
+    def unsuited(self, genome: Genome, window: Window) -> tuple[str, str] | None:
+        pavement, pixel = genome.pavement, genome.metres_per_pixel
+        size = pavement.height, pavement.width
+        if (*size, pixel) == (window.pixels, window.pixels, window.metres_per_pixel):
+            return None
+        return f"{size[0]} × {size[1]} px of {pixel:g} m", str(window)
+
+    def bred(self, operator, parents: Sequence[Genome], rng: np.random.Generator):
+        return operator(parents, rng)
+
+    def fabric(self, genome: Genome) -> Genome:
+        return genome
 
     def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
         return genome.replace(

@@ -1,7 +1,8 @@
 """`Kind`: what every kind of chromosome must be able to do."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ import pyarrow as pa
 
 from evocity.citymap import CityMap
 from evocity.columns import column_of
+from evocity.genome import Genome
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +19,28 @@ class Expressed:
 
     city : the map that is measured, None without one.
     problem : in words, why there is none.
+    form : what measures of other things than maps see, by the names of these: "shape", "curve",
+        "site".
     """
 
     city: CityMap | None
     problem: str | None = None
+    form: Mapping[str, Any] = field(default_factory=dict)
+
+    def of(self, subject: str) -> Any:
+        """What a measure of a ``subject`` sees: the map, or a form."""
+        return self.city if subject == "city" else self.form[subject]
+
+
+@dataclass(frozen=True)
+class Window:
+    """The square that every genome of a run is laid in, as ``[map]`` tells it."""
+
+    pixels: int
+    metres_per_pixel: float
+
+    def __str__(self) -> str:
+        return f"{self.pixels} × {self.pixels} px of {self.metres_per_pixel:g} m"
 
 
 class Kind(Protocol):
@@ -31,6 +51,14 @@ class Kind(Protocol):
     #: Operators that breed the first population, of two sources and of one: the first of each that
     #: a recipe has, else the last.
     first: tuple[tuple[str, ...], tuple[str, ...]]
+    #: The mixture of a recipe without ``[operators]``: name -> weight and parameters.
+    usual: Mapping[str, Mapping[str, Any]]
+    #: What its measures may be of: "city", "shape", "curve", "site".
+    subjects: tuple[str, ...]
+    #: What its operators may breed: "fabric", "shape", "curve"; of several, one a birth.
+    factors: tuple[str, ...]
+    #: What its parents are, as keys of ``[[parents]]``; individuals of runs besides.
+    sources: tuple[str, ...]
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         """Its columns among the births', in order."""
@@ -52,6 +80,29 @@ class Kind(Protocol):
     def prepare(self, city: CityMap, how: Mapping[str, Any], locked) -> Any:
         """The genome of a source city, made as the recipe's ``[genome]`` tells; ``how`` are its
         keys."""
+
+    def begun(self, parent: Any, folder: Path, window: Window, name: str) -> Any:
+        """The genome of a ``parent`` that is no map, as the recipe in a ``folder`` tells it. Raises
+        `EvocityError`."""
+
+    def called(self, genome: Any, name: str) -> Any:
+        """A founder's ``genome``, of a city called ``name``."""
+
+    def completed(self, genome: Any, city: CityMap, recipe: Any) -> Any:
+        """A source's ``genome`` with what the ``recipe`` adds to it."""
+
+    def read(self, path: Path) -> Any:
+        """The genome in a file. Raises `EvocityError`."""
+
+    def unsuited(self, genome: Any, window: Window) -> tuple[str, str] | None:
+        """What a genome that was bred before has in place of the ``window``, and what it is to
+        have; None if that suits."""
+
+    def bred(self, operator: Any, parents: Sequence[Any], rng: np.random.Generator) -> Any:
+        """The child that an ``operator`` makes of ``parents``, in one factor of them."""
+
+    def fabric(self, genome: Any) -> Genome | None:
+        """What of a genome is fabric; None if nothing is."""
 
     def founder(self, genome: Any, name: str, settle: bool) -> Any:
         """A ``genome`` that was bred before as the founder of a run: all it has is its own, of a

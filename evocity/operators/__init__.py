@@ -33,7 +33,7 @@
 """
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
 from typing import Any, ClassVar, Protocol
@@ -54,6 +54,15 @@ from evocity.operators.interpolation import Interpolation
 from evocity.operators.lambda_crossover import LambdaCrossover
 from evocity.operators.lambda_field import LambdaField
 from evocity.operators.mutation import Mutation
+from evocity.operators.of_curves import (
+    CurveMetamorphosis,
+    DetailExchange,
+    DetailScaling,
+    PartPerturbation,
+    PointExchange,
+    PointPerturbation,
+)
+from evocity.operators.of_shapes import MapExchange, MapPerturbation, ShapeMetamorphosis
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
 from evocity.operators.quarter_fusion import QuarterFusion
@@ -106,14 +115,38 @@ OPERATORS: Mapping[str, type[Operator]] = {
 }
 
 
-def operators() -> dict[str, type[Operator]]:
-    """All operators by name: the package's, and those of entry points ``evocity.operators``."""
-    return OPERATORS | _from_plugins()[0]
+#: The operators of shapes and of curves, which have ``of`` for what they breed.
+OF_FORMS: Mapping[str, type[Operator]] = {
+    operator.name: operator
+    for operator in (
+        MapPerturbation,
+        MapExchange,
+        ShapeMetamorphosis,
+        PointPerturbation,
+        PartPerturbation,
+        PointExchange,
+        CurveMetamorphosis,
+        DetailExchange,
+        DetailScaling,
+    )
+}
+
+
+def operators(of: Collection[str] | None = None) -> dict[str, type[Operator]]:
+    """All operators by name: the package's, and those of entry points ``evocity.operators``.
+    ``of``: those alone that breed this: "fabric", "shape", "curve"."""
+    known = OPERATORS | OF_FORMS | _from_plugins()[0]
+    return {name: one for name, one in known.items() if of is None or bred_by(one) in of}
+
+
+def bred_by(operator: object) -> str:
+    """What an operator, or a class of them, breeds: "fabric" unless it says otherwise."""
+    return getattr(operator, "of", "fabric")
 
 
 def origins() -> dict[str, str]:
     """Where each of `operators` comes from: "evocity", or a plugin's package and version."""
-    return dict.fromkeys(OPERATORS, "evocity") | _from_plugins()[2]
+    return dict.fromkeys(OPERATORS | OF_FORMS, "evocity") | _from_plugins()[2]
 
 
 def plugin_warnings() -> tuple[str, ...]:
@@ -131,7 +164,7 @@ def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[st
         kind = entry.load()
         if not (isinstance(kind, type) and hasattr(kind, "parents") and hasattr(kind, "name")):
             raise TypeError(f"{shown(kind)} is no class with `name` and `parents`")
-        if entry.name in OPERATORS or entry.name in found:
+        if entry.name in OPERATORS | OF_FORMS or entry.name in found:
             raise ValueError(f"a second operator called {entry.name}")
         wrong_types(kind, {})  # raises if its annotations cannot be checked
         found[entry.name], origins[entry.name] = kind, origin_of(entry)
@@ -193,9 +226,13 @@ def _parameters_of(kind: type[Operator]) -> tuple[str, ...]:
 
 
 __all__ = [
+    "OF_FORMS",
     "OPERATORS",
     "AsymmetricFusion",
     "BlockExchange",
+    "CurveMetamorphosis",
+    "DetailExchange",
+    "DetailScaling",
     "DirectFusion",
     "Draft",
     "Drafting",
@@ -206,12 +243,19 @@ __all__ = [
     "Interpolation",
     "LambdaCrossover",
     "LambdaField",
+    "MapExchange",
+    "MapPerturbation",
     "Mutation",
     "Operator",
+    "PartPerturbation",
     "PavementFusion",
+    "PointExchange",
+    "PointPerturbation",
     "RegionFusion",
     "Relocation",
+    "ShapeMetamorphosis",
     "SymmetricFusion",
+    "bred_by",
     "collage_repair",
     "make",
     "operators",

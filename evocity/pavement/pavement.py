@@ -105,6 +105,11 @@ class Pavement:
         return self._block is not None
 
     @property
+    def ends(self) -> int | tuple[int, int]:
+        """The one side of all range blocks; else the finest and the coarsest."""
+        return self.block if self.uniform else (self.finest, self.coarsest)
+
+    @property
     def block(self) -> int:
         if self._block is None:
             raise GenomeError(

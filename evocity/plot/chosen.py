@@ -7,6 +7,7 @@ import numpy as np
 from evocity.analysis import Aim, Individual, Run
 from evocity.analysis.asked import ids_of_any
 from evocity.analysis.births import Told, unknown
+from evocity.analysis.fabrics import fabric_of
 from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, shown
@@ -60,7 +61,7 @@ def worded(aim: Aim) -> str:
 def genome_of(thing: object) -> Genome:
     """A genome, or an individual's. Raises `EvocityError` for another thing."""
     if isinstance(thing, Individual):
-        return thing.genome
+        return fabric_of(thing.run.header, thing.genome, "what is drawn of stones")
     if not isinstance(thing, Genome):
         raise EvocityError(
             shown(thing), "a genome, or an individual of a run", "give run[97] or run[97].genome"

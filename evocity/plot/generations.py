@@ -212,7 +212,8 @@ def _placed(told: Told, at: np.ndarray) -> np.ndarray:
     ids, shares = told.ids[known].tolist(), np.full(len(known), np.nan)
     for start in range(0, len(ids), 64):
         for n, birth in enumerate(told.run.individuals(ids[start : start + 64]), start):
-            shares[n] = np.nan if birth.genome is None else in_place(birth.genome)
+            fabric = birth.genome and told.run.header.chromosome.fabric(birth.genome)
+            shares[n] = np.nan if fabric is None else in_place(fabric)
     parts = [shares[where[born == generation]] for generation in at]
     return np.array([part[~np.isnan(part)].mean() if len(part) else np.nan for part in parts])
 

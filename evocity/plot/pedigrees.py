@@ -151,9 +151,10 @@ def _draw(ax: Axes, told: Told, birth, city: CityMap | None, place, highest, inc
         ax.add_patch(Rectangle((left, top), width, tall, facecolor=GROUNDS))
     else:
         lay(ax, thumbnail(city, highest, max(16, int(1.25 * inch * DPI))), place)
-    if birth.genome is not None:
-        cities, at = birth.genome.cities, left
-        for colour, share in zip(city_colours(cities), birth.genome.shares, strict=True):
+    fabric = birth.genome and told.run.header.chromosome.fabric(birth.genome)
+    if fabric is not None:
+        cities, at = fabric.cities, left
+        for colour, share in zip(city_colours(cities), fabric.shares, strict=True):
             ax.add_patch(Rectangle((at, top + tall + 0.015), share * width, _BAR, facecolor=colour,
                                    linewidth=0))  # fmt: skip
             at += share * width

@@ -37,7 +37,10 @@ class Lineage:
     @property
     def shares(self) -> list[tuple[str, str, float, str]]:
         cities = self.facts.run.header.cities
-        told = zip(cities, self.birth.genome.shares.tolist(), city_colours(cities), strict=True)
+        fabric = self.facts.run.header.chromosome.fabric(self.birth.genome)
+        if fabric is None:
+            return []
+        told = zip(cities, fabric.shares.tolist(), city_colours(cities), strict=True)
         return [
             (city, f"{share:.0%}" if share >= 0.005 else "under 1%", 100 * share, colour)
             for city, share, colour in told

@@ -32,8 +32,11 @@ class Summary:
 
     @property
     def sides(self) -> str:
-        """The sides of the range blocks of the source cities' codes, px."""
-        pavements = [source.genome.pavement for source in self.facts.sources]
+        """The sides of the range blocks of the sources' codes, px; "" where there are none."""
+        fabric = self.facts.run.header.chromosome.fabric
+        pavements = [one.pavement for s in self.facts.sources if (one := fabric(s.genome))]
+        if not pavements:
+            return ""
         sides = {side for pavement in pavements for side in (pavement.finest, pavement.coarsest)}
         return " to ".join(str(side) for side in sorted({min(sides), max(sides)})) or "?"
 

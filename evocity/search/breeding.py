@@ -114,14 +114,13 @@ def founder(
         return Plan(slot, None, (), (sources[slot],), rng)
     weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
     crossing, changing = (
-        next((name for name in names if name in weighty), names[-1])
-        for names in recipe.genome.kind.first
+        next((name for name in names if name in weighty), names[-1]) for names in recipe.kind.first
     )
     pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
     turn = slot - count
     if pairs and turn % 3 < 2:
         changes = {}
-        if not recipe.ranged(crossing, "fill"):
+        if recipe.takes(crossing, "fill") and not recipe.ranged(crossing, "fill"):
             changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
         if recipe.parameters(crossing).get("void"):
             changes["void"] = False

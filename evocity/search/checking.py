@@ -13,8 +13,10 @@ from pydantic import BaseModel, ValidationError
 from evocity import fitness
 from evocity.errors import RecipeError, shown, with_near_miss
 from evocity.fitness import Measure
+from evocity.kinds import KINDS
 from evocity.search.agreement import across_sections
 from evocity.search.algorithms import DEFAULT, algorithms
+from evocity.search.forming import of_kind
 from evocity.search.islands import (
     IslandSection,
     faults_of_islands,
@@ -86,6 +88,9 @@ def check(
             raw.setdefault(section, value)
         elif isinstance(raw.setdefault(section, {}), dict):
             raw[section].setdefault(entry, value)
+    kind = _kind_of(raw)
+    if kind != "fabric":
+        raw.setdefault("operators", {name: dict(one) for name, one in KINDS[kind].usual.items()})
     shared, sound = fill_islands(raw, (defaults or {}).get("islands")), False
     faults: list[tuple[str, str, str]] = []
     try:
@@ -100,7 +105,7 @@ def check(
     faults += shared + across_sections(raw) + _of_search(raw, type(recipe))
     faults += _of_islands(raw, type(recipe))
     if sound:
-        faults += _repeated(recipe)
+        faults += _repeated(recipe) + of_kind(recipe)
         if recipe.run.population < len(recipe.parents):
             allowed = f"{len(recipe.parents)} or more, one for each of the parents"
             faults.append(("run.population", str(recipe.run.population), allowed))
@@ -124,6 +129,13 @@ def check(
             "correct these keys",
         )
     recipe._text, recipe._folder, recipe._overrides = text, folder, dict(overrides)
+
+
+def _kind_of(raw: Mapping) -> str:
+    """What is bred, by ``raw``; "fabric" where it does not tell."""
+    section = raw.get("run", {})
+    kind = section.get("kind") if isinstance(section, dict) else None
+    return kind if isinstance(kind, str) and kind in KINDS else "fabric"
 
 
 def _of_search(raw: Mapping, recipe: type[BaseModel]) -> list[tuple[str, str, str]]:
@@ -357,4 +369,4 @@ def _keys_at(location: list, raw: Mapping, recipe: type[BaseModel]) -> list[str]
     model = models.get(location[0]) or recipe.model_fields[location[0]].annotation
     if not (isinstance(model, type) and issubclass(model, BaseModel)):
         model = next(m for m in get_args(model) if isinstance(m, type))
-    return list(model.model_fields)
+    return [one.alias or key for key, one in model.model_fields.items()]

@@ -19,9 +19,9 @@ def admitted(child, header: Header, condensation: Condensation | None = None) ->
     """The genome ``child`` told in the terms of the run's ``header`` (`Kind.adopt`), with the
     layer that is locked in it; its ``made`` is what a reader of the log will find.
 
-    Raises `OperatorError` unless it is a `Genome` of the run's map and pixel size, with
-    \\|σ\\| ≤ the run's ``sigma_max``, of cities the run knows, and with a ``made`` that can be
-    written as JSON.
+    Raises `OperatorError` unless it is a `Genome`, or what else the run breeds, of the run's map
+    and pixel size, with \\|σ\\| ≤ the run's ``sigma_max``, of cities the run knows, and with a
+    ``made`` that can be written as JSON.
     """
     kind = header.chromosome
     if faults := kind.faults(child, header):

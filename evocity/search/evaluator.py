@@ -15,6 +15,7 @@ from evocity.errors import EvocityError, FitnessError
 from evocity.fitness.part import Part, own_name, part_of, within
 from evocity.fitness.shipping import Shipment, unpacked
 from evocity.genome import Genome
+from evocity.kinds import Expressed
 from evocity.pavement.levels import USUAL
 from evocity.search.door import admitted
 from evocity.search.looks import look_of
@@ -122,7 +123,8 @@ class Evaluator:
         try:
             if hasattr(operator, "bred_within"):  # it measures while it breeds
                 operator = operator.bred_within(self)
-            genome = admitted(operator(parents, rng), self.header, self.condensation)
+            child = self.header.chromosome.bred(operator, parents, rng)
+            genome = admitted(child, self.header, self.condensation)
         except KeyboardInterrupt:  # the user's own, when everything runs in one process
             raise
         except BaseException as error:
@@ -155,11 +157,13 @@ class Evaluator:
         expressed = self.header.chromosome.express(genome)
         if expressed.city is None:
             return ended("invalid", expressed.problem)
-        extras = {"genome": genome, "parents": parents, "sources": self.sources}
+        fabric = self.header.chromosome.fabric
+        fabrics = {"genome": fabric(genome), "parents": tuple(map(fabric, parents))}
+        extras = fabrics | {"sources": self.sources}
         wanted = [one for one in self.header.measures if names is None or one in names]
         for name in wanted:
             try:
-                value = self._measured(name, expressed.city, extras)
+                value = self._measured(name, expressed, extras)
             except FitnessError as error:
                 # a measure that raised has a cause; one that returned no number has none
                 return ended(_status(error) if error.__cause__ else "invalid", told(error))
@@ -174,25 +178,26 @@ class Evaluator:
             if not math.isfinite(value):
                 undefined.append(_undefined(name, value))
         recorded = [one for one in self.header.recorded if names is None or one in names]
-        missing += self._record(recorded, expressed.city, extras, values)
+        missing += self._record(recorded, expressed, extras, values)
         if undefined:
             return ended("invalid", "; ".join(undefined))
         found = ended("ok", unrecorded(missing) if missing else None)
         return replace(found, look=look_of(expressed.city))
 
-    def _measured(self, name: str, city: CityMap, extras: Mapping) -> float:
+    def _measured(self, name: str, expressed: Expressed, extras: Mapping) -> float:
+        measure = self.measures[name]
         if name in self.within:
-            return self.within[name].measured(self.measures[name], city, genome=extras["genome"])
-        return self.measures[name](city, **extras)
+            return self.within[name].measured(measure, expressed.city, genome=extras["genome"])
+        return measure(expressed.of(measure.of), **extras)
 
     def _record(
-        self, names: Sequence[str], city: CityMap, extras: Mapping, values: dict[str, float]
+        self, names: Sequence[str], expressed: Expressed, extras: Mapping, values: dict[str, float]
     ) -> list[str]:
         """Add what is recorded besides to the ``values``; why those that have none do not."""
         missing = []
         for name in names:
             try:
-                value = self._measured(name, city, extras)
+                value = self._measured(name, expressed, extras)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from evocity import operators
 from evocity.errors import shown, with_near_miss
 from evocity.genome import Genome
+from evocity.kinds import KINDS
 from evocity.operators.parameters import number_of
 from evocity.search.values import fault
 
@@ -37,14 +38,9 @@ class OperatorEntry(BaseModel):
         return dict(self.model_extra or {})
 
 
-def usual_operators() -> dict[str, OperatorEntry]:
-    """The mixture of a recipe without ``[operators]``."""
-    return {
-        "quarter_fusion": OperatorEntry(weight=2, fill={"from": 0.05, "to": 0.6}),
-        "height_scaling": OperatorEntry(weight=2),
-        "relocation": OperatorEntry(weight=1.5),
-        "region_fusion": OperatorEntry(weight=1.5, cut=0.0),
-    }
+def usual_operators(kind: str = "fabric") -> dict[str, OperatorEntry]:
+    """The mixture of a recipe without ``[operators]``, of runs that breed this ``kind``."""
+    return {name: OperatorEntry(**dict(entry)) for name, entry in KINDS[kind].usual.items()}
 
 
 def entry_of(value: Any) -> Any:
@@ -124,7 +120,8 @@ def corners(ranges: Mapping[str, Range]) -> list[dict[str, str]]:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The operator ``name`` of one birth, some of whose parameters were ``drawn`` for it alone.
+    """The operator ``name`` of one birth, ``of`` what it breeds, some of whose parameters were
+    ``drawn`` for it alone.
 
     They are checked when it is called, so a fault costs that birth. The child's ``made`` tells
     them under "drawn".
@@ -135,6 +132,7 @@ class Drawn:
     parameters: Mapping[str, Any]
     drawn: Mapping[str, float]
     takes_founders: bool = False
+    of: str = "fabric"
 
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
         child = operators.make(self.name, **self.parameters, **self.drawn)(parents, rng)
@@ -203,7 +201,8 @@ def drawn_of(
         return operator_of(name, parameters, coding, **changes)
     drawn = {key: one.draw(rng) for key, one in ranges.items() if key not in changes}
     takes = getattr(told.kind, "takes_founders", False)
-    return Drawn(name, told.kind.parents, fixed | changes, drawn, takes)
+    of = operators.bred_by(told.kind)
+    return Drawn(name, told.kind.parents, fixed | changes, drawn, takes, of)
 
 
 def _own(kind: type | None, fixed: Mapping[str, Any], coding: Mapping | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from evocity.errors import MapError
 from evocity.search.keeping import Kept, beside_of, kept_by, relative
 from evocity.search.preparation import Prepared, map_of
 from evocity.search.recipe import Recipe
+from evocity.search.sections import Parent
 from evocity.search.values import PARENTS, resolved
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 
@@ -53,7 +54,7 @@ def provenance_of(
                 "map": parent.place,
                 "hash": store.hash_of_map(source.city),
                 "genome": source.genome.digest,
-                "file": hashed(recipe.folder, parent.place),
+                "file": hashed(recipe.folder, parent.place) if _is_file(recipe, parent) else None,
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
@@ -72,6 +73,13 @@ def provenance_of(
         **_descriptors(recipe),
         **locked,
     }
+
+
+def _is_file(recipe: Recipe, parent: Parent) -> bool:
+    """Whether a ``parent`` has a file of its own: control points and known shapes have none."""
+    if parent.shape is not None:
+        return Path(resolved(recipe.folder, parent.shape)).is_file()
+    return parent.curve is None
 
 
 def _islands(recipe: Recipe) -> dict:

@@ -21,7 +21,7 @@ def bred_again(
     from evocity import operators  # most runs are read without
 
     operator = operators.make(birth.operator, **json.loads(birth.again.settings))
-    child = operator(parents, generator_at(birth.again.generator))
+    child = header.chromosome.bred(operator, parents, generator_at(birth.again.generator))
     return header.chromosome.adopt(child, header, condensation, birth.made)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from evocity import fitness, io, store
 from evocity.citymap import CityMap, same_grid
@@ -10,7 +11,7 @@ from evocity.errors import FitnessError, RecipeError
 from evocity.fitness.fabric import left_out
 from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
-from evocity.genome import VOID, Genome, joined
+from evocity.genome import VOID, joined
 from evocity.search.algorithms import algorithms
 from evocity.search.evaluator import Setup
 from evocity.search.founding import founder_of
@@ -83,16 +84,16 @@ def prepare(
     tell = progress or (lambda text: None)
     cities: list[CityMap] = []
     notes: list[str] = []
-    founders: dict[int, Genome] = {}
+    founders: dict[int, Any] = {}
     for number, parent in enumerate(recipe.parents):
         tell(f"reading {parent.place}")
-        if parent.bred:
+        if parent.map is None:
             city, founders[number] = founder_of(recipe, parent)
         else:
             city = read_parent(recipe, parent.map, parent)
         name = free_name(city.name, [other.name for other in cities])
         cities.append(city if name == city.name else city.replace(city.heights, name=name))
-        notes.append(f"{name}: {parent.place}" if parent.bred else f"{name}: {city.taken}")
+        notes.append(f"{name}: {city.taken if parent.map else parent.place}")
         if met is not None:
             met(cities[-1], parent)
     same_grid(cities)
@@ -100,13 +101,14 @@ def prepare(
     references = references_of(recipe, cities, named, tell)
     within = parts_of(recipe, cities)
     condensation, attribution = locked_layer(recipe, cities)
-    kind, genomes = recipe.genome.kind, []
+    kind, genomes = recipe.kind, []
     for number, city in enumerate(cities):
         if number in founders:
-            genomes.append(founders[number].replace(cities=(city.name,)))
+            genomes.append(kind.called(founders[number], city.name))
             continue
         tell(f"encoding {city.name}")
-        genomes.append(kind.prepare(city, recipe.genome.coding, condensation))
+        coded = kind.prepare(city, recipe.genome.coding, condensation)
+        genomes.append(kind.completed(coded, city, recipe))
     header = _header(recipe, cities, condensation, attribution)
     adopted = [kind.adopt(one, header, condensation) for one in genomes]
     sources = [Source(city, genome) for city, genome in zip(cities, adopted, strict=True)]
@@ -287,4 +289,5 @@ def _header(
         figures=() if recipe.islands else kinds[0].figures,
         islands=tuple(one.name for one in recipe.islands),
         genomes=recipe.log.genomes,
+        kind=recipe.kind.name,
     )

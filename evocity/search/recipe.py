@@ -24,6 +24,7 @@ from evocity import operators
 from evocity.coding.matching import available_cores
 from evocity.displayed import Displayed
 from evocity.fitness import Measure
+from evocity.kinds import KINDS, Kind, Window
 from evocity.operators import Operator
 from evocity.search.checking import fill
 from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
@@ -38,6 +39,8 @@ from evocity.search.mixture import (
 )
 from evocity.search.overnight import LogSection, NotifySection, StopSection
 from evocity.search.sections import (
+    MOST_COURSES,
+    CourseSection,
     EvaluationSection,
     GenomeSection,
     LockedSection,
@@ -84,6 +87,7 @@ class Recipe(Section, Displayed):
     run: RunSection = RunSection()
     map: MapSection = MapSection()
     parents: list[Parent] = Field(min_length=1, max_length=MOST_PARENTS)
+    curves: list[CourseSection] = Field([], max_length=MOST_COURSES)
     genome: GenomeSection = GenomeSection()
     operators: dict[
         str,
@@ -139,6 +143,16 @@ class Recipe(Section, Displayed):
     @property
     def file(self) -> str | None:
         return self._file
+
+    @property
+    def kind(self) -> Kind:
+        """What chromosomes the run breeds."""
+        return KINDS[self.run.kind]
+
+    @property
+    def window(self) -> Window:
+        """The square that every genome is laid in."""
+        return Window(self.map.pixels, self.map.metres_per_pixel)
 
     @property
     def default_out(self) -> Path:
@@ -262,6 +276,10 @@ class Recipe(Section, Displayed):
         """The operator ``name`` for one birth: as `operator`, but what the recipe gives ranges of
         is drawn by ``rng``, which is not drawn from without a range."""
         return drawn_of(name, self.parameters(name), self.genome.coding, rng, **changes)
+
+    def takes(self, name: str, key: str) -> bool:
+        """Whether the operator ``name`` has a parameter ``key``."""
+        return key in operators.parameters_of(operators.operators()[name])
 
     def ranged(self, name: str, key: str) -> bool:
         """Whether the recipe gives a range for a parameter of the operator ``name``."""

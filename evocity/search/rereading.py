@@ -1,5 +1,6 @@
 """What a run was prepared with, from its folder: the recipe, the sources, what is measured."""
 
+import tomllib
 from collections.abc import Mapping
 
 import numpy as np
@@ -135,6 +136,8 @@ def _refuse_another_run(run: Run, header: Header, recipe: Recipe) -> None:
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
         "run.population": (header.population, recipe.run.population),
+        "run.kind": (header.kind, recipe.kind.name),
+        "curves": (_curves(run.recipe_text), _curves(recipe.text)),
         "genome.block": (header.block, recipe.genome.block if header.block else None),
         "genome.sigma_max": (header.sigma_max, recipe.genome.sigma_max),
         "genome.settle": (header.settle, recipe.genome.settle),
@@ -171,6 +174,11 @@ def _refuse_another_run(run: Run, header: Header, recipe: Recipe) -> None:
             f"{done} or more: a run loses none of its generations",
             "ask for more, or leave the number out to keep what the run was started with",
         )
+
+
+def _curves(text: str) -> object:
+    """What a recipe's text tells of courses."""
+    return tomllib.loads(text).get("curves", [])
 
 
 def _islands(run: Run) -> list[str]:

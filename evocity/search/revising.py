@@ -21,6 +21,8 @@ from evocity.store import Header, Run
 _WHY = {
     "run.seed": "all births are drawn from it",
     "run.population": "births are numbered by it",
+    "run.kind": "births are of it",
+    "curves": "every birth has so many, of these widths",
     "map": "parents and births are maps of this window",
     "parents": "all births descend from them",
     "genome": "parents and births are coded so",
@@ -89,6 +91,8 @@ def _fixed(run: Run, recipe: Recipe) -> list[tuple[str, object, object]]:
     pairs = [
         ("run.seed", header.seed, recipe.run.seed),
         ("run.population", header.population, recipe.run.population),
+        ("run.kind", header.kind, recipe.kind.name),
+        ("curves", old.get("curves"), new.get("curves")),
         ("map", window, recipe.map.model_dump()),
         ("parents", old.get("parents"), new.get("parents")),
         ("locked", run.provenance.get("locked", {}).get("asked", {}), recipe.locked.asked),

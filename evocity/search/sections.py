@@ -5,6 +5,7 @@ Every model refuses unknown keys; `evocity.search.agreement` has the checks betw
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -20,12 +21,14 @@ from pydantic_core import ErrorDetails
 
 from evocity.citymap import MAX_SIDE
 from evocity.errors import GenomeError, shown, with_near_miss
-from evocity.kinds import KINDS, Kind
+from evocity.io.heights import TALLEST
+from evocity.kinds import KINDS
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
 from evocity.search.algorithms import DEFAULT, Algorithm, algorithms
 from evocity.search.values import (
     ClusterAddress,
+    Finite,
     GenomeFile,
     Heights,
     LockFile,
@@ -34,6 +37,7 @@ from evocity.search.values import (
     Positive,
     RunFolder,
     Section,
+    ShapeName,
     Title,
     fault,
     parent_place,
@@ -42,11 +46,19 @@ from evocity.search.values import (
 from evocity.search.wanted import MeasureEntry, recorded_of
 
 
+def _some_kind(name: str) -> str:
+    if name not in KINDS:
+        raise fault(with_near_miss(shown(name), name, KINDS), " or ".join(map(shown, KINDS)))
+    return name
+
+
 class RunSection(Section):
-    """``[run]``. ``generations`` are bred after the first population, which is generation 0;
+    """``[run]``. ``kind``: what is bred, see `evocity.kinds`. ``generations`` are bred
+    after the first population, which is generation 0;
     ``record``: measures of every birth that nothing is wanted of."""
 
     name: Title = "run"
+    kind: Annotated[str, AfterValidator(_some_kind)] = "fabric"
     seed: int = Field(0, ge=0, lt=2**63)
     population: int = Field(64, ge=2, le=1_000_000)
     generations: int = Field(100, ge=0, le=99_999_999)
@@ -66,9 +78,19 @@ LARGEST_BLOCK = 64
 
 class Parent(Section):
     """``[[parents]]``: a source city, of a ``map``, with the options of `evocity.read_map`; or one
-    that was bred before, a ``genome`` in a file or individual ``id`` of a ``run``."""
+    that was bred before, a ``genome`` in a file or individual ``id`` of a ``run``. In runs of
+    other kinds a ``shape``, known by name or in a file, or the control points of a ``curve``,
+    metres from the window's south-west corner."""
 
     map: MapName | None = None
+    shape: ShapeName | None = None
+    curve: (
+        Annotated[
+            list[Annotated[list[Finite], Field(min_length=2, max_length=2)]],
+            Field(min_length=2, max_length=64),
+        ]
+        | None
+    ) = None
     genome: GenomeFile | None = None
     run: RunFolder | None = None
     id: int | None = Field(None, ge=0, lt=2**63)
@@ -80,12 +102,14 @@ class Parent(Section):
 
     @model_validator(mode="after")
     def _of_one_place(self) -> "Parent":
-        given = [key for key in ("map", "genome", "run") if getattr(self, key) is not None]
+        given = [key for key in PLACES if getattr(self, key) is not None]
         if len(given) != 1:
-            raise fault(" and ".join(given) or "no map", "one of map, genome and run (with id)")
+            allowed = "one of map, genome and run (with id); shape or curve in runs of these"
+            raise fault(" and ".join(given) or "no map", allowed)
         if (self.id is None) == (self.run is not None):
             raise fault("run without id" if self.run else "id without run", "both, or none of them")
-        strange = sorted(self.model_fields_set.intersection(_OF_MAPS)) if self.bred else []
+        own = self.model_fields_set.intersection(_OF_MAPS)
+        strange = sorted(own) if self.map is None else []
         if strange:
             raise fault(f"{', '.join(strange)} beside {given[0]}", "these with a map alone")
         return self
@@ -93,21 +117,64 @@ class Parent(Section):
     @property
     def bred(self) -> bool:
         """Whether it was bred before, and is no map."""
-        return self.map is None
+        return self.genome is not None or self.run is not None
+
+    @property
+    def given(self) -> str:
+        """Which of `PLACES` it has."""
+        return next(key for key in PLACES if getattr(self, key) is not None)
 
     @property
     def place(self) -> str:
         """Where it is from, in one text, which no other parent has."""
-        return parent_place(self.map, self.genome, self.run, self.id)
+        return parent_place(self.map or formed_place(self), self.genome, self.run, self.id)
 
     @property
     def title(self) -> str | None:
         """What it is to be called; None for what its map is called."""
-        return parent_title(self.name, self.genome, self.run, self.id)
+        title = parent_title(self.name, self.genome, self.run, self.id)
+        if title is None and self.shape is not None:
+            return Path(self.shape).stem
+        return "curve" if title is None and self.curve is not None else title
 
 
+def formed_place(parent: "Parent") -> str | None:
+    """Where a shape or a curve is from, None for another parent."""
+    if parent.curve is None:
+        return parent.shape
+    return "curve " + " ".join(f"{x:g},{y:g}" for x, y in parent.curve)
+
+
+#: What a parent may be, as keys.
+PLACES = ("map", "shape", "curve", "genome", "run")
 #: Options of the reading of maps.
 _OF_MAPS = ("center", "layer", "default_height", "height_scale")
+
+
+#: The most courses through one city.
+MOST_COURSES = 16
+
+
+class CourseSection(Section):
+    """``[[curves]]``: a course through the cities of a run of sites: a strip of a ``width`` in
+    metres, ``lay`` metres high (0: ground, or water), as a curve of so many control ``points``. It
+    begins as the line in a file, ``from``, fitted; or straight from ``start`` to ``end``, metres
+    from the window's south-west corner, east and north."""
+
+    width: Positive
+    lay: float = Field(0.0, ge=0, le=TALLEST, allow_inf_nan=False)
+    file: LockFile | None = Field(None, alias="from")
+    start: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    end: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+    points: int = Field(4, ge=2, le=16)
+
+    @model_validator(mode="after")
+    def _from_one(self) -> "CourseSection":
+        ends = [key for key in ("start", "end") if getattr(self, key) is not None]
+        if (self.file is None) != (len(ends) == 2) or (self.file and ends):
+            found = " and ".join((["from"] if self.file else []) + ends) or "neither"
+            raise fault(found, "from, a file with a line; or start and end")
+        return self
 
 
 def _sides(value: Any) -> Any:
@@ -144,11 +211,6 @@ class GenomeSection(Section):
     topological: float | None = Field(None, ge=0, le=1)
     fit: bool = True
     settle: bool = True
-
-    @property
-    def kind(self) -> Kind:
-        """What chromosomes the run breeds."""
-        return KINDS["fabric"]
 
     @property
     def coding(self) -> dict[str, Any]:

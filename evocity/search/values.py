@@ -199,6 +199,15 @@ def _existing_file(name: str, info: ValidationInfo) -> str:
     return name
 
 
+def _existing_shape(name: str, info: ValidationInfo) -> str:
+    from evocity.shapes import KNOWN
+
+    if name in KNOWN or _taken_up(info) or Path(resolved(info.context["folder"], name)).is_file():
+        return name
+    found = with_near_miss(f"{shown(name)} is no file and no known shape", name, KNOWN)
+    raise fault(found, f"a file of a shape, relative to the recipe, or one of {', '.join(KNOWN)}")
+
+
 def _existing_run(name: str, info: ValidationInfo) -> str:
     if not (_taken_up(info) or Path(resolved(info.context["folder"], name), _IN_RUNS).is_file()):
         raise fault(f"{shown(name)} is no run", "a run folder, relative to the recipe")
@@ -238,6 +247,7 @@ MapName = Annotated[FileName, AfterValidator(_existing_map)]
 CityName = Annotated[str, AfterValidator(_some_city)]
 Cities = Annotated[Any, BeforeValidator(_some_reference)]
 GenomeFile = Annotated[FileName, AfterValidator(_existing_file)]
+ShapeName = Annotated[FileName, AfterValidator(_existing_shape)]
 RunFolder = Annotated[FileName, AfterValidator(_existing_run)]
 LockFile = Annotated[FileName, AfterValidator(_existing_file)]
 Heights = Annotated[float | str | None, BeforeValidator(_some_heights)]

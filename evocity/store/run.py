@@ -247,7 +247,7 @@ class Run:
         """The source cities, maps and genomes."""
         with self._readable(self._folder.sources):
             self._check_digests(self._folder.sources)
-            return read_sources(self._folder.sources)
+            return read_sources(self._folder.sources, self.header.chromosome)
 
     def references(self) -> list[CityMap]:
         """The maps of the cities, other than its sources, that the run's measures compare with;

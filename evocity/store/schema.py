@@ -28,9 +28,9 @@ from evocity.store.again import GENOMES, Again, again_columns, again_fields, aga
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
 #: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
-#: 8 leaves genomes out.
+#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8)
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
@@ -97,7 +97,7 @@ class Header:
     recipe_hash: str
     measures: _Names
     locked: str | None = None
-    kind: Literal["fabric"] = "fabric"
+    kind: Literal[tuple(KINDS)] = "fabric"
     settle: bool = False
     block: _Side | None = None
     recorded: _Names = ()
@@ -111,6 +111,8 @@ class Header:
     @property
     def schema_version(self) -> int:
         if self.block is None:
+            if self.kind != "fabric":
+                return 9
             if self.genomes != "all":
                 return 8
             if self.islands:

@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.files import whole_file
-from evocity.genome import Genome, read_genome
+from evocity.genome import Genome
+from evocity.kinds import Kind
 from evocity.store.parts import open_to_read, plain_file, plain_folder, read_bytes
 
 _MASK = re.compile(r"(\d{2,3})\.npy", re.ASCII)
@@ -76,10 +77,11 @@ def _stem(index: int, city: CityMap) -> str:
     return f"{index:02d}-{re.sub(r'[^A-Za-z0-9_-]+', '-', city.name)[:80]}"
 
 
-def read_sources(folder: Path) -> list[Source]:
-    """Raises what reading damaged files raises: OSError, ValueError, MemoryError, EvocityError."""
+def read_sources(folder: Path, kind: Kind) -> list[Source]:
+    """The sources of a run of this ``kind``. Raises what reading damaged files raises:
+    OSError, ValueError, MemoryError, EvocityError."""
     return [
-        Source(city, read_genome(plain_file(path.with_suffix(".genome.parquet"))))
+        Source(city, kind.read(plain_file(path.with_suffix(".genome.parquet"))))
         for path, city in _described(folder)
     ]
 

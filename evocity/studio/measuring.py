@@ -11,6 +11,7 @@ from evocity.coding.matching import available_cores
 from evocity.errors import EvocityError
 from evocity.fitness.part import own_name
 from evocity.fitness.shipping import shipped
+from evocity.pavement.levels import USUAL
 from evocity.search import warm
 from evocity.search.beginning import Crew, pool_of, sides_of
 from evocity.search.compiling import compile_once, needed
@@ -59,8 +60,8 @@ def _by_own_measures(run: Run, count: int, reason: str) -> tuple[Workers, dict[s
     sources = [source.city for source in run.sources()]
     measures = [fitness.get(name) for name in taken]
     reference = fitness.Reference.sources(sources)
-    pavement = run.sources()[0].genome.pavement
-    sides = pavement.block if pavement.uniform else (pavement.finest, pavement.coarsest)
+    fabric = header.chromosome.fabric(run.sources()[0].genome)
+    sides = USUAL if fabric is None else fabric.pavement.ends
     parts = (warm.DECODE, warm.SEARCH, *(f"measure:{name}" for name in taken))
     setup = Setup(
         replace(header, measures=(), recorded=tuple(taken)),

@@ -42,8 +42,11 @@ def told_of(moment: Moment, identifier: int) -> dict:
         for aim in [*told.aims, *told.recorded]
     ]
     stones = {}
+    fabric = None
     if birth.genome is not None:
-        shares = zip(birth.genome.cities, birth.genome.shares, strict=True)
+        fabric = told.run.header.chromosome.fabric(birth.genome)
+    if fabric is not None:
+        shares = zip(fabric.cities, fabric.shares, strict=True)
         stones = {str(city): float(share) for city, share in shares if share > 0}
     return {
         "id": one.id,
