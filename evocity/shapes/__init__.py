@@ -14,7 +14,7 @@
 - `fitting`: maps fitted to a line
 - `lines`: polylines: what may be one, where one crosses itself
 - `wires`: a segment replaced by a line again and again; metamorphosis
-- `files`: shapes in JSON
+- `files`: shapes and curves in files; `documents`: JSON and Parquet
 - `linear`: small matrices
 
 Source: Tosan, Excoffier, Rondet-Mignotte 2005, and Hnaidi, Guérin, Akkouche for curves.

@@ -10,7 +10,10 @@ from .dimension import dimension_of as dimension_of
 from .drawing import mask_of as mask_of
 from .drawing import picture_of as picture_of
 from .drawing import svg_of as svg_of
+from .files import StoredCurve as StoredCurve
+from .files import read_curve as read_curve
 from .files import read_shape as read_shape
+from .files import write_curve as write_curve
 from .files import write_shape as write_shape
 from .fitting import fit_curve as fit_curve
 from .fitting import rms_of as rms_of
