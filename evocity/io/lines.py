@@ -13,7 +13,7 @@ from rasterio.features import rasterize
 
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import MapError, setting
+from evocity.errors import MapError, keyword
 from evocity.files import whole_file
 from evocity.io.burning import crs_of
 from evocity.io.geojson import crs_in, document_of
@@ -55,7 +55,8 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
         raise MapError(
             f"{path.name}: {sum(map(len, parts))} points", f"at most {MOST_POINTS}", "simplify it"
         )
-    lines = [line[np.append(True, (np.diff(line, axis=0) != 0).any(axis=1))] for line in parts]
+    parted = [line for line in parts if len(line)]
+    lines = [one[np.append(True, (np.diff(one, axis=0) != 0).any(axis=1))] for one in parted]
     lines = [line for line in lines if len(line) > 1]
     if not lines:
         raise MapError(
@@ -119,6 +120,12 @@ def write_lines(placed: PlacedLines, path: str | os.PathLike) -> None:
         ) from None
 
 
+def crs_told(city: CityMap) -> str | None:
+    """The code or plain PROJ string of a city's reference system; None for a city that lies nowhere
+    on Earth."""
+    return None if city.origin is None else plainly(crs_of(city, city.name))
+
+
 def line_on(city: CityMap, line: np.ndarray, crs: str | None) -> np.ndarray:
     """A ``line`` ``(n, 2)`` of ``crs`` in the coordinates of a ``city``: its reference system, or
     metres from its south-west corner if it has none. What lies nowhere on Earth is taken to be in
@@ -144,13 +151,13 @@ def condensation_along(
     pixel, (rows, columns) = city.metres_per_pixel, city.shape
     if not pixel <= width <= WIDEST:
         raise MapError(
-            f"{setting('width', width)} m on pixels of {pixel:g} m",
+            f"{keyword('width', width)} m on pixels of {pixel:g} m",
             f"{pixel:g}…{WIDEST:g} m",
             "widen it, or make the map with smaller pixels" if width < pixel else "narrow it",
         )
     if not 0 <= height <= TALLEST:
         raise MapError(
-            f"{setting('height', height)} m", f"0 (ground, water) to {TALLEST:g} m", "correct it"
+            f"{keyword('height', height)} m", f"0 (ground, water) to {TALLEST:g} m", "correct it"
         )
     drawn = shapely.linestrings(line)
     if not drawn.is_simple:
@@ -250,6 +257,7 @@ __all__ = [
     "WIDEST",
     "PlacedLines",
     "condensation_along",
+    "crs_told",
     "line_on",
     "read_lines",
     "write_lines",

@@ -7,6 +7,8 @@ from .dimension import Boxes as Boxes
 from .dimension import box_dimension as box_dimension
 from .dimension import boxes_of as boxes_of
 from .dimension import dimension_of as dimension_of
+from .dimension import line_dimension as line_dimension
+from .drawing import line_picture as line_picture
 from .drawing import mask_of as mask_of
 from .drawing import picture_of as picture_of
 from .drawing import svg_of as svg_of
