@@ -7,6 +7,8 @@
 - `primitives`: what is drawn at each place
 - `dimension`: exact dimensions, and by counting boxes
 - `drawing`: masks, pictures, SVG
+- `colouring`: palettes carried to other forms, colours stolen from a picture
+- `solids`: shapes of space in GLB
 - `classics`: shapes that everybody knows
 - `curve`: curves of few control points, Bézier curves and splines among them
 - `detail`: a line as a curve with what it lacks, level by level: `Detailed`

@@ -1,5 +1,9 @@
 from .classics import KNOWN as KNOWN
 from .classics import known as known
+from .colouring import coloured_as as coloured_as
+from .colouring import palette as palette
+from .colouring import palette_of as palette_of
+from .colouring import stolen as stolen
 from .contraction import Contraction as Contraction
 from .curve import Curve as Curve
 from .detail import Detailed as Detailed
@@ -27,6 +31,7 @@ from .primitives import PRIMITIVES as PRIMITIVES
 from .primitives import Primitive as Primitive
 from .shape import Pieces as Pieces
 from .shape import Shape as Shape
+from .solids import glb_of as glb_of
 from .wires import Metamorphosis as Metamorphosis
 from .wires import metamorphosis as metamorphosis
 from .wires import wire as wire
