@@ -17,7 +17,7 @@
   `trials`: what they are tried on
 - `given`: what a word on the command line stands for: a map, a genome, a run
 - `parents`, `settings`: what is bred, maps included; what ``--set key=value`` means
-- `shape`: shapes without any city
+- `shape`: shapes without any city; `curve`, `detailing`: lines as curves with details
 - `common`: options, checks, messages and printing that several commands share
 
 Nothing heavy is imported before a command needs it: ``--help`` answers at once.
@@ -31,6 +31,7 @@ from evocity.cli.autosimilarity import autosimilarity
 from evocity.cli.breed import breed
 from evocity.cli.cities import cities
 from evocity.cli.common import Commands
+from evocity.cli.curve import curve
 from evocity.cli.decode import decode
 from evocity.cli.encode import encode
 from evocity.cli.fitness import fitness
@@ -98,6 +99,7 @@ for _command in (
     operators,
     readers,
     shape,
+    curve,
 ):
     main.add_command(_command)
 

@@ -28,8 +28,8 @@ _output = click.option(
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     required=True,
-    metavar="PNG|SVG",
-    help="File to write; overwritten if it exists. SVG needs --depth.",
+    metavar="PNG|SVG|GLB",
+    help="File to write; overwritten if it exists. SVG and GLB need --depth.",
 )
 _side = click.option(
     "--side", type=click.IntRange(8, 8192), default=512, show_default=True, help="Its side, px."
@@ -47,6 +47,7 @@ _depth = click.option(
 Examples:
   evocity shape show koch -o koch.png
   evocity shape show dragon --depth 10 -o dragon.svg
+  evocity shape show menger --depth 2 -o menger.glb
   evocity shape show mine.json --side 1024 -o mine.png"""
 )
 @click.argument("name", metavar="NAME|FILE")
@@ -54,9 +55,10 @@ Examples:
 @_side
 @_depth
 def show(name: str, output: Path, side: int, depth: int | None) -> None:
-    """Draw a shape of the plane."""
+    """Draw a shape: of the plane as a picture, of space as solids in GLB."""
     _drawn(_shape(name), output, side, depth)
-    echo(f"{output}: {name}, {side} × {side} px")
+    size = "" if output.suffix.lower() == ".glb" else f", {side} × {side} px"
+    echo(f"{output}: {name}{size}")
 
 
 @shape.command(
@@ -155,16 +157,23 @@ def _shape(name: str) -> "Shape":
 
 
 def _drawn(one: "Shape", output: Path, side: int, depth: int | None) -> None:
-    from evocity.shapes import picture_of, svg_of
+    from evocity.shapes import glb_of, picture_of, svg_of
 
     suffix = output.suffix.lower()
-    if suffix not in (".png", ".svg"):
-        raise EvocityError(f"{output}", "a name that ends in .png or .svg", "choose one of these")
-    if suffix == ".svg" and depth is None:
-        raise EvocityError("SVG without --depth", "how deep to draw", "add --depth, for example 6")
+    if suffix not in (".png", ".svg", ".glb"):
+        expected = "a name that ends in .png, .svg or .glb"
+        raise EvocityError(f"{output}", expected, "choose one of these")
+    if suffix != ".png" and depth is None:
+        raise EvocityError(
+            f"{suffix[1:].upper()} without --depth",
+            "how deep to draw",
+            "add --depth, for example 6",
+        )
     with writing(output), whole_file(output) as temporary:
         if suffix == ".png":
             picture_of(one, side, depth).save(temporary, "PNG")
+        elif suffix == ".glb":
+            temporary.write_bytes(glb_of(one, depth))
         else:
             temporary.write_text(svg_of(one, depth, side), encoding="utf-8")
 

@@ -8,6 +8,7 @@
 - `projection`: reference systems, true metres
 - `burning`, `resampling`: footprints and rasters on square pixels
 - `condensing`: what of a map decoding shall keep, by masks and footprints
+- `lines`: lines in GeoJSON, and what lies along one as a condensation
 - `bundled`: the districts that come with evocity
 - `writing`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_windows`, and the
   tables of writers; `windows`: what is written a band at a time

@@ -4,6 +4,11 @@ from .bundled import attribution_of as attribution_of
 from .bundled import cities as cities
 from .condensing import read_condensation as read_condensation
 from .condensing import read_mask as read_mask
+from .lines import PlacedLines as PlacedLines
+from .lines import condensation_along as condensation_along
+from .lines import line_on as line_on
+from .lines import read_lines as read_lines
+from .lines import write_lines as write_lines
 from .reading import (
     READERS as READERS,
 )

@@ -22,7 +22,7 @@ MOST = 1_200_000_000
 
 def read_json(path: Path, request: Request) -> Footprints:
     """Read a GeoJSON or CityJSON file; which of the two it is, it says itself."""
-    document = _document(path)
+    document = document_of(path)
     kind = document.get("type")
     if kind == "CityJSON":
         return read_cityjson(path, document)
@@ -39,7 +39,9 @@ def read_json(path: Path, request: Request) -> Footprints:
     )
 
 
-def _document(path: Path) -> dict:
+def document_of(path: Path) -> dict:
+    """The JSON object of a file, empty for other JSON. Raises `MapError` for what is none, or too
+    large."""
     try:
         content = path.read_bytes()
         if _unpacked(content) > MOST:
@@ -87,7 +89,7 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
     return Footprints(
         polygons=np.array(polygons, dtype=object),
         tags=tags,
-        crs=_crs(path, document.get("crs")),
+        crs=crs_in(path, document.get("crs")),
         attribution=attribution if isinstance(attribution, str) else "",
         center=center,
         projection=projection,
@@ -136,7 +138,7 @@ def _broken(where: str, found: str) -> MapError:
     )
 
 
-def _crs(path: Path, member: object):
+def crs_in(path: Path, member: object):
     if member is None:
         return WGS84
     try:
@@ -180,4 +182,4 @@ def _side(window: object) -> float | None:
     return float(side) if number and 0 < side < 1e9 else None
 
 
-__all__ = ["read_json"]
+__all__ = ["crs_in", "document_of", "read_json"]

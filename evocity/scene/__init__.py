@@ -2,6 +2,7 @@
 
 - `building`: `Scene`, what stands where
 - `library`, `likeness`, `substitution`: objects of real maps in place of buildings
+- `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
 - `picture`: a scene drawn, by kernels of its own
 - `writing`: a scene becomes a file, by its suffix
 
@@ -13,6 +14,7 @@ from types import ModuleType
 
 from evocity.scene.building import Scene, scene
 from evocity.scene.library import Library
+from evocity.scene.lines import fabric_edges, facades, skyline, street_axes
 from evocity.scene.substitution import Substitution, substituted
 from evocity.scene.writing import SUFFIXES, check_suffix, suffix_of
 
@@ -22,7 +24,11 @@ __all__ = [
     "Scene",
     "Substitution",
     "check_suffix",
+    "fabric_edges",
+    "facades",
     "scene",
+    "skyline",
+    "street_axes",
     "substituted",
     "suffix_of",
 ]

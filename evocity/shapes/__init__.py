@@ -7,6 +7,8 @@
 - `primitives`: what is drawn at each place
 - `dimension`: exact dimensions, and by counting boxes
 - `drawing`: masks, pictures, SVG
+- `colouring`: palettes carried to other forms, colours stolen from a picture
+- `solids`: shapes of space in GLB
 - `classics`: shapes that everybody knows
 - `curve`: curves of few control points, Bézier curves and splines among them
 - `detail`: a line as a curve with what it lacks, level by level: `Detailed`
@@ -14,7 +16,7 @@
 - `fitting`: maps fitted to a line
 - `lines`: polylines: what may be one, where one crosses itself
 - `wires`: a segment replaced by a line again and again; metamorphosis
-- `files`: shapes in JSON
+- `files`: shapes and curves in files; `documents`: JSON and Parquet
 - `linear`: small matrices
 
 Source: Tosan, Excoffier, Rondet-Mignotte 2005, and Hnaidi, Guérin, Akkouche for curves.

@@ -1,5 +1,9 @@
 from .classics import KNOWN as KNOWN
 from .classics import known as known
+from .colouring import coloured_as as coloured_as
+from .colouring import palette as palette
+from .colouring import palette_of as palette_of
+from .colouring import stolen as stolen
 from .contraction import Contraction as Contraction
 from .curve import Curve as Curve
 from .detail import Detailed as Detailed
@@ -7,10 +11,15 @@ from .dimension import Boxes as Boxes
 from .dimension import box_dimension as box_dimension
 from .dimension import boxes_of as boxes_of
 from .dimension import dimension_of as dimension_of
+from .dimension import line_dimension as line_dimension
+from .drawing import line_picture as line_picture
 from .drawing import mask_of as mask_of
 from .drawing import picture_of as picture_of
 from .drawing import svg_of as svg_of
+from .files import StoredCurve as StoredCurve
+from .files import read_curve as read_curve
 from .files import read_shape as read_shape
+from .files import write_curve as write_curve
 from .files import write_shape as write_shape
 from .fitting import fit_curve as fit_curve
 from .fitting import rms_of as rms_of
@@ -22,6 +31,7 @@ from .primitives import PRIMITIVES as PRIMITIVES
 from .primitives import Primitive as Primitive
 from .shape import Pieces as Pieces
 from .shape import Shape as Shape
+from .solids import glb_of as glb_of
 from .wires import Metamorphosis as Metamorphosis
 from .wires import metamorphosis as metamorphosis
 from .wires import wire as wire

@@ -84,19 +84,34 @@ class Detailed:
         Raises `ShapeError` as `line_of`, `Curve`, and for another number of points.
         """
         line, maps = line_of(line), np.array(maps, np.float64)
+        if maps.ndim == 3 and len(maps) > 1 and maps.shape[1] > 1:
+            parts, size = maps.shape[:2]
+            shared = interpolates(maps) if shared is None else bool(shared)
+            if depth is None:
+                depth = _depth_for(len(line), parts, size, shared)
+            check_depth(size, parts, depth, shared)
+            count = point_count(size, parts, depth, shared)
+            if len(line) != count:
+                line = resampled(line, count)
+        return cls.analysed(line, maps, bool(shared), depth or 0)
+
+    @classmethod
+    def analysed(cls, points: ArrayLike, maps: ArrayLike, shared: bool, depth: int) -> "Detailed":
+        """As `of`, of ``points`` ``(M, 2)`` that are as many as the depth has; they may lie at one
+        place."""
+        at, maps = np.array(points, np.float64), np.array(maps, np.float64)
         curve = Curve(np.zeros((maps.shape[-1] if maps.ndim else 0, 2)), maps)
         parts, size = maps.shape[:2]
-        shared = interpolates(maps) if shared is None else bool(shared)
         if shared and not interpolates(maps):
             raise _no_shared_ends()
-        if depth is None:
-            depth = _depth_for(len(line), parts, size, shared)
         check_depth(size, parts, depth, shared)
         count = point_count(size, parts, depth, shared)
-        if len(line) != count:
-            line = resampled(line, count)
+        if at.shape != (count, 2) or not np.isfinite(at).all():
+            raise ShapeError(
+                f"points of shape {at.shape}, or not finite", f"({count}, 2)", "give as many"
+            )
+        at = at[:, 0] + 1j * at[:, 1]
         levels = filters_of(maps, depth, shared)
-        at = line[:, 0] + 1j * line[:, 1]
         polygons, details = [], []
         for level in range(depth - 1, -1, -1):
             one, nodes = levels[level], parts**level
@@ -114,6 +129,22 @@ class Detailed:
             framed.append(rest / frames[:, None])
         return cls(curve.moved(np.column_stack([root.real, root.imag])), tuple(framed), shared)
 
+    @classmethod
+    def drawn(
+        cls, points: ArrayLike, maps: ArrayLike, shared: bool, kept: int, depth: int
+    ) -> "Detailed":
+        """Of the ``points`` of all polygons at level ``kept``, from which on to the ``depth`` the
+        maps draw alone."""
+        maps = np.array(maps, np.float64)
+        check_depth(maps.shape[1], len(maps), depth, shared)
+        coarse = cls.analysed(points, maps, shared, kept)  # which says what is wrong with them
+        at, size = coarse.points(kept).T, maps.shape[1]
+        for level in range(kept, depth):
+            polygons = at[:, windows(len(maps) ** level, size, shared)]
+            parts = np.einsum("acn,knm->ackm", polygons, maps).reshape(2, -1, size)
+            at = np.stack([_sequence(one, shared) for one in parts])
+        return cls.analysed(at.T, maps, shared, depth).dropped(depth - kept)
+
     # -- what it is --------------------------------------------------------------------------
 
     @property
@@ -126,6 +157,12 @@ class Detailed:
         """How many levels, the coarsest, are not dropped: below them there are no details."""
         with_some = [level for level, one in enumerate(self.details) if one.any()]
         return with_some[-1] + 1 if with_some else 0
+
+    @property
+    def amounts(self) -> np.ndarray:
+        """How much detail there is at each level, float ``(depth,)``: the root of the mean square
+        of its numbers, as shares of the chords of the polygons they stand in."""
+        return np.array([np.sqrt((np.abs(one) ** 2).mean()) for one in self.details])
 
     def points(self, level: int) -> np.ndarray:
         """The control points of all polygons at a ``level`` (0…depth), float ``(M, 2)``."""

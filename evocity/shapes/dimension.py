@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from evocity.shapes.drawing import mask_of
+from evocity.shapes.drawing import line_mask, mask_of
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.linear import norms, radii
 from evocity.shapes.shape import Shape
@@ -117,6 +118,12 @@ def box_dimension(shape: Shape, side: int | None = None) -> Boxes:
     return boxes_of(mask_of(shape, whole), base)
 
 
+def line_dimension(line: ArrayLike, side: int = 1024) -> Boxes:
+    """The box dimension of a line ``(n, 2)`` in a raster of ``side`` px: how rough it is at the
+    scales that its points reach; 1 for a smooth one. Raises `ShapeError` as `line_of`."""
+    return boxes_of(line_mask(line, side))
+
+
 def _base_of(shape: Shape) -> int:
     shrinks = 1 / np.maximum(norms(shape.maps[:, :, : shape.size]), 1e-300)
     base = round(float(shrinks[0]))
@@ -133,4 +140,4 @@ def _blocks(mask: np.ndarray, side: int, *offsets: int) -> np.ndarray:
     return mask
 
 
-__all__ = ["Boxes", "box_dimension", "boxes_of", "dimension_of", "ratios_of"]
+__all__ = ["Boxes", "box_dimension", "boxes_of", "dimension_of", "line_dimension", "ratios_of"]

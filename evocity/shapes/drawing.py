@@ -1,18 +1,20 @@
 """Shapes as rasters and lines: masks, pictures, SVG."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
 from evocity.errors import setting
 from evocity.shapes.languages import ShapeError
+from evocity.shapes.lines import line_of
 from evocity.shapes.shape import MOST_PIECES, Pieces, Shape
 
 #: The largest side of a picture, px.
 MOST_SIDE = 8192
-_INK, _PAPER = (31, 41, 51), (255, 255, 255)
+_INK, _GREY, _PAPER = (31, 41, 51), (170, 178, 189), (255, 255, 255)
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,38 @@ def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
     return "\n".join([*lines, "</svg>\n"])
 
 
+def line_picture(lines: Sequence[ArrayLike], side: int = 512) -> Image.Image:
+    """Lines ``(n, 2)`` together as a picture, ``side`` × ``side`` px, north up; of several the
+    first is dark, the others are grey and lie below it. Raises `ShapeError` as `line_of`."""
+    lines = [line_of(one) for one in lines]
+    every = np.vstack(lines)
+    frame = Frame.of(np.stack([every.min(axis=0), every.max(axis=0)]), side)
+    image = Image.new("RGB", (side, side), _PAPER)
+    draw = ImageDraw.Draw(image)
+    for number in range(len(lines) - 1, -1, -1):
+        placed = frame.placed(lines[number])
+        at = np.column_stack([placed[:, 0], side - placed[:, 1]])
+        draw.line([tuple(one) for one in at.tolist()], fill=_GREY if number else _INK)
+    return image
+
+
+def line_mask(line: ArrayLike, side: int = 1024) -> np.ndarray:
+    """Which of ``side`` × ``side`` cells a line ``(n, 2)`` runs through, bool, north up."""
+    return np.asarray(line_picture([line], side).convert("L")) < 255
+
+
+def line_svg(line: ArrayLike, side: int = 512) -> str:
+    """A line ``(n, 2)`` as SVG, ``side`` × ``side`` px, north up."""
+    line = line_of(line)
+    frame = Frame.of(np.stack([line.min(axis=0), line.max(axis=0)]), side)
+    placed = frame.placed(line)
+    path = _path(np.column_stack([placed[:, 0], side - placed[:, 1]]), False)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{side}" height="{side}" '
+        f'viewBox="0 0 {side} {side}">\n<path fill="none" stroke="#1f2933" d="{path}"/>\n</svg>\n'
+    )
+
+
 def _paths(placed: np.ndarray, pieces: Pieces) -> Iterator[tuple[str, str, bool]]:
     """Runs of pieces of one colour: what is drawn, in which colour, and whether it is filled."""
     primitive, colours = pieces.primitive, _colours(pieces)
@@ -171,4 +205,14 @@ def _check_plane(shape: Shape) -> None:
         )
 
 
-__all__ = ["MOST_SIDE", "Frame", "box_of", "mask_of", "picture_of", "svg_of"]
+__all__ = [
+    "MOST_SIDE",
+    "Frame",
+    "box_of",
+    "line_mask",
+    "line_picture",
+    "line_svg",
+    "mask_of",
+    "picture_of",
+    "svg_of",
+]

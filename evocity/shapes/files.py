@@ -1,24 +1,34 @@
-"""Shapes in files: JSON that says what it is, bounded, and nothing in it executed."""
+"""Shapes and curves in files: JSON or Parquet that says what it is, bounded, nothing executed."""
 
-import json
 import os
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 
 from evocity.errors import shown
-from evocity.files import whole_file
+from evocity.shapes.curve import Curve
+from evocity.shapes.detail import Detailed
+from evocity.shapes.documents import read_document, write_document
 from evocity.shapes.languages import Language, ShapeError
 from evocity.shapes.primitives import PRIMITIVES, Primitive, primitive_of
 from evocity.shapes.shape import Shape
 
-#: The largest file that is read, bytes.
-MOST_BYTES = 16_000_000
 _VERSION = 1
 
 
+@dataclass(frozen=True, eq=False)
+class StoredCurve:
+    """A curve with what a file tells besides: in which reference system it lies (``crs``, a code
+    or a PROJ string; None for nowhere on Earth), and what its source's licence asks for."""
+
+    detailed: Detailed
+    crs: str | None = None
+    attribution: str = ""
+
+
 def write_shape(shape: Shape, path: str | os.PathLike) -> None:
-    """Write a shape as JSON; the file appears whole or not at all.
+    """Write a shape, as Parquet if the name ends in .parquet, else as JSON; the file appears whole
+    or not at all.
 
     Keys: ``evocity`` ("shape"), ``version``, ``maps``, ``primitive`` (a name, or points, lines,
     faces; null for the box of the attractor), ``language`` (table, accepting; null for all words),
@@ -49,8 +59,7 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
         "colours": None if shape.colours is None else shape.colours.tolist(),
         "mix": shape.mix,
     }
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(document) + "\n", encoding="utf-8")
+    write_document(document, path)
 
 
 def read_shape(path: str | os.PathLike) -> Shape:
@@ -58,36 +67,75 @@ def read_shape(path: str | os.PathLike) -> Shape:
 
     Raises `ShapeError` for what is none, and whatever is wrong with it by its key.
     """
-    path = Path(path)
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise ShapeError(
-            f"{path}: {error.strerror}", "a file of a shape", "check the path, or name a known one"
-        ) from None
-    if len(content) > MOST_BYTES:
-        raise ShapeError(f"{path}: more than {MOST_BYTES} bytes", "less", "simplify it")
-    try:
-        document = json.loads(content.decode())
-    except (ValueError, RecursionError):
-        document = None
-    if not isinstance(document, dict) or document.get("evocity") != "shape":
-        raise ShapeError(
-            f"{path}: no shape", 'JSON with "evocity": "shape"', "write it by write_shape"
-        )
+    return _read(path, "shape", _shape_of)
+
+
+def write_curve(
+    one: Detailed, path: str | os.PathLike, crs: str | None = None, attribution: str = ""
+) -> None:
+    """Write a curve with its details, as Parquet if the name ends in .parquet, else as JSON.
+
+    Keys: ``evocity`` ("curve"), ``version``, ``maps``, ``shared``, ``depth``, ``kept``, ``points``,
+    ``crs``, ``attribution``. ``points`` are those of all polygons at level ``kept``, below which
+    there are no details: so a curve of which k levels are dropped takes N**-k of the room.
+    """
+    write_document(
+        {
+            "evocity": "curve",
+            "version": _VERSION,
+            "maps": one.curve.maps.tolist(),
+            "shared": one.shared,
+            "depth": one.depth,
+            "kept": one.kept,
+            "points": one.points(one.kept).tolist(),
+            "crs": crs,
+            "attribution": attribution,
+        },
+        path,
+    )
+
+
+def read_curve(path: str | os.PathLike) -> StoredCurve:
+    """The curve of a file that `write_curve` wrote, or that has the same keys. Raises `ShapeError`
+    for what is none."""
+    return _read(path, "curve", _curve_of)
+
+
+def _read(path: str | os.PathLike, kind: str, made):
+    document = read_document(path)
+    if document.get("evocity") != kind:
+        raise ShapeError(f"{path}: no {kind}", f'"evocity": "{kind}"', f"write it by write_{kind}")
     if document.get("version") != _VERSION:
         raise ShapeError(
             f"{path}: version {shown(document.get('version'))}", f"{_VERSION}", "update evocity"
         )
     try:
-        return _shape_of(document)
+        return made(document)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error.found}", error.expected, error.remedy) from None
-    except (TypeError, ValueError, OverflowError, KeyError):
+    except (TypeError, ValueError, OverflowError, KeyError, AttributeError):
         raise ShapeError(
-            f"{path}: numbers that are none", "lists of numbers, as write_shape tells", "correct it"
+            f"{path}: numbers that are none",
+            f"lists of numbers, as write_{kind} tells",
+            "correct it",
         ) from None
+
+
+def _curve_of(document: dict) -> StoredCurve:
+    maps, points = (np.array(document[name], np.float64) for name in ("maps", "points"))
+    depth, kept, shared = (document[name] for name in ("depth", "kept", "shared"))
+    whole = all(isinstance(one, int) and not isinstance(one, bool) for one in (depth, kept))
+    crs, attribution = document.get("crs"), document.get("attribution", "")
+    if not whole or not isinstance(shared, bool) or not 0 <= kept <= depth <= 64:
+        raise ShapeError(
+            "depth, kept or shared that are none", "whole numbers, kept ≤ depth; true or false",
+            "correct them",
+        )  # fmt: skip
+    if not isinstance(crs, str | None) or not isinstance(attribution, str):
+        raise ShapeError("crs or attribution that is no text", "text, or null", "correct it")
+    if maps.ndim != 3:
+        Curve(np.zeros((2, 2)), maps)  # which says what maps are
+    return StoredCurve(Detailed.drawn(points, maps, shared, kept, depth), crs, attribution)
 
 
 def _shape_of(document: dict) -> Shape:
@@ -115,4 +163,4 @@ def _same(one: Primitive, other: Primitive) -> bool:
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-__all__ = ["MOST_BYTES", "read_shape", "write_shape"]
+__all__ = ["StoredCurve", "read_curve", "read_shape", "write_curve", "write_shape"]

@@ -70,6 +70,12 @@ def test_the_commands_are_these():
         "shape dimension",
         "shape count",
         "shape morph",
+        "curve trace",
+        "curve fit",
+        "curve lay",
+        "curve detail",
+        "curve transfer",
+        "curve amplify",
     ]
 
 

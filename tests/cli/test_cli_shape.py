@@ -15,6 +15,8 @@ def test_shapes_are_drawn(tmp_path):
         assert picture.size == (64, 64)
     call("shape", "show", "levy", "--depth", 4, "-o", tmp_path / "levy.svg")
     assert (tmp_path / "levy.svg").read_text().startswith("<svg")
+    call("shape", "show", "menger", "--depth", 1, "-o", tmp_path / "menger.glb")
+    assert (tmp_path / "menger.glb").read_bytes()[:4] == b"glTF"
     write_shape(wire([(0, 0), (0.4, 0.3), (1, 0)]), tmp_path / "own.json")
     call("shape", "show", tmp_path / "own.json", "--side", 64, "-o", tmp_path / "own.png")
     assert (tmp_path / "own.png").is_file()
@@ -46,7 +48,7 @@ def test_one_shape_becomes_another(tmp_path):
     [
         (["show", "kock", "-o", "{}/a.png"], "did you mean koch"),
         (["show", "menger", "-o", "{}/a.png"], "a shape of space"),
-        (["show", "koch", "-o", "{}/a.gif"], "a name that ends in .png or .svg"),
+        (["show", "koch", "-o", "{}/a.gif"], "a name that ends in .png, .svg or .glb"),
         (["show", "koch", "-o", "{}/a.svg"], "add --depth"),
         (["show", "koch", "-o", "{}/none/a.png"], "cannot be written"),
         (["show", "{}/none.json", "-o", "{}/a.png"], "No such file"),
