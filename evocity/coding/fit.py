@@ -104,9 +104,10 @@ class AttractorError:
         if attractor is None:
             return None
         difference = attractor - self._heights
+        twice = 2 * difference
 
         def push(before: np.ndarray, after: np.ndarray) -> None:
-            np.add(collage.transposed(before), 2 * difference, out=after)
+            np.add(collage.transposed(before), twice, out=after)
 
         adjoint = self._fixed_point(push, self._adjoint)
         if adjoint is None:
