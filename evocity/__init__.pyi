@@ -155,7 +155,11 @@ class _Scene:
     Scene = _scene.Scene
     Substitution = _scene.Substitution
     check_suffix = staticmethod(_scene.check_suffix)
+    fabric_edges = staticmethod(_scene.fabric_edges)
+    facades = staticmethod(_scene.facades)
     scene = staticmethod(_scene.scene)
+    skyline = staticmethod(_scene.skyline)
+    street_axes = staticmethod(_scene.street_axes)
     substituted = staticmethod(_scene.substituted)
     suffix_of = staticmethod(_scene.suffix_of)
 

@@ -1479,3 +1479,28 @@ def first_cells(heights, side, origins, ways):
     lines = np.arange(len(origins))
     part = np.array([1, 2, 0])[enters[lines, nearest].argmax(axis=1)]
     return np.where(met.any(axis=1), 3 * (row * columns + column)[nearest] + part, -1)
+
+
+def all_that_maps_draw(maps, depth, drawn, shared):
+    """Matrix ``(M, m)`` from the points of the polygons at a level to the line, part by part."""
+    parts, size = maps.shape[:2]
+    step = size - shared
+    whole = np.eye(step * parts ** (depth - drawn) + shared)
+    for level in range(depth - drawn, depth):
+        finer = np.zeros((step * parts ** (level + 1) + shared, whole.shape[1]))
+        for node in range(parts**level):
+            for part in range(parts):
+                begin = step * (parts * node + part)
+                own = whole[step * node : step * node + size]
+                finer[begin : begin + size] = maps[part].T @ own
+        whole = finer
+    return whole
+
+
+def nearest_of(whole, line, shared):
+    """What ``whole`` draws nearest to a line; with shared ends those of the line stay."""
+    if not shared:
+        return whole @ np.linalg.lstsq(whole, line, rcond=None)[0]
+    ends = whole[:, [0, -1]] @ line[[0, -1]]
+    inner = whole[:, 1:-1]
+    return ends + inner @ np.linalg.lstsq(inner, line - ends, rcond=None)[0]

@@ -13,10 +13,12 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from evocity.analysis.asked import check_count
+from evocity.analysis.fabrics import fabric_of
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
-from evocity.studio.breeding import Brood, Ready, operators_told
+from evocity.studio.breeding import Breeding, Brood, Ready, operators_told
 from evocity.studio.comparing import Compare, compared
+from evocity.studio.drawing import BOARD, board_of
 from evocity.studio.files import files
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
@@ -83,6 +85,7 @@ class Studio:
             "pedigree": self.pedigree,
             "heights": self.heights,
             "calls": self.calls,
+            "board": self.board,
             "brood": self.brood,
             "brood-tiles": self.brood_tiles,
             "brood-picture": self.brood_picture,
@@ -198,35 +201,49 @@ class Studio:
     # -- children ----------------------------------------------------------------------------
 
     def brood(self, run: Opened, request: Request) -> Response:
-        return JSONResponse(run.breeding.told())
+        return JSONResponse(self._broods(run, request).told())
 
     def brood_tiles(self, run: Opened, request: Request) -> Response:
         """Small pictures of children, ``ids`` their numbers."""
         numbered = numbers(request.query_params, "ids", MOST)
-        sheet = run.breeding.sheet(self._brood_of(request), numbered, SIDES[0])
+        sheet = self._broods(run, request).sheet(self._brood_of(request), numbered, SIDES[0])
         return Response(framed(sheet.about, sheet.image), media_type=_BYTES)
 
     def brood_picture(self, run: Opened, request: Request) -> Response:
         one = number(request.query_params, "id", 0, _LARGEST)
-        picture = run.breeding.picture(self._brood_of(request), one)
+        picture = self._broods(run, request).picture(self._brood_of(request), one)
         return Response(png_of(picture), media_type="image/png")
+
+    def _broods(self, run: Opened, request: Request) -> Breeding:
+        """Those of the ``board``, or the others."""
+        return run.drawn if number(request.query_params, "board", 0, 1, 0) else run.breeding
+
+    def board(self, run: Opened, request: Request) -> Response:
+        """What can be drawn over two births, ``ids``."""
+        ids = numbers(request.query_params, "ids", 2)
+        if len(ids) != 2:
+            raise Faulty("one birth", "two to draw over", "choose another for one of them")
+        with run.watched.reading:
+            found = run.watched.moment.run
+            parents = [fabric_of(found.header, found.genome(one), BOARD) for one in ids]
+        return Response(framed(*board_of(parents)), media_type=_BYTES)
 
     def _brood_of(self, request: Request) -> int:
         return number(request.query_params, "brood", 0, _LARGEST)
 
     def ready(self, run: Opened, request: Request) -> Response:
         asked = body_of(Ready, request.state.body)
-        breeding = self.runs.breeding(run)
+        breeding = self.runs.breeding(run, asked.board)
         with run.watched.reading:
             breeding.ready(run.watched.moment, asked.parents)
-        return JSONResponse(run.breeding.told())
+        return JSONResponse(breeding.told())
 
     def breed(self, run: Opened, request: Request) -> Response:
         asked = body_of(Brood, request.state.body)
-        breeding = self.runs.breeding(run)
+        breeding = self.runs.breeding(run, asked.board)
         with run.watched.reading:
             breeding.begin(asked, run.watched.moment)
-        return JSONResponse(run.breeding.told())
+        return JSONResponse(breeding.told())
 
     def stop(self, run: Opened, request: Request) -> Response:
         body_of(Body, request.state.body)
@@ -238,7 +255,8 @@ class Studio:
         with run.watched.reading:
             moment = run.watched.moment
             moment.run.told.rows(asked.picks)  # all are births
-            return JSONResponse(keep(moment.run, run.breeding, asked, run.picks.is_own))
+            broods = run.drawn if asked.board else run.breeding
+            return JSONResponse(keep(moment.run, broods, asked, run.picks.is_own))
 
     # -- files -------------------------------------------------------------------------------
 

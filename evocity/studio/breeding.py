@@ -19,12 +19,14 @@ from pydantic import Field, JsonValue
 from evocity import operators
 from evocity.analysis.thumbnails import thumbnail
 from evocity.citymap import CityMap
+from evocity.condensation import Condensation
 from evocity.errors import EvocityError, OperatorError, RunError
 from evocity.genome import Genome
 from evocity.operators import Operator
 from evocity.search.evaluation import Workers
 from evocity.search.evaluator import Outcome
 from evocity.studio.asked import Body
+from evocity.studio.drawing import Drawing, locked_by
 from evocity.studio.measuring import workers_of
 from evocity.studio.picks import Id
 from evocity.studio.watched import Moment
@@ -38,7 +40,8 @@ _FILLS = (0.1, 0.9)
 class Brood(Body):
     """What is asked for: so many children of these ``parents``, by ``operators`` in turn. Of one
     operator alone ``parameters`` may be told; ``vary`` draws how much of each child is the second
-    parent's, of two, where an operator lets that be told and nobody does."""
+    parent's, of two, where an operator lets that be told and nobody does. A ``drawing`` locks
+    pixels in all of them; those of the ``board`` are beside the others."""
 
     operators: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_OPERATORS)]
     parameters: Annotated[dict[str, JsonValue], Field(max_length=50)] = {}  # noqa: RUF012
@@ -46,21 +49,26 @@ class Brood(Body):
     count: Annotated[int, Field(ge=1, le=MOST_CHILDREN)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     vary: bool = False
+    board: bool = False
+    drawing: Drawing | None = None
 
 
 class Ready(Body):
-    """Who may soon be bred from."""
+    """Who may soon be bred from; on the ``board``, or as a brood."""
 
     parents: Annotated[tuple[Id, ...], Field(max_length=MOST_PARENTS)] = ()
+    board: bool = False
 
 
 @dataclass
 class Child:
-    """One child: ``stage`` is "waiting", "bred", "measured" or "failed"."""
+    """One child: ``stage`` is "waiting", "bred", "measured" or "failed"; ``parameters`` are those
+    that its operator was told."""
 
     number: int
     operator: Operator
     parents: tuple[int, ...]
+    parameters: Mapping[str, JsonValue] = field(default_factory=dict)
     stage: str = "waiting"
     error: str | None = None
     values: Mapping[str, float] = field(default_factory=dict)
@@ -107,7 +115,7 @@ def planned(brood: Brood) -> list[Child]:
         own = tuple(parents[(turn + k) % len(parents)] for k in range(taken))
         if hasattr(operator, "check_count"):
             operator.check_count(taken)
-        found.append(Child(number, operator, own))
+        found.append(Child(number, operator, own, parameters))
     return found
 
 
@@ -162,6 +170,8 @@ class Breeding:
         self.number = 0
         self.brood: Brood | None = None
         self.children: list[Child] = []
+        #: What a drawing locks in them besides what the run does, and that.
+        self.locked: Condensation | None = None
         self.error: str | None = None
 
     @property
@@ -196,11 +206,15 @@ class Breeding:
         and for parents that have no genome; `OperatorError` as `planned`."""
         children = planned(brood)
         parents = self._genomes(moment, brood.parents)
+        locked = None
+        if brood.drawing is not None:
+            locked = locked_by(brood.drawing, [parents[one] for one in brood.parents])
+            parents = {n: one.replace(condensation=locked) for n, one in parents.items()}
         jobs = [
             (one.operator, tuple(parents[n] for n in one.parents), _generator(brood.seed, k, 0))
             for k, one in enumerate(children)
         ]
-        self._begin(moment, brood, children, jobs)
+        self._begin(moment, brood, children, jobs, locked)
 
     def stop(self) -> None:
         """Begin no more children; who is being bred ends, at its deadline at last."""
@@ -249,7 +263,9 @@ class Breeding:
 
     # -- in a thread -----------------------------------------------------------------------------
 
-    def _begin(self, moment: Moment, brood: Brood | None, children: list[Child], jobs=()) -> None:
+    def _begin(
+        self, moment: Moment, brood: Brood | None, children: list[Child], jobs=(), locked=None
+    ) -> None:
         with self._lock:
             if self.busy:
                 if brood is None:
@@ -258,6 +274,7 @@ class Breeding:
             self._stopped, self.error = False, None
             if brood is not None:
                 self.number, self.brood, self.children = self.number + 1, brood, children
+                self.locked = locked
             self._thread = threading.Thread(
                 target=self._breed, args=(moment, list(jobs)), daemon=True, name="breeding"
             )
@@ -302,8 +319,10 @@ class Breeding:
 
     def _bred(self, child: Child, outcome: Outcome) -> None:
         child.genome, child.error = outcome.genome, outcome.error
-        if outcome.genome is not None:
-            expressed = self._express(outcome.genome)
+        if child.genome is not None:
+            if self.locked is not None:  # workers tell it in the run's terms, which lock less
+                child.genome = child.genome.replace(condensation=self.locked)
+            expressed = self._express(child.genome)
             child.city, child.error = expressed.city, expressed.problem
         child.stage = "failed" if child.city is None else "bred"
 

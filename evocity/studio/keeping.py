@@ -4,22 +4,22 @@ import contextlib
 import os
 import shutil
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tomli_w
 from pydantic import Field
 
 from evocity.errors import EvocityError, RunError
 from evocity.files import whole_file
-from evocity.genome import Genome
 from evocity.search.changes import folder_of
 from evocity.search.reading import read_recipe
 from evocity.search.trust import is_ours, state_folder
 from evocity.store import Run
 from evocity.studio.asked import Body
-from evocity.studio.breeding import MOST_CHILDREN, Breeding
+from evocity.studio.breeding import MOST_CHILDREN, Breeding, Child
 from evocity.studio.picks import Id
 
 _MOST_FOLDERS = 10_000
@@ -28,11 +28,13 @@ _EXECUTING = ("notify", "evaluation")
 
 
 class Keep(Body):
-    """What is kept: ``children`` of a ``brood``, and, for the recipe, ``picks`` of the run."""
+    """What is kept: ``children`` of a ``brood``, one of the ``board`` or another, and, for the
+    recipe, ``picks`` of the run."""
 
     brood: Annotated[int, Field(ge=1, lt=2**31)]
     children: Annotated[tuple[Id, ...], Field(min_length=1, max_length=MOST_CHILDREN)]
     picks: Annotated[tuple[Id, ...], Field(max_length=16)] = ()
+    board: bool = False
 
 
 def keep(run: Run, breeding: Breeding, asked: Keep, is_own: bool) -> dict:
@@ -50,11 +52,11 @@ def keep(run: Run, breeding: Breeding, asked: Keep, is_own: bool) -> dict:
         parents: list[dict] = []
         for child in kept:
             name = f"child-{child.number}"
-            _write(child.genome, folder / f"{name}.parquet", run, breeding, child.parents)
+            _write(child, folder / f"{name}.parquet", run, breeding)
             parents.append({"genome": f"{name}.parquet", "name": name})
         place = os.path.relpath(run.path.resolve(), folder)
         parents += [{"run": place, "id": one} for one in dict.fromkeys(asked.picks)]
-        recipe, left = _recipe(run, folder, parents)
+        recipe, left = _recipe(run, folder, parents, _locked(breeding, folder))
         path = folder / "recipe.toml"
         with whole_file(path) as temporary:
             temporary.write_text(recipe, encoding="utf-8")
@@ -91,18 +93,34 @@ def _unwritten(folder: Path, error: OSError) -> RunError:
     )
 
 
-def _write(
-    genome: Genome, path: Path, run: Run, breeding: Breeding, parents: Sequence[int]
-) -> None:
-    """The genome says from whom it was bred, and by which seed."""
-    told = {"run": run.path.resolve().name, "parents": list(parents), "seed": breeding.brood.seed}
-    genome.replace(made={**genome.made, "studio": told}).write(path)
+def _write(child: Child, path: Path, run: Run, breeding: Breeding) -> None:
+    """The genome says from whom it was bred, by which parameters, as which of a brood and by which
+    seed: all that it takes to breed it again."""
+    told = {
+        "run": run.path.resolve().name,
+        "parents": list(child.parents),
+        "parameters": dict(child.parameters),
+        "number": child.number,
+        "seed": breeding.brood.seed,
+    }
+    child.genome.replace(made={**child.genome.made, "studio": told}).write(path)
+
+
+def _locked(breeding: Breeding, folder: Path) -> dict:
+    """The section that locks what a drawing did, its files in the ``folder``; none for none."""
+    layer = breeding.locked
+    if layer is None:
+        return {}
+    found = {"mask": "locked.npy", "heights": "locked-heights.npy"}
+    np.save(folder / found["mask"], layer.mask.astype(np.uint8))
+    np.save(folder / found["heights"], layer.heights)
+    return {"locked": found}
 
 
 # -- the recipe -----------------------------------------------------------------------------------
 
 
-def _recipe(run: Run, folder: Path, parents: list[dict]) -> tuple[str, list[str]]:
+def _recipe(run: Run, folder: Path, parents: list[dict], locked: Mapping) -> tuple[str, list[str]]:
     """Its text; what of the run's own is left out, in words."""
     raw, left = tomllib.loads(run.recipe_text), []
     before = folder_of(run)
@@ -110,7 +128,7 @@ def _recipe(run: Run, folder: Path, parents: list[dict]) -> tuple[str, list[str]
         raw, left = _harmless(raw)
     moved = {key: _moved(value, before, folder) for key, value in raw.items() if key != "parents"}
     section = dict(moved.get("run") or {})
-    moved["run"] = section | {"name": folder.name}
+    moved |= {"run": section | {"name": folder.name}, **locked}
     head = f"# Goes on from children of {run.path.resolve().name} that were kept in evocity studio."
     text = tomli_w.dumps({**moved, "parents": parents})
     return f"{''.join(filter(str.isprintable, head))}\n\n{text}", left

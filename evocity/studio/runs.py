@@ -25,6 +25,8 @@ class Opened:
         self.watched = Watched(path)
         self.picks = Picks(self.watched.path)
         self.breeding = Breeding()
+        #: Of the drawing board, one child a brood.
+        self.drawn = Breeding()
 
 
 class Runs:
@@ -91,24 +93,27 @@ class Runs:
         self.more = len(new[room:])
         self._paths += new[:room]
 
-    def breeding(self, run: Opened) -> Breeding:
-        """The broods of a ``run``, for one to begin: workers of other runs end. Raises `RunError`
-        while a brood of another is bred, for one is at a time."""
+    def breeding(self, run: Opened, board: bool = False) -> Breeding:
+        """The broods of a ``run``, those of its ``board`` or the others, for one to begin: other
+        workers end. Raises `RunError` while another is bred, for one is at a time."""
         with self._lock:
-            others = [one.breeding for one in self._opened.values() if one is not run]
+            wanted = run.drawn if board else run.breeding
+            every = [two for one in self._opened.values() for two in (one.breeding, one.drawn)]
+            others = [one for one in every if one is not wanted]
             if any(one.busy for one in others):
                 raise RunError(
-                    "a brood of another run is being bred",
+                    "another brood is being bred, of another run or in another pane",
                     "one at a time",
                     "wait for it, or stop it",
                 )
             for one in others:
                 one.rest()
-            return run.breeding
+            return wanted
 
     def close(self) -> None:
         for one in self._opened.values():
             one.breeding.close()
+            one.drawn.close()
 
 
 def _is_going(path: Path) -> bool:

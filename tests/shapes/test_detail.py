@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from naive import all_that_maps_draw, nearest_of
 from scipy.interpolate import make_lsq_spline
 
 from evocity.shapes import Curve, Detailed, ShapeError, fit_curve, known, rms_of
 from evocity.shapes.detail import point_count
-from evocity.shapes.filters import windows
 from evocity.shapes.fitting import _Model, bezier_maps
 from evocity.shapes.lines import crossing_of, resampled
 
@@ -32,29 +32,6 @@ def some_maps(parts, size, seed):
     return maps
 
 
-def all_that_maps_draw(maps, depth, drawn, shared):
-    """Matrix ``(M, m)`` from the points of the polygons at a level to the line, part by part."""
-    parts, size = maps.shape[:2]
-    whole = np.eye(point_count(size, parts, depth - drawn, shared))
-    for level in range(depth - drawn, depth):
-        finer = np.zeros((point_count(size, parts, level + 1, shared), whole.shape[1]))
-        own = windows(parts**level, size, shared)
-        below = windows(parts ** (level + 1), size, shared)
-        for node in range(parts**level):
-            for part in range(parts):
-                finer[below[parts * node + part]] = maps[part].T @ whole[own[node]]
-        whole = finer
-    return whole
-
-
-def nearest(whole, line, shared):
-    if not shared:
-        return whole @ np.linalg.lstsq(whole, line, rcond=None)[0]
-    ends = whole[:, [0, -1]] @ line[[0, -1]]
-    inner = whole[:, 1:-1]
-    return ends + inner @ np.linalg.lstsq(inner, line - ends, rcond=None)[0]
-
-
 layouts = st.tuples(
     st.integers(2, 3), st.integers(2, 5), st.integers(1, 3), st.booleans(), st.integers(0, 500)
 )
@@ -70,7 +47,7 @@ def test_synthesis_undoes_analysis_and_each_level_is_the_least_squares_of_its_ma
     np.testing.assert_allclose(found.line(), line, atol=1e-9)
     assert sum(one.size for one in found.details) + size == len(line)  # no number too many
     for levels in range(1, depth + 1):
-        told = nearest(all_that_maps_draw(maps, depth, levels, shared), line, shared)
+        told = nearest_of(all_that_maps_draw(maps, depth, levels, shared), line, shared)
         np.testing.assert_allclose(found.dropped(levels).line(), told, atol=1e-6)
         assert found.dropped(levels).kept <= depth - levels
 

@@ -198,7 +198,13 @@ def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
     assert told[0]["files"] == ["child-0.parquet", "child-3.parquet", "recipe.toml"]
     kept = evocity.read_genome(folder / "child-3.parquet")
     assert kept == genome
-    assert kept.made["studio"] == {"run": "night", "parents": [1], "seed": 9}
+    assert kept.made["studio"] == {
+        "run": "night",
+        "parents": [1],
+        "parameters": {},
+        "number": 3,
+        "seed": 9,
+    }
     with patch.dict(registry._from_files):
         recipe = evocity.read_recipe(folder / "recipe.toml")
         assert recipe.run.name == "night-children"

@@ -267,6 +267,10 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         page.locator(".evocity-children button").first.click()
         until(page, "studio.run.breed.one.children.length")
         check()
+        page.get_by_role("tab", name="draw").click()
+        until(page, "studio.run.board.about && studio.run.board.image.naturalWidth > 0")
+        page.get_by_role("button", name="lock", exact=True).click()
+        check()
         page.evaluate("() => studio.tell(new Error('something is at fault'))")
         check()
 
@@ -438,6 +442,93 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         until(page, "studio.run.breed.children.length === 3")  # they are there until the next brood
 
 
+def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
+    """Macro-blocks by pointer, a λ and a lock by keys: each child is what Python has."""
+    night = shutil.copytree(OLD / "run-1", tmp_path / "night")
+    (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
+    run = evocity.open_run(night)
+    parents = [run.genome(3), run.genome(20)]
+    with served(night) as server:
+        page = opened(server)
+        keys, drawn = page.keyboard, server.studio.runs[0].drawn
+
+        def child():
+            until(
+                page, "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
+            )
+            return drawn.children[0]
+
+        def same(found, name, parents=parents, **parameters) -> bool:
+            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
+            wanted = evocity.operators.make(name, **parameters)(parents, rng)
+            assert wanted.digest != parents[0].digest
+            return wanted.digest == found.genome.digest
+
+        page.get_by_role("tab", name="draw").click()
+        until(page, "studio.run.board.about")
+        child()
+        board = page.get_by_role("application")
+        box = board.bounding_box()
+        for x, y in ((0.3, 0.25), (0.7, 0.6)):
+            board.click(position={"x": x * box["width"], "y": y * box["height"]})
+        found, told = child(), page.evaluate("() => studio.run.board.parameters")
+        grid, metres, block = parents[0].pavement.block, parents[0].metres_per_pixel, 1
+        block = round(told["side_min"] / grid / metres)
+        placed = [(round(y / grid / metres), round(x / grid / metres)) for y, x in told["places"]]
+        assert len(placed) == 2
+        by_blocks = {"positions": placed, "size_min": block, "size_max": block}
+        by_blocks |= {"fill": 0.5, "margin": 0, "tolerance": 1000}
+        assert same(found, "pavement_fusion", **by_blocks)
+        assert found.genome.made["fill_reached"][1] == pytest.approx(
+            len({(y + i, x + j) for y, x in placed for i in range(block) for j in range(block)})
+            / len(parents[0]),
+            abs=1e-4,
+        )
+
+        page.get_by_label("the child has").select_option("interpolation")
+        page.get_by_label("λ of the second").fill("0.7")
+        board.focus()
+        keys.press("ArrowUp")
+        keys.press("Enter")
+        assert page.locator("[aria-live=polite]").inner_text().startswith("drawn, ")
+        found = child()
+        painted = np.full(len(parents[0]), 1.0)
+        spot = page.evaluate("() => [studio.run.board.spot, studio.run.board.about.cell]")
+        (row, column, side), cell = (spot[0][key] for key in ("row", "column", "side")), spot[1]
+        tops, lefts = (np.asarray(one) + grid // 2 for one in parents[0].pavement.corners)
+        inside = (tops // cell >= row) & (tops // cell < row + side)
+        inside &= (lefts // cell >= column) & (lefts // cell < column + side)
+        painted[inside] = 0.3
+        assert 0 < inside.sum() < inside.size
+        assert same(found, "interpolation", share=painted.tolist())
+
+        page.get_by_role("button", name="lock", exact=True).click()
+        board.focus()
+        keys.press("ArrowDown")
+        keys.press("Enter")
+        found = child()
+        row = page.evaluate("() => studio.run.board.spot.row")
+        city = evocity.decode(parents[0]).city
+        mask = np.zeros(city.shape, bool)
+        high, low = max(0, row) * cell, (row + side) * cell
+        mask[high:low, max(0, column) * cell : (column + side) * cell] = True
+        layer = evocity.Condensation.cut(city, mask)
+        held = [one.replace(condensation=layer) for one in parents]
+        assert same(found, "interpolation", held, share=painted.tolist())
+        assert (found.city.heights[mask] == city.heights[mask]).all()
+        page.get_by_role("button", name="keep the child with a recipe").click()
+        until(page, "studio.run.board.said.textContent.includes('evocity run')")
+        command = page.locator("#pane-0-draw .evocity-command").inner_text()
+        recipe = Path(command.removeprefix("evocity run "))
+        kept = evocity.read_genome(recipe.parent / "child-0.parquet")
+        noted = kept.made["studio"]
+        assert (noted["parents"], noted["seed"]) == ([3, 20], 0)
+        assert same(found, "interpolation", held, **noted["parameters"])
+        assert kept.condensation == layer
+        assert evocity.read_recipe(recipe).locked.mask == "locked.npy"
+        assert np.array_equal(np.load(recipe.parent / "locked.npy").astype(bool), mask)
+
+
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
     other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path
     with served(folder, other) as server:
@@ -599,7 +690,7 @@ def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
         until(page, "studio.run.one.image.naturalWidth > 0")
         page.get_by_role("button", name="pick it").click()
         until(page, "studio.run.picks.ids.length")
-        for tab in ("birth", "picks", "breed"):
+        for tab in ("birth", "picks", "breed", "draw"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             cut = page.evaluate(

@@ -268,38 +268,42 @@ export class Breed {
     if (source) this.image.src = source;
     else this.image.hidden = true;
     this.image.addEventListener("load", () => { this.image.hidden = false; });
-    this.values(child);
-  }
-
-  /** What it has of each measure, beside what its parents have. */
-  values({ values, parents }) {
-    const births = this.on.births(), rows = parents.map((id) => births.row(id));
-    if (!Object.keys(values).length) return;
-    const table = made(this.one, "table", "values");
-    const head = made(table, "tr");
-    made(head, "td");
-    for (const text of ["child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
-    for (const [name, value] of Object.entries(values)) {
-      const column = births.byName.get(name), row = made(table, "tr");
-      made(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });
-      made(row, "td", "number", number(value));
-      const others = made(row, "td", "faint");
-      for (const one of column ? rows : []) made(others, "div", "number", number(column.values[one]));
-    }
+    tellValues(this.one, child, this.on.births());
   }
 
   async keepThese() {
     try {
-      const { folder, recipe, left } = await this.server.told("keep", {
+      tellKept(this.said, await this.server.told("keep", {
         brood: this.brood, children: [...this.kept], picks: this.on.ids().slice(0, 16),
-      });
-      this.said.replaceChildren();
-      made(this.said, "span", "", `Kept in ${folder}. Go on from them and the picks:`);
-      made(this.said, "code", "command", `evocity run ${recipe}`);
-      if (left.length) made(this.said, "span", "", `Left out of the recipe: ${left.join(", ")}.`);
+      }));
       this.on.trouble(null);
     } catch (error) {
       this.on.trouble(error);
     }
   }
+}
+
+/** What a child has of each measure, beside what its parents have. */
+export function tellValues(parent, { values, parents }, births) {
+  const rows = parents.map((id) => births.row(id));
+  if (!Object.keys(values).length) return;
+  const table = made(parent, "table", "values");
+  const head = made(table, "tr");
+  made(head, "td");
+  for (const text of ["child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
+  for (const [name, value] of Object.entries(values)) {
+    const column = births.byName.get(name), row = made(table, "tr");
+    made(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });
+    made(row, "td", "number", number(value));
+    const others = made(row, "td", "faint");
+    for (const one of column ? rows : []) made(others, "div", "number", number(column.values[one]));
+  }
+}
+
+/** Where children are kept, and how to go on from them. */
+export function tellKept(parent, { folder, recipe, left }) {
+  parent.replaceChildren();
+  made(parent, "span", "", `Kept in ${folder}. Go on from them and the picks:`);
+  made(parent, "code", "command", `evocity run ${recipe}`);
+  if (left.length) made(parent, "span", "", `Left out of the recipe: ${left.join(", ")}.`);
 }

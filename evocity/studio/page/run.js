@@ -3,6 +3,7 @@ import { counted, made } from "./made.js";
 import { Tiles } from "./tiles.js";
 import { Viewer } from "./viewer.js";
 import { checked, pythonOf } from "./address.js";
+import { Board } from "./board.js";
 import { Breed } from "./breed.js";
 import { One } from "./one.js";
 import { Picks } from "./picks.js";
@@ -20,9 +21,12 @@ export class Run {
     [this.number, this.on, this.told] = [number, on, told];
     this.server = ofRun(number);
     this.main = made(main, "section", "births", "", { "aria-label": "all births" });
+    this.births = made(this.main, "div");
+    this.stage = made(this.main, "div", "stage");
+    this.stage.hidden = true;
     this.side = made(side, "section", "side", "", { "aria-label": "one birth, picks, children" });
     const list = made(this.side, "div", "tabs", "", { role: "tablist", "aria-label": "what is shown here" });
-    this.tabs = new Tabs(list, this.side, ["birth", "picks", "breed"], number);
+    this.tabs = new Tabs(list, this.side, ["birth", "picks", "breed", "draw"], number);
     this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.arrived());
     const hear = {
       wake: (id) => this.wake(id),
@@ -38,9 +42,16 @@ export class Run {
     this.breed = new Breed(this.tabs.panes.breed, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: hear.trouble,
     });
+    this.board = new Board(this.tabs.panes.draw, this.stage, this.server, {
+      ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births,
+      highest: () => this.one.highest, trouble: hear.trouble,
+    });
     this.picks = new Picks(this.tabs.panes.picks, this.server, this.small, hear);
     this.tabs.seen = (name) => {
+      this.stage.hidden = name !== "draw";
+      this.births.hidden = name === "draw";
       if (name === "breed" && this.about) this.breed.open();
+      if (name === "draw" && this.about) this.board.open();
     };
     for (const name of ["pointerdown", "focusin"]) this.main.addEventListener(name, () => on.turn(), true);
     this.look();
@@ -113,7 +124,7 @@ export class Run {
     this.state = { ...state, one };
     this.main.setAttribute("aria-label", `all births of ${about.title}`);
     this.side.setAttribute("aria-label", `one birth, picks, children of ${about.title}`);
-    this.viewer = new Viewer(this.main, {
+    this.viewer = new Viewer(this.births, {
       about, buffer: content, state,
       save: (changes) => this.save(changes),
       tiles: (ids, side) => this.sheet(ids, side),
@@ -147,7 +158,10 @@ export class Run {
   /** Who is picked has a star. */
   picked(ids) {
     this.one.picked(ids);
-    if (this.picks) this.breed.inform();
+    if (this.picks) {
+      this.breed.inform();
+      this.board.inform();
+    }
     if (!this.viewer) return;
     this.viewer.gallery.marked = new Set(ids);
     this.viewer.gallery.draw();
