@@ -1,17 +1,14 @@
 """Draws the pictures of docs/shapes.md: known shapes, words that are left out, tops, a
 metamorphosis, and a street that takes the details of the edge of a city.
 
-Run it with the Python that has evocity installed: python docs/images/shapes.py
+Run it with the Python that has evocity installed: python docs/sheets/shapes.py
 """
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from _sheet import contact_sheet, save
+from PIL import Image
 
 import evocity
-from evocity.pictures.picture import FAINT, INK, PAPER
 from evocity.scene import fabric_edges, street_axes
 from evocity.shapes import (
     Language,
@@ -23,29 +20,17 @@ from evocity.shapes import (
     picture_of,
 )
 
-HERE = Path(__file__).parent
-FONT = Path(evocity.__file__).parent / "data" / "fonts" / "roboto-regular.ttf"
-SIDE, GAP, HEAD = 240, 16, 30
+SIDE = 240
 CITY, DEPTH = "lyon-1er", 8
 QUARTERS = [[[0.5, 0, x], [0, 0.5, y]] for x in (0, 0.5) for y in (0, 0.5)]
 
 
-def sheet(panels: Sequence[tuple[str, Image.Image]], foot: str = "") -> Image.Image:
-    """Panels side by side, each below its title."""
-    width = len(panels) * (SIDE + GAP) + GAP
-    found = Image.new("RGB", (width, HEAD + SIDE + GAP + 24 * bool(foot)), PAPER)
-    brush = ImageDraw.Draw(found)
-    for place, (title, picture) in enumerate(panels):
-        left = GAP + place * (SIDE + GAP)
-        brush.text((left, 8), title, INK, ImageFont.truetype(FONT, 15))
-        found.paste(picture.convert("RGB").resize((SIDE, SIDE)), (left, HEAD))
-    if foot:
-        brush.text((GAP, HEAD + SIDE + 12), foot, FAINT, ImageFont.truetype(FONT, 13))
-    return found
+def small(picture: Image.Image) -> Image.Image:
+    return picture.convert("RGB").resize((SIDE, SIDE))
 
 
 def drawn(shape: Shape, **more) -> Image.Image:
-    return picture_of(shape, side=2 * SIDE, **more)
+    return small(picture_of(shape, side=2 * SIDE, **more))
 
 
 def words() -> Image.Image:
@@ -56,7 +41,7 @@ def words() -> Image.Image:
     panels += [
         (f"tops, mix = {mix}", drawn(Shape(turned, colours=colours, mix=mix))) for mix in (0.9, 0.4)
     ]
-    return sheet(panels)
+    return contact_sheet([panels])
 
 
 def details() -> Image.Image:
@@ -72,19 +57,19 @@ def details() -> Image.Image:
         ("a street, of two levels", [smooth.line()]),
         ("with the edge's details", [given.line(), smooth.line()]),
     ]
-    pictures = [(title, line_picture(lines, side=2 * SIDE)) for title, lines in panels]
-    return sheet(pictures, f"{city.name}: {city.attribution}")
+    pictures = [(title, small(line_picture(lines, side=2 * SIDE))) for title, lines in panels]
+    return contact_sheet([pictures], thanks=[f"{city.name}: {city.attribution}"])
 
 
 def main() -> None:
     names = ("sierpinski", "koch", "dragon", "levy", "carpet", "fern")
-    sheet([(name, drawn(known(name))) for name in names]).save(HERE / "shapes-known.png")
-    words().save(HERE / "shapes-words.png")
+    save(contact_sheet([[(name, drawn(known(name))) for name in names]]), "shapes-known.png")
+    save(words(), "shapes-words.png")
     between = metamorphosis(known("koch"), known("levy"))
     box = np.array([[-0.6, -0.75], [1.6, 1.45]])
-    at = np.linspace(0, 1, 5)
-    sheet([(f"t = {t:g}", drawn(between(t), box=box)) for t in at]).save(HERE / "shapes-morph.png")
-    details().save(HERE / "shapes-details.png")
+    steps = [(f"t = {t:g}", drawn(between(t), box=box)) for t in np.linspace(0, 1, 5)]
+    save(contact_sheet([steps]), "shapes-morph.png")
+    save(details(), "shapes-details.png")
 
 
 if __name__ == "__main__":
