@@ -98,6 +98,53 @@ def test_children_are_measured_as_the_run_measures(toy, here):
     breeding.close()
 
 
+def test_what_is_placed_and_locked_by_hand_is_bred_bit_for_bit(toy):
+    """As pavement fusion's ``positions`` has it, under a lock, through the server."""
+    run = evocity.open_run(toy)
+    parents = [run.genome(0), run.genome(1)]
+    pavement, pixel = parents[0].pavement, parents[0].metres_per_pixel
+    block, corners = pavement.block, [(0, 1), (1, 2)]
+    told = {"fill": 0.5, "margin": 0, "tolerance": 1000}
+    drawn = told | {
+        "places": [[row * block * pixel, column * block * pixel] for row, column in corners],
+        "side_min": block * pixel,
+        "side_max": block * pixel,
+    }
+    city = evocity.decode(parents[0]).city
+    mask = np.zeros(city.shape, bool)
+    mask[:2, :3] = True
+    cells = "".join("1" if one else "0" for one in mask.ravel())
+    asked = {"operators": ["pavement_fusion"], "parameters": drawn, "parents": [0, 1], "count": 1}
+    asked |= {"board": True, "drawing": {"locked": {"cell": 1, "marked": cells}}}
+    with served(toy) as server:
+        client = Client(server)
+        client.open()
+        about, lifs = client.get("/api/0/board?ids=0,1").framed
+        assert (about["grid"], about["lifs"]) == (block, len(pavement))
+        corner = np.frombuffer(lifs, "<i4").reshape(-1, 3)
+        assert np.array_equal(corner[:, :2].T, pavement.corners)
+        for cut, status in ((cells[:-1], 409), ("1" * len(cells), 409), ("2", 400)):
+            lock = {"locked": {"cell": 1, "marked": cut}}
+            assert client.post("/api/0/breed", asked | {"drawing": lock}).status == status
+        assert client.get("/api/0/board?ids=0").status == 400
+        assert client.post("/api/0/breed", asked).status == 200
+        end = time.monotonic() + 120
+        while client.get("/api/0/brood?board=1").json["busy"]:
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        (child,) = server.studio.runs[0].drawn.children
+        assert client.get("/api/0/brood").json["children"] == []  # the others are as they were
+    layer = evocity.Condensation.cut(city, mask)
+    by_hand = evocity.operators.make(
+        "pavement_fusion", positions=corners, size_min=1, size_max=1, **told
+    )
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
+    wanted = by_hand([one.replace(condensation=layer) for one in parents], rng)
+    assert child.genome.digest == wanted.digest != parents[0].digest
+    assert child.genome.condensation == layer
+    assert (child.city.heights[mask] == city.heights[mask]).all()
+
+
 def test_operators_and_parents_take_turns():
     plan = planned(Brood(**BROOD | {"vary": True}))
     assert [one.operator.name for one in plan] == ["pavement_fusion", "mutation"] * 3

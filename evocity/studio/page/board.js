@@ -353,11 +353,17 @@ export class Board {
       return name === "region_fusion" ? { ...found, tries: null } : found;
     }
     if (name === "lambda_field") return { side: FIELD, values: this.field() };
-    const share = Array.from({ length: lifs }, (_, k) => {
-      const [y, x] = [0, 1].map((axis) => Math.floor((this.lifs[3 * k + axis] + this.lifs[3 * k + 2] / 2) / cell));
-      return +(1 - this.painted[y * this.columns + x]).toFixed(2);
-    });
+    const share = Array.from({ length: lifs }, (_, k) => +(1 - this.mean(...this.lifs.subarray(3 * k, 3 * k + 3), cell)).toFixed(4));
     return { share, stepwise: name === "stepwise" };
+  }
+
+  /** Mean of what is painted in the cells of a square, px; it has one at least. */
+  mean(top, left, side, cell) {
+    const span = (from) => [Math.floor(from / cell), Math.max(Math.floor(from / cell) + 1, Math.floor((from + side) / cell))];
+    const [[first, last], [west, east]] = [span(top), span(left)];
+    let sum = 0;
+    for (let y = first; y < last; y++) for (let x = west; x < east; x++) sum += this.painted[y * this.columns + x];
+    return sum / ((last - first) * (east - west));
   }
 
   /** Means of what is painted in equal parts of the map. */
@@ -428,7 +434,7 @@ export class Board {
     this.paints.hidden = !this.inCells;
     this.level.parentElement.hidden = !this.isPainted || this.tool === "lock";
     this.undo.disabled = !this.steps.length;
-    this.child.hidden = !this.bred;
+    this.image.hidden = !this.image.src;
     this.keep.hidden = !this.bred;
     this.keep.disabled = this.isBusy;
     const text = error || (this.isBusy && !this.bred ? "The child is bred …" : this.bred ? `child ${this.bred.child.stage}` : "");
