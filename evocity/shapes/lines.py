@@ -90,7 +90,7 @@ def tell_crossing(line: np.ndarray, name: str) -> bool:
     """Warn if a line meets itself, and where; whether it does."""
     place = crossing_of(line)
     if place is not None:
-        warnings.warn(f"{name} crosses itself at {place_of(place)}", stacklevel=3)
+        warnings.warn(f"{name} crosses itself at {place_of(place)}", stacklevel=4)
     return place is not None
 
 
