@@ -1,6 +1,5 @@
 """`Form`: what all chromosomes that are no fabric have in common."""
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -10,12 +9,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from evocity.citymap import CityMap
 from evocity.columns import column_of
 from evocity.errors import GenomeError
-from evocity.files import whole_file
+from evocity.genome.files import write_described
 
 #: Of a file: where in the metadata what describes a form stands, in which version, and its keys.
 ABOUT, VERSION = b"evocity.form", 1
@@ -109,16 +107,7 @@ class Form:
             name: pa.ListArray.from_arrays(pa.array([0, one.size], pa.int32()), column_of(one))
             for name, one in arrays.items()
         }
-        table = pa.table(columns).replace_schema_metadata({ABOUT: json.dumps(about, default=str)})
-        try:
-            with whole_file(path) as temporary:
-                pq.write_table(table, temporary, compression="zstd")
-        except OSError as error:
-            raise GenomeError(
-                f"{path} cannot be written: {error.strerror or error}",
-                "a file name in a folder that exists, with room on the disk",
-                "make the folder, or choose another place",
-            ) from error
+        write_described(pa.table(columns), ABOUT.decode(), about, path)
 
 
 def _again(kind: type[Form], told: dict) -> Form:

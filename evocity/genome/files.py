@@ -35,7 +35,13 @@ def write_genome(genome, path: str | os.PathLike) -> None:
             for name, one in columns.items()
         }
     )
-    metadata = {"evocity.genome": json.dumps(about, default=str)}
+    write_described(table, "evocity.genome", about, path)
+
+
+def write_described(table: pa.Table, key: str, about: Mapping, path: str | os.PathLike) -> None:
+    """Write the ``table`` of a chromosome, and what it is ``about`` as JSON under a ``key`` of the
+    schema's metadata. Raises `GenomeError` if it cannot be written."""
+    metadata = {key: json.dumps(about, default=str)}
     try:
         with whole_file(path) as temporary:
             pq.write_table(table.replace_schema_metadata(metadata), temporary, compression="zstd")
