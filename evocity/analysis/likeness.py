@@ -47,7 +47,8 @@ class Likeness:
         missing = [one for one in dict.fromkeys(ids.tolist()) if one not in kept]
         self._told.rows(missing)
         for start in range(0, len(missing), _AT_A_TIME):
-            for birth in self._told.run.individuals(missing[start : start + _AT_A_TIME]):
+            some = missing[start : start + _AT_A_TIME]
+            for birth in self._told.run.individuals(some, stones=by == "kin"):
                 kept[birth.id] = self._look(birth) if by == "looks" else self._places(birth)
         return np.array([kept[one] for one in ids.tolist()])
 

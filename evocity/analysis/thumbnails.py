@@ -23,7 +23,8 @@ def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
     """The decoded cities of births; those that stand for none are left out."""
     found = {}
     for start in range(0, len(ids), _AT_A_TIME):
-        for birth in told.run.individuals([int(n) for n in ids[start : start + _AT_A_TIME]]):
+        some = [int(one) for one in ids[start : start + _AT_A_TIME]]
+        for birth in told.run.individuals(some, stones=False):
             city = told.expressed(birth).city
             if city is not None:
                 found[birth.id] = city
@@ -62,7 +63,7 @@ class Thumbnails:
         a picture."""
         missing = [one for one in ids if (one, side) not in self._kept]
         lacking = {}
-        for birth in self._told.run.individuals(missing, rebred=False):
+        for birth in self._told.run.individuals(missing, rebred=False, stones=False):
             found = self._made(birth, side)
             if isinstance(found, str):
                 lacking[birth.id] = found

@@ -42,6 +42,8 @@ class Commands(click.Group):
         return list(self.commands)
 
     def invoke(self, ctx: click.Context):
+        # its threads look for work, on all cores, long after a product of a few numbers
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         try:
             return super().invoke(ctx)
         except EvocityError as error:

@@ -11,7 +11,7 @@ from evocity.citymap import CityMap
 from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, shown
-from evocity.genome import FIELDS, NEWER, Genome, packed, read_genome, unpacked
+from evocity.genome import FIELDS, NEWER, PROVENANCE, Genome, packed, read_genome, unpacked
 from evocity.kinds.kind import Expressed, Window, lists
 from evocity.pavement import Pavement
 
@@ -37,6 +37,7 @@ class Fabric:
     subjects = ("city",)
     factors = ("fabric",)
     sources = ("map",)
+    stones = tuple(PROVENANCE)
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         if header.block is not None:
@@ -61,14 +62,18 @@ class Fabric:
 
     def genome(self, row, header, locked: Condensation | None, made: Mapping) -> Genome:
         older = header.block is not None
-        arrays = {name: array_of(row[name].values) for name in (_OLDER if older else FIELDS)}
+        names = [name for name in (_OLDER if older else FIELDS) if name in row]
+        arrays = {name: array_of(row[name].values) for name in names}
         if older:
             pavement = Pavement(header.height, header.width, header.block)
-            line, place = np.divmod(arrays["source"].astype(np.int64), pavement.columns)
-            arrays["source"] = packed(line * header.block, place * header.block)
         else:
             sides = array_of(row[SIDE].values)
             pavement = Pavement(header.height, header.width, sides)
+        if "source" not in arrays:
+            arrays |= _own(pavement)
+        elif older:
+            line, place = np.divmod(arrays["source"].astype(np.int64), pavement.columns)
+            arrays["source"] = packed(line * header.block, place * header.block)
         return Genome(
             pavement,
             **arrays,
@@ -145,8 +150,7 @@ class Fabric:
     def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
         return genome.replace(
             cities=(name,),
-            parent=np.zeros(len(genome), np.uint8),
-            source=packed(*genome.pavement.corners),
+            **_own(genome.pavement),
             **dict.fromkeys(("turn", "other", "part")),
             condensation=None,
             settle=settle,
@@ -169,6 +173,11 @@ def _common(header, locked: Condensation | None) -> dict:
     """What all genomes of a run have alike."""
     told = ("cities", "sigma_max", "attribution", "origin", "crs", "settle")
     return {name: getattr(header, name) for name in told} | {"condensation": locked}
+
+
+def _own(pavement: Pavement) -> dict[str, np.ndarray]:
+    """The stones of a city that has none but its own, the first of those that there are."""
+    return {"parent": np.zeros(len(pavement), np.uint8), "source": packed(*pavement.corners)}
 
 
 def _type(name: str) -> pa.DataType:

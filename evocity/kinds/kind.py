@@ -57,6 +57,9 @@ class Kind(Protocol):
     subjects: tuple[str, ...]
     #: What its operators may breed: "fabric", "shape", "curve"; of several, one a birth.
     factors: tuple[str, ...]
+    #: Those of its columns that only tell whose stones are where: `genome` does without them, and
+    #: what it gives expresses the same.
+    stones: tuple[str, ...]
     #: What its parents are, as keys of ``[[parents]]``; individuals of runs besides.
     sources: tuple[str, ...]
 

@@ -25,6 +25,7 @@ class Lined:
     form: type[Form]
     columns_of: Mapping[str, np.dtype]
     name: str
+    stones = ()
 
     @property
     def subjects(self) -> tuple[str, ...]:

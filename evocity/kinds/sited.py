@@ -35,6 +35,7 @@ class Sites:
     subjects = ("city", "curve", "site")
     factors = ("fabric", "curve")
     sources = ("map",)
+    stones = _FABRIC.stones
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         courses = [(f"course_{name}", kind) for name, kind in _CURVES.fields(header)]

@@ -8,20 +8,24 @@ from evocity.citymap import BUILT_ABOVE, CityMap
 
 # The light comes from the north-west and falls 2 m in 1 m; its shadows, metres, end here.
 _LIGHT_FALL, _LONGEST_SHADOW = 2.0, 40.0
+_SHADE = np.array([70, 66, 92], np.float32)
 
 
 def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
     """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
     heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    colours = colours.astype(np.float32)
     depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
-    dark = np.clip(softened(depth, 0.6 * zoom**0.5) / 4, 0, 1)[..., None]
-    open_ground = (heights <= BUILT_ABOVE)[..., None]
-    tint = np.where(open_ground, np.float32(0.24), np.float32(0.14)) * dark
-    colours += (np.array([70, 66, 92], np.float32) - colours) * tint
-    if zoom > 1:
-        colours[edges(heights)] *= 0.78
-    return np.round(colours).astype(np.uint8)
+    dark = np.clip(softened(depth, 0.6 * zoom**0.5) / 4, 0, 1)
+    tint = np.where(heights <= BUILT_ABOVE, np.float32(0.24), np.float32(0.14)) * dark
+    roofs = edges(heights) if zoom > 1 else None
+    found = np.empty(colours.shape, np.uint8)
+    for channel, shade in enumerate(_SHADE):  # a plane each: numpy is slow along an axis of three
+        plane = colours[..., channel].astype(np.float32)
+        plane += (shade - plane) * tint
+        if roofs is not None:
+            plane[roofs] *= 0.78
+        found[..., channel] = np.round(plane)
+    return found
 
 
 def softened(field: np.ndarray, sigma: float) -> np.ndarray:

@@ -43,7 +43,7 @@ def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
     """
     table = _table(max(float(highest), 2 * BUILT_ABOVE))
     steps = np.minimum(heights * ((len(table) - 1) / max(float(highest), 2 * BUILT_ABOVE)), 1023)
-    return table[steps.astype(np.int16)]
+    return table.take(steps.astype(np.int16), axis=0)
 
 
 def scale_end(*cities: CityMap) -> float:

@@ -249,7 +249,7 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
 
 def _cities(facts: Facts, ids: list[int]) -> Iterator[tuple[int, CityMap]]:
     for start in range(0, len(ids), _AT_A_TIME):
-        for birth in facts.run.individuals(ids[start : start + _AT_A_TIME]):
+        for birth in facts.run.individuals(ids[start : start + _AT_A_TIME], stones=False):
             yield birth.id, facts.decoded(birth)
 
 

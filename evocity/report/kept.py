@@ -9,7 +9,7 @@ import numpy as np
 from evocity.pages import number
 from evocity.report.facts import Facts, Shown
 from evocity.report.gallery import Lineage, Row, rows_of
-from evocity.report.pictures import Pictures, scene_uri
+from evocity.report.pictures import Pictures, scene_uris
 
 #: Of the last generation, where there is no archive, so many are shown in three dimensions.
 _MOST_BEST = 3
@@ -49,9 +49,10 @@ def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
     """Those that are worth keeping, best first; none where there is no archive."""
     births = facts.individuals([one.individual.id for one in facts.kept_few])
     others, compared = facts.unlogged(births), _Compared(facts)
+    cities = [facts.city(birth) for birth in births]
+    scenes = scene_uris(cities, pictures.highest)
     found = []
-    for kept, birth in zip(facts.kept_few, births, strict=True):
-        city = facts.city(birth)
+    for kept, birth, city, uri in zip(facts.kept_few, births, cities, scenes, strict=True):
         found.append(
             Worth(
                 birth.id,
@@ -60,7 +61,7 @@ def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
                 kept.gave_up,
                 kept.individual.alive,
                 pictures.of(birth.id, city),
-                scene_uri(city, pictures.highest),
+                uri,
                 city.shape[1],
                 compared.rows(birth.values),
                 Lineage(facts, birth),
@@ -125,15 +126,16 @@ def best_of_last(facts: Facts, highest: float) -> list[Best]:
     """The best of the last generation by each goal, for runs without an archive."""
     shown = facts.best(_MOST_BEST)
     others = facts.unlogged([one.birth for one in shown])
+    scenes = scene_uris([one.city for one in shown], highest)
     return [
         Best(
             one.birth.id,
-            scene_uri(one.city, highest),
+            uri,
             f"{_values(facts.sought, one)}{_bounded(facts, one)}",
             rows_of(facts, one.birth.values),
             [(name, number(value, unit)) for name, value, unit in others[one.birth.id]],
         )
-        for one in shown
+        for one, uri in zip(shown, scenes, strict=True)
     ]
 
 

@@ -53,11 +53,12 @@ def pictures_of(facts: Facts) -> Pictures:
     return Pictures(highest_of(facts.told), examples)
 
 
-def scene_uri(city: CityMap, highest: float) -> str:
-    """The city in three dimensions, bare, its roofs on the scale that ends at ``highest`` metres,
-    as a ``data:`` address."""
-    picture = scene(city).picture(width=_WIDE, highest=highest, legend=False)
-    return data_uri(picture)
+def scene_uris(cities: Sequence[CityMap], highest: float) -> list[str]:
+    """The cities in three dimensions, bare, their roofs on the scale that ends at ``highest``
+    metres, as ``data:`` addresses. All share one palette."""
+    drawn = [scene(one).picture(width=_WIDE, highest=highest, legend=False) for one in cities]
+    palette = Palette(drawn, _COLOURS) if drawn else None
+    return [data_uri(picture, palette) for picture in drawn]
 
 
 def scale_colours(highest: float, steps: int = 24) -> list[str]:

@@ -13,7 +13,6 @@ import shapely
 from evocity.citymap import STOREY, CityMap
 from evocity.errors import MapError, plain_text, shown
 from evocity.formats import About, Group
-from evocity.io.polygons import placing
 from evocity.io.writing import save_picture, write_map
 from evocity.scene.library import Library
 from evocity.scene.picture import drawn, triangles
@@ -90,7 +89,7 @@ class Scene:
     def _site(self) -> np.ndarray:
         """The whole map, or its site, as polygons."""
         city, pixel = self.city, self.city.metres_per_pixel
-        wide, deep = self.about.size
+        wide, deep = self._size
         if city.site is None:
             return np.array([shapely.box(0, 0, wide, deep)], dtype=object)
         labels, _ = pieces(city.site)
@@ -146,7 +145,7 @@ class Scene:
                 np.concatenate([heights[own], low[1][lower]]),
                 columns,
                 kinds,
-                None if laid is None else laid.copies(self.about.offset, own, int(lower.sum())),
+                None if laid is None else laid.copies(self._offset, own, int(lower.sum())),
             )
             groups.append(group)
         return groups
@@ -159,7 +158,7 @@ class Scene:
         if count == first:
             return np.empty(0, object), np.empty(0), np.empty(0, np.uint8)
         labels = np.maximum(classes.labels - np.int32(first), np.int32(0))
-        corner = (0.0, self.about.size[1])
+        corner = (0.0, self._size[1])
         unknown = np.full(count - first, np.nan)
         heights = classes.height[first:]
         found = walls_of(labels, heights, unknown, city.metres_per_pixel, corner, site=city.site)
@@ -168,23 +167,39 @@ class Scene:
 
     def local(self, polygons: np.ndarray) -> np.ndarray:
         """``polygons`` of the map's reference system in metres from its south-west corner."""
-        return shapely.transform(polygons, lambda points: points - self.about.offset)
+        return shapely.transform(polygons, lambda points: points - self._offset)
 
     @cached_property
     def about(self) -> About:
         """Name, attribution, place and measures."""
+        from evocity.io.polygons import placing  # GDAL takes a tenth of a second to load
+
         city = self.city
-        deep, wide = (side * city.metres_per_pixel for side in city.shape)
-        offset = (0.0, 0.0) if city.origin is None else (city.origin[0], city.origin[1] - deep)
         crs, center = placing(city)
         window = (*center, city.metres_per_pixel)
-        lines = city.attribution.split("; ")
+        measures = {name: float(value) for name, value in self.measures.items()}
+        credit = self._attribution
+        return About(plain_text(city.name), credit, crs, self._offset, self._size, window, measures)
+
+    @property
+    def _size(self) -> tuple[float, float]:
+        """Metres along and down the map."""
+        deep, wide = (side * self.city.metres_per_pixel for side in self.city.shape)
+        return wide, deep
+
+    @property
+    def _offset(self) -> tuple[float, float]:
+        """The map's south-west corner in its reference system, metres."""
+        at = self.city.origin
+        return (0.0, 0.0) if at is None else (at[0], at[1] - self._size[1])
+
+    @property
+    def _attribution(self) -> str:
+        """Whom to thank for the map, and for the objects on it."""
+        lines = self.city.attribution.split("; ")
         if self.substitution is not None:
             lines += self.substitution.attribution.split("; ")
-        attribution = "; ".join(line for line in dict.fromkeys(lines) if line)
-        measures = {name: float(value) for name, value in self.measures.items()}
-        name, attribution = plain_text(city.name), plain_text(attribution)
-        return About(name, attribution, crs, offset, (wide, deep), window, measures)
+        return plain_text("; ".join(line for line in dict.fromkeys(lines) if line))
 
     def picture(self, **how: Any) -> "Image.Image":
         """An axonometric picture, with shadows: parallel lines stay parallel, and lengths along the
@@ -238,7 +253,7 @@ class Scene:
     @property
     def _thanked(self) -> CityMap:
         """The map with the attribution of all that stands on it."""
-        credit = self.about.attribution
+        credit = self._attribution
         return (
             self.city
             if credit == self.city.attribution

@@ -7,13 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from evocity.errors import MapError
 from evocity.files import whole_file
-from evocity.io.computed import check_views
-from evocity.io.sources import content_of
 from evocity.views.walls.coverage import pinched
 
 #: The table of a library's folder, and its layer.
@@ -132,6 +128,9 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
     """Footprints as WKB, columns by name, and the reference system."""
     import pyogrio
 
+    from evocity.io.computed import check_views
+    from evocity.io.sources import content_of
+
     if not path.is_file():
         what = "no table in it" if folder.is_dir() else "no such folder"
         raise MapError(
@@ -170,6 +169,7 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
 def _trouble() -> tuple[type[Exception], ...]:
     """What is raised where a file cannot be read or written."""
     from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
+    from pyproj.exceptions import CRSError
 
     return DataSourceError, DataLayerError, FeatureError, GeometryError, CRSError, OSError
 
@@ -178,6 +178,9 @@ def _check_metres(path: Path, crs: str | None) -> None:
     """Raise if a table says that it is in other units than metres."""
     if crs is None:
         return
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
     try:
         axes = CRS.from_user_input(crs).axis_info
     except CRSError:

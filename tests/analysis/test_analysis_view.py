@@ -201,7 +201,7 @@ def test_pictures_are_made_once(run, monkeypatch):
     view = run.view()
     first = answer(view, {"tiles": [3, 4], "side": 96})[0][1]
     asked = []
-    monkeypatch.setattr(run, "individuals", lambda ids, rebred=True: asked.extend(ids) or [])
+    monkeypatch.setattr(run, "individuals", lambda ids, **how: asked.extend(ids) or [])
     assert answer(view, {"tiles": [3, 4], "side": 96})[0][1] == first
     assert asked == []
     monkeypatch.undo()
