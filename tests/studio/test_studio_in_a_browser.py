@@ -4,6 +4,7 @@ import contextlib
 import json
 import shutil
 import time
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote, unquote
@@ -15,16 +16,20 @@ pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE, OLD, contents
 from chromium import BROWSER, started
+from toy_runs import write_toy
 from written_runs import written
 
 import evocity
+from evocity.search import Search
 from evocity.search.binning import binned
 from evocity.store import Birth, Member, RunWriter
 from evocity.studio.serving import served
+from evocity.studio.watched import FRESH
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 COUNT = 120
+GENERATIONS = 50
 NODE = Path(__file__).parents[2] / ".venv" / "node" / "node_modules"
 AXE = NODE / "axe-core" / "axe.min.js"
 WANTED = ({"name": "gsi", "goal": "min"}, {"name": "crumbs", "goal": "max"})
@@ -345,7 +350,6 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
 def test_new_generations_arrive_and_nothing_jumps(opened, folder):
     with served(folder) as server:
         page = opened(server)
-        others = [opened(server, context=page.context) for _ in range(7)]
         page.locator("[role=option]").nth(3).click()
         page.evaluate("() => { studio.run.viewer.gallery.root.scrollTop = 150; }")
         until(page, "document.querySelector('[role=option]').dataset.place !== '0'")
@@ -357,17 +361,49 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder):
         for _ in range(3):
             grown(folder)
             time.sleep(0.55)
-        for one in [page, *others]:
-            look(one)
-            until(one, "studio.run.about.generation === 3")
-            ids = one.evaluate("() => Array.from(studio.run.viewer.births.ids)")
-            assert ids == evocity.open_run(folder).told.ids.tolist()
+        look(page)
+        until(page, "studio.run.about.generation === 3")
+        ids = page.evaluate("() => Array.from(studio.run.viewer.births.ids)")
+        assert ids == evocity.open_run(folder).told.ids.tolist()
         assert shown_ids(page) == before
         assert page.evaluate("() => studio.run.viewer.gallery.root.scrollTop") == top
         assert state_of(page) == state
         assert f"{COUNT + 60} births" in page.locator("#news").inner_text()
         page.get_by_role("button", name="60 new ones come last: put in order").click()
         assert shown_ids(page)[0] == COUNT + 19  # the best of the first new generation, born first
+
+
+def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
+    recipe = evocity.read_recipe(write_toy(tmp_path, population=2, generations=GENERATIONS))
+    alone = Search(recipe, tmp_path / "alone", workers=0)
+    with alone, Search(recipe, tmp_path / "night", workers=0) as search:
+        steps = iter(search)
+        next(steps), search.flush()
+        with served(tmp_path / "night") as server:
+            page = opened(server)
+            pages = [page, *(opened(server, context=page.context) for _ in range(7))]
+            page.get_by_label("order").select_option("spread")
+            page.locator("[role=option]").nth(1).click()
+            before, state = shown_ids(page), state_of(page)
+            for step, _ in enumerate(steps, 1):
+                if step % 10 == 0:
+                    search.flush()
+                    for one in pages:
+                        look(one)
+            time.sleep(FRESH)
+            for one in pages:
+                look(one)
+                until(one, f"studio.run.about.generation === {GENERATIONS}")
+                ids = one.evaluate("() => Array.from(studio.run.viewer.births.ids)")
+                assert ids == evocity.open_run(tmp_path / "night").told.ids.tolist()
+                assert len(set(ids)) == len(ids) == 2 * (GENERATIONS + 1)
+            assert shown_ids(page)[: len(before)] == before
+            assert state_of(page) == state
+        deque(alone, 0)
+    logs = [
+        evocity.open_run(tmp_path / one).births().drop(["seconds"]) for one in ("alone", "night")
+    ]
+    assert logs[0].equals(logs[1])
 
 
 def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
