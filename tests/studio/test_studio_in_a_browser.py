@@ -373,6 +373,24 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder):
         assert shown_ids(page)[0] == COUNT + 19  # the best of the first new generation, born first
 
 
+def test_sorting_leaves_no_hole(opened, folder):
+    with served(folder) as server:
+        page = opened(server)
+        ok = evocity.open_run(folder).told.ok
+        for order, top in (("gsi", 0), ("crumbs", 300), ("operator", 600), ("id", 150)):
+            page.get_by_label("order").select_option(order)
+            page.evaluate("(top) => { studio.run.viewer.gallery.root.scrollTop = top; }", top)
+            page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+            until(page, "!studio.run.viewer.tiles.asking && !studio.run.viewer.tiles.wanted.length")
+            ids = shown_ids(page)
+            found = page.evaluate(
+                "(ids) => ids.map((id) => [96, 192].some((side) => "
+                "studio.run.viewer.tiles.get(id, side)))",
+                ids,
+            )
+            assert found == ok[ids].tolist()
+
+
 def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
     recipe = evocity.read_recipe(write_toy(tmp_path, population=2, generations=GENERATIONS))
     alone = Search(recipe, tmp_path / "alone", workers=0)
