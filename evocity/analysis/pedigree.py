@@ -70,13 +70,17 @@ def graph_of(
     its child."""
     import networkx
 
-    graph = networkx.DiGraph()
+    graph, nodes = networkx.DiGraph(), ids.tolist()
+    # as `add_nodes_from` and `add_edges_from` leave it, in a third of the time
+    after, before = graph._succ, graph._pred
     with _uncollected():
-        graph.add_nodes_from(ids.tolist())
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-        for node, values in zip(graph.nodes.values(), rows, strict=True):
-            node.update(zip(columns, values, strict=True))
-        graph.add_edges_from(zip(parents.tolist(), children.tolist(), strict=True))
+        told = (dict(zip(columns, values, strict=True)) for values in rows)
+        graph._node.update(zip(nodes, told, strict=True))
+        for node in nodes:
+            after[node], before[node] = {}, {}
+        for parent, child in zip(parents.tolist(), children.tolist(), strict=True):
+            after[parent][child] = before[child][parent] = {}
     return graph
 
 

@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 from unittest.mock import patch
 
+import networkx
 import numpy as np
 import pytest
 from written_runs import written
@@ -183,6 +184,11 @@ def test_lineage_of_a_resumed_run_with_islands_reaches_the_sources(archipelago):
         begins = {node for node, count in graph.in_degree() if not count}
         assert {graph.nodes[node]["operator"] for node in begins} == {"source"}
         assert sorted(graph.predecessors(one.id)) == sorted({p.id for p in one.parents})
+        same = networkx.DiGraph()  # by networkx's own means
+        same.add_nodes_from(graph.nodes(data=True))
+        same.add_edges_from((p.id, node) for node in graph for p in run[node].parents)
+        assert networkx.utils.graphs_equal(graph, same)
+        assert graph.reverse().pred == graph.succ
     again = evocity.replay(run, sorted(run.lineage(run[-1])), trust=True)
     assert all(one.same for one in again)
     assert set(run.scores["island"]) == {"towers", "crowd"}
