@@ -44,6 +44,8 @@ class Errand:
             start_new_session=True,
         ) as process:
             self._process = process
+            if self.stopped:  # meanwhile
+                self._kill(process)
             watch = threading.Thread(target=self._watch, args=(process,), daemon=True)
             watch.start()
             try:
@@ -63,6 +65,8 @@ class Errand:
                 self._kill(process)
                 code = process.wait()
                 watch.join()
+                with contextlib.suppress(BrokenPipeError):
+                    process.stdin.close()
         if self._ended is not None:
             raise self._ended
         if code and not self.stopped:

@@ -335,7 +335,7 @@ class Desk:
         try:
             errand.run(job, told)
             if errand.stopped:
-                self._said = [*self._said, "stopped"]
+                self._said, self._found = [*self._said, "stopped"], None
         except EvocityError as error:
             self._fault = error
         except Exception as error:  # told on the page

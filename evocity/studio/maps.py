@@ -128,7 +128,7 @@ class Maps:
         """Plain values. Who asks first has them read."""
         with self._changed:
             if self._thread is None and not self._closed:
-                self._place({})
+                self.place(self._window, {})
                 self._thread = threading.Thread(target=self._read_all, daemon=True, name="maps")
                 self._thread.start()
             return [one.told for one in self._laid.values()]
@@ -173,7 +173,7 @@ class Maps:
             others = (f"{stem} {k}" for k in range(2, number + 2))
             title = next(one for one in (stem, *others) if one not in titles)
             self._laid[number] = Laid(number, title, str(path), suffix, path.stat().st_size)
-            self._want(self._laid[number], {})
+            self._want(self._laid[number], self._window, {})
         return number
 
     def drop(self, number: int) -> None:
@@ -198,17 +198,15 @@ class Maps:
     # -- reading -----------------------------------------------------------------------------------
 
     def place(self, window: Window, placed: dict[int, Placed]) -> None:
-        """How they are read from now on."""
+        """How they are read from now on; districts that nobody chose are shown as they come."""
         with self._changed:
             self._window = window
-            self._place({number: one.options for number, one in placed.items()})
+            for number, one in self._laid.items():
+                told = placed.get(number, Placed(map=number))
+                self._want(one, window if one.is_own or told.chosen else Window(), told.options)
 
-    def _place(self, options: dict[int, dict]) -> None:
-        for number, one in self._laid.items():
-            self._want(one, options.get(number, {}))
-
-    def _want(self, one: Laid, options: dict) -> None:
-        one.wanted = self._window.model_dump() | options
+    def _want(self, one: Laid, window: Window, options: dict) -> None:
+        one.wanted = window.model_dump() | options
         self._changed.notify_all()
 
     def _read_all(self) -> None:
@@ -218,11 +216,9 @@ class Maps:
                     self._changed.wait()
                 if self._closed:
                     return
-                unread = self._unread()
-                # a file in a process of its own, those that come with evocity in one
-                taken = [one for one in unread if one.is_own][:1] or unread
+                taken = sorted(self._unread(), key=lambda one: not one.is_own)
                 jobs = {one.number: dict(one.wanted) for one in taken}
-                self._errand = errand = Errand(MEMORY, SECONDS, f"reading {taken[0].title}")
+                self._errand = errand = Errand(MEMORY, SECONDS * len(taken), "reading a map")
                 maps = [
                     {
                         "number": one.number,
@@ -237,12 +233,18 @@ class Maps:
                 errand.run({"errand": "read", "maps": maps}, partial(self._told, jobs))
             except EvocityError as error:
                 fault = error
-            with self._changed:
-                for number, job in jobs.items():
-                    one = self._laid.get(number)
-                    if one is not None and one.read != job and not self._closed:
-                        one.read, one.about, one.turn = job, None, one.turn + 1
-                        one.fault = fault_of(fault or EvocityError("it was not read", "", ""))
+            if fault is not None:
+                self._failed(fault, jobs)
+
+    def _failed(self, fault: EvocityError, jobs: dict[int, dict]) -> None:
+        """The first that was not told of is at fault; the others are read again."""
+        with self._changed:
+            for number, job in jobs.items():
+                one = self._laid.get(number)
+                if one is not None and one.read != job:
+                    one.read, one.about, one.turn = job, None, one.turn + 1
+                    one.fault = fault_of(fault)
+                    return
 
     def _unread(self) -> list[Laid]:
         return [one for one in self._laid.values() if one.read != one.wanted]

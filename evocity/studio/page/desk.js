@@ -4,6 +4,8 @@ import { asked, brought, told } from "./server.js";
 /** Milliseconds between two looks at what is under way. */
 const SOON = 400;
 const WANTS = [["max", "as high as can be"], ["min", "as low as can be"], ["target", "a target"], ["first", "as the first has it"]];
+/** Exit codes of a run that a signal ended. */
+const SIGNALS = [129, 130, 143];
 /** In words, of each rule by which a building got its height. */
 const RULES = { height: "told", levels: "by storeys", default: "not told" };
 
@@ -394,8 +396,9 @@ export class Desk {
     this.begun.replaceChildren(...started.map(({ name, folder, recipe, run, has, at, code, said: text }, place) => {
       const item = made(null, "li");
       made(item, "b", "", name);
-      const how = at ? (has ? "goes on" : "begins …") : code ? "failed" : "has ended";
-      made(item, "span", code ? "lack" : "", ` ${how} `);
+      const isFailed = !at && code > 0 && !SIGNALS.includes(code);
+      const how = at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended";
+      made(item, "span", isFailed ? "lack" : "", ` ${how} `);
       if (has) {
         made(item, "button", "", `show ${name}`, { type: "button" }).addEventListener("click", () => this.on.show(run));
       } else if (at) {
