@@ -41,6 +41,8 @@ NEAR, TIMES_CODED = 0.15, 2.0
 TIMES_SMALL, FEW_SMALL = 1.3, 0.1
 #: By how much the share of slivers may be above that of the code that has more of them.
 MORE_SLIVERS = 0.03
+#: Generations that a time in minutes stands for, at most.
+MOST_GENERATIONS = 1_000_000
 #: Births that are timed, after as many that load what they need.
 _TIMED, _LOADING = 10, 3
 
@@ -93,7 +95,8 @@ def begun(
     """
     own = bool(goals)
     goals = list(goals) or [Goal(fitness.get(name)) for name in USUAL_GOALS]
-    draft = _read(recipe_text(words, [replace(one, target=0.0) for one in goals], []), path)
+    asked = [replace(one, target=0.0) if one.lacks_target else one for one in goals]
+    draft = _read(recipe_text(words, asked, []), path)
     compile_once(draft.genome.block, needed(draft), tell)
 
     def built(city: CityMap, parent: Parent) -> None:
@@ -114,6 +117,7 @@ def begun(
     compile_once(recipe.genome.block, needed(recipe), tell)
     trials = _trials(_prepared_anew(prepared, recipe))
     seconds = sum(one.seconds for one in trials) / len(trials)
+    words = _as_long(words, recipe, seconds)
     notes = [*prepared.notes, *left, *_invented(goals, prepared.sources[0].city)]
     notes += [
         f"{one.name}: no bound, for it is undefined of {_undefined(values[one.name])}"
@@ -123,12 +127,24 @@ def begun(
     some, failing = _failures(trials, recipe.evaluation.max_failures)
     notes += some
     found = Begun(text, recipe, values, bounds, seconds, prepared.sources, notes, failing)
+    if words.generations != recipe.run.generations:
+        found = replace(found, recipe=_read(recipe_text(words, goals, bounds, values), path))
     told = recipe_text(words, goals, bounds, values, (found.births, seconds, found.duration))
     return replace(found, text=told, recipe=_read(told, path))
 
 
 def _read(text: str, path: Path) -> Recipe:
     return recipe_of(text, path.parent.resolve(), {}, name=str(path))
+
+
+def _as_long(words: Words, recipe: Recipe, seconds: float) -> Words:
+    """As many generations as pass in the minutes that ``words`` tell, where a birth takes so many
+    ``seconds`` of a worker; at least one."""
+    if words.minutes is None:
+        return words
+    pace = words.population * seconds / max(1, recipe.worker_count)
+    bred = 60 * words.minutes / max(pace, 1e-9) - 1  # the first population takes as long
+    return replace(words, generations=max(1, min(int(bred), MOST_GENERATIONS)))
 
 
 def _values(
@@ -179,8 +195,8 @@ def _defined(
                 f"{goal.measure.name}: no goal, for it is undefined of {_undefined(of_parents)}"
             )
             continue
-        if goal.measure.goal is None:
-            goal = replace(goal, target=float(f"{defined[0]:.4g}"))
+        if goal.lacks_target:
+            goal = replace(goal, target=float(f"{defined[0]:.4g}"), of_first=True)
         found.append(goal)
     if not found:
         raise FitnessError(
@@ -198,7 +214,8 @@ def _invented(goals: Sequence[Goal], first: CityMap) -> list[str]:
     if 2 * rules.get("default", 0) < max(1, sum(rules.values())):
         return []
     higher = first.replace(2 * first.heights)
-    asked = [one for one in goals if one.measure.goal is None and not one.measure.takes]
+    asked = [one for one in goals if one.of_first or one.lacks_target]
+    asked = [one for one in asked if not one.measure.takes]
     told = [one.measure.name for one in asked if one.measure(first) != one.measure(higher)]
     if not told:
         return []

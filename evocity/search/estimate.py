@@ -58,14 +58,21 @@ class Estimate:
 
 def bound_of(folder: str | os.PathLike, recipe: Recipe) -> str:
     """In a line, what the run in ``folder`` by a ``recipe`` takes at most, before its first
-    generation: the sources' genomes, which have a file each, are larger than those of births."""
-    sizes = [one.stat().st_size for one in Path(folder, "sources").glob("*.genome.parquet")]
-    births = recipe.run.population * (recipe.run.generations + 1)
-    most, free = births * max(sizes, default=0), shutil.disk_usage(folder).free
+    generation."""
+    births, most = at_most(Path(folder, "sources"), recipe)
+    free = shutil.disk_usage(folder).free
     return (
         f"{births} births, at most {told_bytes(most)} of the disk ({told_bytes(free)} free); the "
         f"first {recipe.run.population} will tell how long it takes"
     )
+
+
+def at_most(sources: Path, recipe: Recipe) -> tuple[int, int]:
+    """How many births a run by a ``recipe`` has, and bytes of the disk that they take at most: the
+    genomes of its ``sources``, which have a file each in that folder, are larger than theirs."""
+    sizes = [one.stat().st_size for one in sources.glob("*.genome.parquet")]
+    births = recipe.run.population * (recipe.run.generations + 1)
+    return births, births * max(sizes, default=0)
 
 
 def first_telling(recipe: Recipe) -> int:
@@ -102,4 +109,4 @@ def estimate_of(
     return Estimate(births, size, free, generation.seconds_left, last, stop, needed)
 
 
-__all__ = ["Estimate", "bound_of", "estimate_of", "first_telling"]
+__all__ = ["Estimate", "at_most", "bound_of", "estimate_of", "first_telling"]

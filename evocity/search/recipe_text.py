@@ -19,7 +19,8 @@ _WIDTH = 100
 @dataclass(frozen=True)
 class Words:
     """What the user tells of a recipe: its ``name``; each of its ``parents`` as [[parents]] has it,
-    map and options; the window; how long."""
+    map and options; the window; how long, in ``generations``, or in ``minutes`` on all cores, by
+    which their number goes once a birth was timed; the ``seed``. ``by``: who writes it."""
 
     name: str
     parents: Sequence[Mapping[str, Any]]
@@ -27,17 +28,34 @@ class Words:
     metres_per_pixel: float = 2.0
     population: int = 48
     generations: int = 100
+    seed: int = 7
+    minutes: float | None = None
+    by: str = "`evocity recipe new`"
 
 
 @dataclass(frozen=True)
 class Goal:
     """A measure to search by; ``file``: the file it is in, as the recipe names it, and ``several``
-    whether others are in it too; ``target``: the number wanted where it has no goal."""
+    whether others are in it too. ``goal`` is "max" or "min" where it is not the measure's own,
+    ``target`` the number that is wanted in place of a goal, ``of_first`` whether that is what the
+    first parent has."""
 
     measure: Measure
     file: str | None = None
     several: bool = False
     target: float | None = None
+    goal: str | None = None
+    of_first: bool = False
+
+    @property
+    def lacks_target(self) -> bool:
+        """Whether nothing is told that a search could go by."""
+        return self.target is None and self.goal is None and self.measure.goal is None
+
+    @property
+    def wanted(self) -> str | None:
+        """ "max" or "min"; None where a target is wanted, told or not."""
+        return None if self.target is not None else self.goal or self.measure.goal
 
 
 @dataclass(frozen=True)
@@ -75,6 +93,11 @@ _REASONS = {
         "bound is .03 above the code of the parent that has more of them."
     ),
 }
+#: Of a measure with a target, by whether it is the first parent's.
+_TARGET = {
+    True: "It has no goal of its own: the target is the first's.",
+    False: "The nearer the target, the better.",
+}
 _RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
 
 
@@ -98,7 +121,7 @@ def recipe_text(
             "[run]",
             {
                 "name": words.name,
-                "seed": 7,
+                "seed": words.seed,
                 "population": words.population,
                 "generations": words.generations,
             },
@@ -161,7 +184,7 @@ def duration(seconds: float) -> str:
 
 
 def _head(words: Words, cost) -> str:
-    text = "Written by `evocity recipe new`, to be changed. docs/recipe.md tells every key."
+    text = f"Written by {words.by}, to be changed. docs/recipe.md tells every key."
     if cost is not None:
         births, each, whole = cost
         text += (
@@ -219,13 +242,13 @@ def _goal(goal: Goal, bound: Bound | None, values: Mapping) -> str:
     entry: dict[str, Any] = {} if goal.file is None else {"file": goal.file}
     if goal.file is None or goal.several:
         entry["name"] = measure.name
-    if goal.target is not None and measure.goal is None:
+    if goal.target is not None:
         entry["target"] = goal.target
-    elif bound is not None:  # with a bound alone it were no goal
-        entry["goal"] = measure.goal
+    elif goal.goal is not None or bound is not None:  # with a bound alone it were no goal
+        entry["goal"] = goal.wanted
     text = f"{measure.name}: {measure.summary}" if measure.summary else f"{measure.name}."
     wanted = {"max": "More of it is better.", "min": "Less of it is better."}
-    text += " " + wanted.get(measure.goal, "It has no goal of its own: the target is the first's.")
+    text += " " + wanted.get(goal.wanted, _TARGET[goal.of_first])
     had = _had(measure.name, values)
     entry |= {} if bound is None else bound.keys
     return _comment(text + had) + _table("[[fitness]]", entry)

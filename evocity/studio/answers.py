@@ -16,10 +16,12 @@ from evocity.analysis.asked import check_count
 from evocity.analysis.fabrics import fabric_of
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
+from evocity.studio.begins import Begins, DeskAnswers
 from evocity.studio.breeding import Breeding, Brood, Ready, operators_told
 from evocity.studio.comparing import Compare, compared
 from evocity.studio.drawing import BOARD, board_of
 from evocity.studio.files import files
+from evocity.studio.guard import FILE
 from evocity.studio.keeping import Keep, keep
 from evocity.studio.one import (
     COUNTS,
@@ -62,19 +64,27 @@ class Some(Body):
 
 
 class Studio:
-    """What is answered of the runs at ``paths``, and of those within ``folder``. Raises `RunError`
-    as `Runs`.
+    """What is answered of the runs at ``paths``, of those within ``folder``, and of the desk where
+    runs begin, as ``begins`` tells. Raises `RunError` as `Runs`.
 
     Addresses of one run are ``/api/NUMBER/NAME``, those of all ``/api/NAME``.
     """
 
-    def __init__(self, paths: Iterable[str | Path], folder: str | Path | None = None):
-        self.runs = Runs(paths, folder)
+    def __init__(
+        self,
+        paths: Iterable[str | Path],
+        folder: str | Path | None = None,
+        begins: Begins | None = None,
+    ):
+        begins = Begins(None if folder is None else Path(folder)) if begins is None else begins
+        self.runs = Runs(paths, folder, begins.fresh)
+        self._begins = DeskAnswers(self.runs, begins)
         asked: dict[str, Answer] = {
             "runs": lambda request: JSONResponse(
                 {"runs": self.runs.told(), "more": self.runs.more}
             ),
             "operators": lambda request: JSONResponse({"operators": operators_told()}),
+            **self._begins.asked,
         }
         asked_of_run: dict[str, OfRun] = {
             "changes": self.changes,
@@ -102,6 +112,7 @@ class Studio:
             "zip": self.zip,
             "png": self.png,
             "csv": self.csv,
+            **self._begins.changed_of_run,
         }
         routes = [Route(address, _file(*one)) for address, one in files().items()]
         routes += [Route(f"/api/{name}", _safely(answer)) for name, answer in asked.items()]
@@ -110,8 +121,15 @@ class Studio:
                 Route(f"/api/{{run}}/{name}", _safely(self._of_run(answer)), methods=[method])
                 for name, answer in answers.items()
             ]
+        changed = self._begins.changed.items()
+        routes += [Route(f"/api/{name}", _safely(one), methods=["POST"]) for name, one in changed]
+        routes.append(Route(FILE, self._begins.file, methods=["POST"]))
         self.app = Starlette(routes=routes)
         self.app.router.redirect_slashes = False
+
+    def close(self) -> None:
+        self._begins.close()
+        self.runs.close()
 
     def _of_run(self, answer: OfRun) -> Answer:
         def answered(request: Request) -> Response:
@@ -123,10 +141,13 @@ class Studio:
     # -- asked -------------------------------------------------------------------------------
 
     def changes(self, run: Opened, request: Request) -> Response:
-        """What is new since a generation: `Watched.news`, and whether there are births ``more``."""
+        """What is new since a generation: `Watched.news`, and whether there are births ``more``;
+        what became of the ``process``, if studio began one."""
         after = number(request.query_params, "after", -1, _LARGEST)
         news = run.watched.news()
-        return JSONResponse(news | {"more": news["generation"] > after})
+        process = self._begins.carried.told(run.watched.path)
+        began = {} if process is None else {"process": process}
+        return JSONResponse(news | {"more": news["generation"] > after} | began)
 
     def births(self, run: Opened, request: Request) -> Response:
         """All births of whole generations, as columns."""

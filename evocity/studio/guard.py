@@ -3,7 +3,8 @@
 Any page of the web can have a browser send requests to this machine, and by a name that its owner
 has lead here even read the answers. So a request must name this server by one of its own names,
 come from its own page, and bring the cookie that the address with the token was traded for;
-whatever changes something must besides be what no form and no link can send.
+whatever changes something must besides be what no form and no link can send: JSON of bounded
+length, or, at one address, a file of bounded length.
 """
 
 import re
@@ -24,6 +25,8 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 #: Bytes of a body, of a query and of all headers, at most.
 MOST_BODY, MOST_QUERY, MOST_HEAD = 1 << 20, 4096, 1 << 15
+#: Where a file is taken, its kind, and its bytes at most.
+FILE, FILE_KIND, MOST_FILE = "/api/desk-file", "application/octet-stream", 256_000_000
 #: The header that changes need, and its value; a page of another origin cannot send it unasked.
 HEADER = ("x-evocity", "studio")
 #: Random bytes of the token, and of the cookie.
@@ -56,6 +59,10 @@ _SAID = {
 _PLAIN = re.compile(rb"(?:/[a-z0-9][a-z0-9_-]*(?:\.[a-z0-9]+)*)+|/", re.ASCII)
 
 
+class TooLong(Exception):
+    """A file has more bytes than it may, whatever its length was said to be."""
+
+
 class Guard:
     """Lets to an ``app`` what comes from its own page, at the loopback ``port``."""
 
@@ -71,7 +78,9 @@ class Guard:
             return
         headers, brings = Headers(scope=scope), None
         refused = self._refusal(scope, headers)
-        if refused is None and scope["method"] == "POST":
+        if refused is None and scope["path"] == FILE and scope["method"] == "POST":
+            receive = _counted(receive)
+        elif refused is None and scope["method"] == "POST":
             brings = await _body(receive)
             refused = None if brings is not None else _no(413, "the body is too long")
         has_token = refused is None and self._has_token(scope)
@@ -116,7 +125,9 @@ class Guard:
         if not (self._has_token(scope) or self._has_cookie(headers)):
             return _no(403, "open the whole address that `evocity studio` printed, token and all")
         if scope["method"] == "POST":
-            return _refused_change(headers)
+            if scope["path"] == FILE:
+                return _refused_change(headers, FILE_KIND, MOST_FILE)
+            return _refused_change(headers, "application/json", MOST_BODY)
         if scope["method"] not in ("GET", "HEAD"):
             return _no(405, "GET, or POST of JSON", allow="GET, HEAD, POST")
         if headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
@@ -144,15 +155,15 @@ def _same(told: str, secret: str) -> bool:
     return secrets.compare_digest(told.encode(), secret.encode())
 
 
-def _refused_change(headers: Headers) -> Response | None:
+def _refused_change(headers: Headers, kind: str, most: int) -> Response | None:
     if headers.getlist(HEADER[0]) != [HEADER[1]]:
         return _no(403, f"changes have a header {HEADER[0]}: {HEADER[1]}")
     kinds = headers.getlist("content-type")
-    if len(kinds) != 1 or kinds[0].partition(";")[0].strip().lower() != "application/json":
-        return _no(415, "changes are JSON")
+    if len(kinds) != 1 or kinds[0].partition(";")[0].strip().lower() != kind:
+        return _no(415, f"here a change is {kind}")
     length = headers.get("content-length", "0")
-    if not length.isdecimal() or len(length) > 12 or int(length) > MOST_BODY:
-        return _no(413, f"a body has {MOST_BODY} bytes at most")
+    if not length.isdecimal() or len(length) > 12 or int(length) > most:
+        return _no(413, f"a body has {most} bytes at most")
     return None
 
 
@@ -176,6 +187,21 @@ async def _body(receive: Receive) -> bytes | None:
             return b"".join(parts)
 
 
+def _counted(receive: Receive) -> Receive:
+    """The same, not held in memory; raises `TooLong` where it goes on too long."""
+    size = 0
+
+    async def counting() -> Message:
+        nonlocal size
+        message = await receive()
+        size += len(message.get("body", b""))
+        if size > MOST_FILE:
+            raise TooLong
+        return message
+
+    return counting
+
+
 def _again(body: bytes) -> Receive:
     async def receive() -> Message:
         return {"type": "http.request", "body": body, "more_body": False}
@@ -183,4 +209,14 @@ def _again(body: bytes) -> Receive:
     return receive
 
 
-__all__ = ["HEADER", "MOST_BODY", "MOST_HEAD", "MOST_QUERY", "POLICY", "Guard"]
+__all__ = [
+    "FILE",
+    "HEADER",
+    "MOST_BODY",
+    "MOST_FILE",
+    "MOST_HEAD",
+    "MOST_QUERY",
+    "POLICY",
+    "Guard",
+    "TooLong",
+]

@@ -32,9 +32,15 @@ class Opened:
 class Runs:
     """Runs by number, 0 upwards, which none changes as long as studio lives: those at ``paths``,
     then those within ``folder``, which is looked at again and again. A run is opened when it is
-    first asked for. Raises `RunError` for a path that is no run, and for a folder that is none."""
+    first asked for. Raises `RunError` for a path that is no run, and for a folder that is none,
+    unless it ``may_lack``."""
 
-    def __init__(self, paths: Iterable[str | Path], folder: str | Path | None = None):
+    def __init__(
+        self,
+        paths: Iterable[str | Path],
+        folder: str | Path | None = None,
+        may_lack: bool = False,
+    ):
         self._lock = threading.RLock()
         self._paths: list[Path] = []
         self._opened: dict[int, Opened] = {}
@@ -43,7 +49,7 @@ class Runs:
         self.more = 0
         for path in paths:
             self.add(Run(path).path)
-        if self._folder is not None:
+        if self._folder is not None and not (may_lack and not os.path.lexists(self._folder)):
             _within(self._folder)
         if self._paths:
             _ = self[0]  # what is damaged is told before anything is answered

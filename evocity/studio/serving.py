@@ -10,6 +10,7 @@ import uvicorn
 
 from evocity.errors import EvocityError, setting
 from evocity.studio.answers import Studio
+from evocity.studio.begins import Begins
 from evocity.studio.guard import MOST_HEAD, MOST_QUERY, Guard
 
 HOST = "127.0.0.1"
@@ -18,14 +19,18 @@ _AT_ONCE, _PATIENCE = 256, 2
 
 
 class Server(uvicorn.Server):
-    """Answers of the runs at ``paths``, and of those within ``folder``, at `url`, once it ``run``s.
-    Raises `RunError` if there is none, `EvocityError` if the ``port`` cannot be had; 0 takes any
-    that is free."""
+    """Answers of the runs at ``paths``, and of those within ``folder``, at `url`, once it ``run``s;
+    ``begins`` tells what its desk offers. Raises `RunError` if there is none, `EvocityError` if the
+    ``port`` cannot be had; 0 takes any that is free."""
 
     def __init__(
-        self, paths: Iterable[str | Path], port: int = 0, folder: str | Path | None = None
+        self,
+        paths: Iterable[str | Path],
+        port: int = 0,
+        folder: str | Path | None = None,
+        begins: Begins | None = None,
     ):
-        self.studio = Studio(paths, folder)
+        self.studio = Studio(paths, folder, begins)
         self._socket = _bound(port)
         self.port = self._socket.getsockname()[1]
         self._guard = Guard(self.studio.app, self.port)
@@ -52,14 +57,19 @@ class Server(uvicorn.Server):
 
     def run_until_stopped(self) -> None:
         """Answer until a signal, which is raised again then, or until `should_exit`."""
-        with contextlib.closing(self._socket), contextlib.closing(self.studio.runs):
+        with contextlib.closing(self._socket), contextlib.closing(self.studio):
             self.run(sockets=[self._socket])
 
 
 @contextlib.contextmanager
-def served(*paths: str | Path, port: int = 0, folder: str | Path | None = None) -> Iterator[Server]:
+def served(
+    *paths: str | Path,
+    port: int = 0,
+    folder: str | Path | None = None,
+    begins: Begins | None = None,
+) -> Iterator[Server]:
     """A `Server` in a thread, for as long as the block takes."""
-    server = Server(paths, port, folder)
+    server = Server(paths, port, folder, begins)
     thread = threading.Thread(target=server.run_until_stopped, daemon=True)
     thread.start()
     try:
@@ -70,10 +80,14 @@ def served(*paths: str | Path, port: int = 0, folder: str | Path | None = None) 
 
 
 def serve(
-    paths: Iterable[str | Path], port: int, folder: str | Path | None, began: Callable[[str], None]
+    paths: Iterable[str | Path],
+    port: int,
+    folder: str | Path | None,
+    began: Callable[[str], None],
+    begins: Begins | None = None,
 ) -> None:
     """A `Server` until Ctrl-C; ``began`` is told the address once it can be opened."""
-    server = Server(paths, port, folder)
+    server = Server(paths, port, folder, begins)
     began(server.url)
     server.run_until_stopped()
 

@@ -61,7 +61,6 @@ def test_what_is_no_run_is_refused(tmp_path):
     for words in ([tmp_path / "none"], ["--runs", tmp_path / "none"]):
         told = refused("studio", *words, "--no-browser")
         assert told.count("expected:") == told.count("what to do:") == 1
-    assert "--runs" in refused("studio")
 
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():

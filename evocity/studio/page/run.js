@@ -5,6 +5,7 @@ import { Viewer } from "./viewer.js";
 import { checked, pythonOf } from "./address.js";
 import { Board } from "./board.js";
 import { Breed } from "./breed.js";
+import { Going } from "./going.js";
 import { One } from "./one.js";
 import { Picks } from "./picks.js";
 import { ofRun } from "./server.js";
@@ -25,6 +26,9 @@ export class Run {
     this.stage = made(this.main, "div", "stage");
     this.stage.hidden = true;
     this.side = made(side, "section", "side", "", { "aria-label": "one birth, picks, children" });
+    this.going = new Going(this.side, this.server, {
+      look: () => this.look(), trouble: (error) => !this.isClosed && on.tell(error, "asked"),
+    });
     const list = made(this.side, "div", "tabs", "", { role: "tablist", "aria-label": "what is shown here" });
     this.tabs = new Tabs(list, this.side, ["birth", "picks", "breed", "draw"], number);
     this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.arrived());
@@ -99,6 +103,7 @@ export class Run {
     else told.push(`generation ${counted(this.about.generation)}`, `${counted(this.about.count)} births`);
     told.push(news.going ? "it goes on" : "nothing is at work on it");
     this.picks.going = news.going;
+    this.going.inform(news);
     this.news = told.join(" · ");
     this.on.inform();
   }

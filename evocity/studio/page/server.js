@@ -70,6 +70,11 @@ const change = (name, body) => answered(`/api/${name}`, {
   method: "POST", headers: { "content-type": "application/json", "x-evocity": "studio" }, body: JSON.stringify(body),
 });
 
+/** A file that is brought, under its name. */
+export const brought = async (name, file) => (await answered(`/api/${name}?${new URLSearchParams({ name: file.name })}`, {
+  method: "POST", headers: { "content-type": "application/octet-stream", "x-evocity": "studio" }, body: file,
+})).json();
+
 /** The same of one run, by its number. */
 export const ofRun = (run) => Object.fromEntries(Object.entries({ asked, blobOf, framed, tiles, told, numbers, saved })
   .map(([name, ask]) => [name, (what, ...rest) => ask(`${run}/${what}`, ...rest)]));

@@ -1,10 +1,13 @@
 import { readAddress, writeAddress } from "./address.js";
+import { Desk } from "./desk.js";
 import { made } from "./made.js";
 import { Run } from "./run.js";
 import { asked } from "./server.js";
 
 /** Milliseconds between two looks for runs: while the page is seen, and while it is not. */
 const SEEN = 5000, UNSEEN = 30000;
+/** The address of the desk. */
+const DESK = "#desk";
 
 /** The page: a run, or two beside each other; at their side what is told of the one that was
  * touched last. */
@@ -27,7 +30,14 @@ class Studio {
         else this.pressed.delete(pointerId);
       }, true);
     }
-    window.addEventListener("hashchange", () => this.open(readAddress((run) => this.isRun(run))));
+    this.shown = document.getElementById("shown");
+    this.fresh = document.getElementById("new");
+    this.fresh.addEventListener("click", () => { location.hash = DESK; });
+    this.desk = new Desk(document.getElementById("desk"), {
+      trouble: (error, of) => this.tell(error, of),
+      show: (run) => this.showRun(run),
+    });
+    window.addEventListener("hashchange", () => this.go());
     document.addEventListener("visibilitychange", () => {
       if (!document.hidden) this.look();
     });
@@ -60,7 +70,7 @@ class Studio {
     try {
       const { runs, more } = await asked("runs");
       this.list(runs, more);
-      if (!this.runs.length && runs.length) this.open(readAddress((run) => this.isRun(run)));
+      if (!this.runs.length && !this.desk.isShown) this.go();
       if (!runs.length) this.news.textContent = "there is no run yet";
       this.tell(null, "runs");
     } catch (error) {
@@ -70,13 +80,32 @@ class Studio {
     this.timer = setTimeout(() => this.search(), document.hidden ? UNSEEN : SEEN);
   }
 
+  /** Show what the address says: the desk, where there is no run too, or runs. */
+  go() {
+    const isDesk = location.hash === DESK || !this.known.length;
+    if (isDesk !== this.desk.isShown) this.desk.show(isDesk);
+    this.shown.hidden = isDesk;
+    this.fresh.hidden = isDesk;
+    if (isDesk) document.title = "new run – evocity studio";
+    else this.open(readAddress((run) => this.isRun(run)));
+    if (!isDesk) for (const of of ["desk", "desk looked"]) this.tell(null, of);
+  }
+
+  /** A run that was begun at the desk, or another, in place of the desk. */
+  async showRun(run) {
+    if (!this.isRun(run)) await this.search();
+    if (!this.isRun(run)) return;
+    history.pushState(null, "", `/#${encodeURIComponent(JSON.stringify(this.told.get(run) || { run }))}`);
+    this.go();
+  }
+
   /** Those there are, to choose from; the rest stays under the hand that chooses. */
   list(runs, more) {
     const key = JSON.stringify([runs, more]);
     if (key === this.listed) return;
     this.listed = key;
     this.known = runs;
-    this.chooser.hidden = runs.length < 2;
+    this.chooser.hidden = runs.length < 2 && !this.desk.isShown;
     const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, goes on` : name]);
     const left = more ? [["", `${more} more are not listed`]] : [];
     this.choosers.forEach((select, place) => {
@@ -90,6 +119,9 @@ class Studio {
 
   /** What is chosen in the head. */
   choose() {
+    if (this.desk.isShown) history.pushState(null, "", "/#");
+    this.desk.show(false);
+    this.shown.hidden = this.fresh.hidden = false;
     const [first, second] = this.choosers.map((one) => one.value);
     const runs = [first, second].filter((one, place) => one !== "" && (!place || one !== first)).map(Number);
     this.open(runs.map((run) => this.told.get(run) || { run }));
@@ -139,7 +171,7 @@ class Studio {
   }
 
   saved() {
-    if (this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
+    if (!this.desk.isShown && this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
   }
 
   /** What is told of the runs in the head. */
@@ -155,7 +187,7 @@ class Studio {
     const text = texts.map(([title, news]) => (texts.length > 1 && title ? `${title}: ${news}` : news)).join(" | ");
     if (this.runs.length && this.news.textContent !== text) this.news.textContent = text;
     const about = this.run && this.run.about;
-    if (about) document.title = `${about.title} – evocity studio`;
+    if (about && !this.desk.isShown) document.title = `${about.title} – evocity studio`;
   }
 
   /** Look for what is new now. */

@@ -1,0 +1,427 @@
+import { counted, made, number } from "./made.js";
+import { asked, brought, told } from "./server.js";
+
+/** Milliseconds between two looks at what is under way. */
+const SOON = 400;
+const WANTS = [["max", "as high as can be"], ["min", "as low as can be"], ["target", "a target"], ["first", "as the first has it"]];
+/** Exit codes of a run that a signal ended. */
+const SIGNALS = [129, 130, 143];
+/** In words, of each rule by which a building got its height. */
+const RULES = { height: "told", levels: "by storeys", default: "not told" };
+
+const bytes = (count) => (count >= 1e9 ? `${number(count / 1e9)} GB` : count >= 1e6 ? `${number(count / 1e6)} MB` : `${number(count / 1e3)} kB`);
+const said = ({ found, expected, remedy }) => `${found} (expected: ${expected}; what to do: ${remedy})`;
+const numeral = ({ value }) => (value.trim() === "" ? null : Number(value));
+
+/** The recipe desk: from maps to a run that goes on. What is chosen is held by the server. `on`:
+ * trouble(error, of), show(run), a run is to be seen. */
+export class Desk {
+  constructor(parent, on) {
+    [this.parent, this.on] = [parent, on];
+    this.cards = new Map();
+    this.rows = new Map();
+    this.build();
+  }
+
+  get isShown() { return !this.parent.hidden; }
+
+  /** Show it, or no longer. */
+  async show(isShown) {
+    this.parent.hidden = !isShown;
+    if (!isShown) return;
+    try {
+      if (!this.measures) {
+        this.measures = (await asked("desk-measures")).measures;
+        this.known = new Map(this.measures.map((one) => [one.name, one]));
+      }
+      this.take(await asked("desk"));
+    } catch (error) {
+      this.on.trouble(error, "desk");
+    }
+  }
+
+  // -- what there is -----------------------------------------------------------------------------
+
+  build() {
+    const { parent } = this;
+    made(parent, "h2", "", "Begin a run");
+    this.intro = made(parent, "p", "faint");
+    this.given = made(parent, "section", "", "", { "aria-label": "the recipe that was named" });
+    this.form = made(parent, "form");
+    this.form.addEventListener("submit", (event) => event.preventDefault());
+    this.fields = made(this.form, "fieldset", "", "", { "aria-label": "what the recipe is made of" });
+
+    made(this.fields, "h3", "", "1. Cities to breed from");
+    made(this.fields, "p", "faint", "Choose two or more. Of the first one are the streets that most children keep, and targets that are not told.");
+    const row = made(this.fields, "div", "row");
+    const file = this.file = made(made(row, "label", "file", "your own files "), "input", "", "", { type: "file", multiple: "" });
+    file.addEventListener("change", () => this.bring([...file.files]));
+    made(row, "span", "faint", "or drop them here: GeoJSON, CityJSON, GeoPackage, OSM, GeoTIFF, PNG, NPY; of a Shapefile, save a GeoPackage");
+    this.brought = made(this.fields, "p", "", "", { role: "status" });
+    this.table = made(this.fields, "ul", "cards", "", { "aria-label": "cities" });
+    for (const name of ["dragover", "drop"]) {
+      parent.addEventListener(name, (event) => {
+        if (![...event.dataTransfer.types].includes("Files")) return;
+        event.preventDefault();
+        if (name === "drop" && !this.fields.disabled) this.bring([...event.dataTransfer.files]);
+      });
+    }
+    const window = made(this.fields, "div", "row");
+    this.pixels = this.field(window, "window, pixels a side", { min: 8, max: 32767, step: 1, required: "" });
+    this.metres = this.field(window, "metres a pixel", { min: 0.000001, step: "any", required: "" });
+    this.side = made(window, "span", "faint");
+
+    made(this.fields, "h3", "", "2. What is wanted of them");
+    this.goals = made(this.fields, "ul", "goals", "", { "aria-label": "goals" });
+    const more = made(this.fields, "div", "row");
+    this.other = made(made(more, "label", "", "another measure "), "select");
+    const add = made(more, "button", "", "add", { type: "button" });
+    add.addEventListener("click", () => this.add(this.other.value));
+    this.words = made(this.fields, "p", "faint");
+    this.other.addEventListener("change", () => this.explain());
+
+    made(this.fields, "h3", "", "3. How long, and how it is called");
+    const long = made(this.fields, "div", "row");
+    this.population = this.field(long, "individuals alive", { min: 2, max: 1000000, step: 1, required: "" });
+    this.length = this.field(long, "so many", { min: 1, max: 1000000, step: "any", required: "" });
+    this.unit = made(made(long, "label", "", ""), "select", "", "", { "aria-label": "generations or minutes" });
+    for (const text of ["generations", "minutes"]) made(this.unit, "option", "", text);
+    this.seed = this.field(long, "seed", { min: 0, max: 9007199254740991, step: 1, required: "" });
+    this.name = made(made(long, "label", "", "name of the run "), "input", "", "", { type: "text", maxlength: 100, spellcheck: "false" });
+    this.fields.addEventListener("change", ({ target }) => target !== file && target !== this.other && this.change());
+
+    made(parent, "h3", "", "4. The recipe");
+    made(parent, "p", "faint", "The cities are coded and measured, and bounds are laid that their codes keep and a heap of rubble does not; a few births are timed.");
+    const go = made(parent, "div", "row");
+    this.calibrate = made(go, "button", "", "make the recipe", { type: "button" });
+    this.calibrate.addEventListener("click", async () => {
+      if (await this.change()) this.ask("desk-calibrate", {});
+    });
+    this.stop = made(go, "button", "", "stop", { type: "button" });
+    this.stop.addEventListener("click", () => this.ask("desk-stop", {}));
+    this.state = made(parent, "p", "", "", { role: "status" });
+    this.found = made(parent, "section", "", "", { "aria-label": "the recipe" });
+    made(parent, "h3", "", "Runs begun here");
+    this.begun = made(parent, "ul", "begun", "", { "aria-label": "runs begun here" });
+  }
+
+  field(parent, text, limits) { return made(made(parent, "label", "", `${text} `), "input", "", "", { type: "number", ...limits }); }
+
+  // -- what the server tells -----------------------------------------------------------------------
+
+  /** All that it holds, also what is in the fields. */
+  take(state) {
+    const { draft } = state;
+    this.placed = new Map(draft.maps.map((one) => [one.map, one]));
+    this.chosen = draft.maps.filter((one) => one.chosen).map((one) => one.map);
+    this.wanted = draft.goals;
+    [this.pixels.value, this.metres.value] = [draft.window.pixels, draft.window.metres_per_pixel];
+    [this.population.value, this.seed.value, this.name.value] = [draft.population, draft.seed, draft.name];
+    this.unit.value = draft.minutes === null ? "generations" : "minutes";
+    this.length.value = draft.minutes === null ? draft.generations : draft.minutes;
+    this.tellGoals();
+    const last = state.started.at(-1);
+    if (last && last.at && !last.has) this.waits = last.folder;
+    this.tell(state);
+  }
+
+  tell(state) {
+    this.known && this.explain();
+    const key = JSON.stringify(state);
+    if (key !== this.told) {
+      this.told = key;
+      this.intro.textContent = `The run and its recipe go into ${state.home}.`;
+      this.fields.disabled = this.calibrate.disabled = state.busy;
+      this.calibrate.disabled ||= !this.chosen.length || !this.wanted.length;
+      this.stop.hidden = !state.busy;
+      this.name.placeholder = state.usual;
+      this.side.textContent = `a window of ${number(this.pixels.value * this.metres.value)} m a side`;
+      this.tellMaps(state.maps);
+      const text = state.fault ? said(state.fault) : state.busy ? `${state.said.at(-1) || "beginning"} …` : state.found ? "The recipe is made." : state.said.at(-1) || "";
+      if (this.state.textContent !== text) this.state.textContent = text;
+      this.state.classList.toggle("evocity-lack", Boolean(state.fault));
+      this.tellFound(state.found);
+      this.tellGiven(state.given);
+      this.tellBegun(state.started);
+    }
+    clearTimeout(this.timer);
+    const isUnderWay = state.busy || state.maps.some((one) => one.reading) || state.started.some((one) => one.at && !one.has);
+    if (this.isShown) this.timer = setTimeout(() => this.look(), isUnderWay ? SOON : 10 * SOON);
+  }
+
+  async look() {
+    if (!this.isShown) return;
+    try {
+      this.tell(await asked("desk"));
+      this.on.trouble(null, "desk looked");
+    } catch (error) {
+      this.on.trouble(error, "desk looked");
+      this.timer = setTimeout(() => this.look(), 10 * SOON);
+    }
+  }
+
+  /** Whether it was done. */
+  async ask(name, body) {
+    try {
+      this.tell(await told(name, body));
+      this.on.trouble(null, "desk");
+      return true;
+    } catch (error) {
+      this.on.trouble(error, "desk");
+      return false;
+    }
+  }
+
+  // -- maps ----------------------------------------------------------------------------------------
+
+  tellMaps(maps) {
+    for (const [one, card] of this.cards) {
+      if (maps.some(({ map }) => map === one)) continue;
+      card.item.remove();
+      this.cards.delete(one);
+    }
+    for (const one of maps) {
+      if (!this.cards.has(one.map)) this.cards.set(one.map, this.card(one));
+      const card = this.cards.get(one.map), place = this.chosen.indexOf(one.map);
+      card.box.checked = place >= 0;
+      card.place.textContent = place < 0 ? "" : place ? `parent ${place + 1}` : "first parent";
+      card.item.classList.toggle("evocity-on", place >= 0);
+      if (one.about && card.turn !== one.turn) {
+        card.image.src = `/api/desk-picture?map=${one.map}&turn=${one.turn}`;
+        card.turn = one.turn;
+      }
+      card.image.hidden = !one.about;
+      card.text.textContent = one.reading ? "being read …" : one.fault ? said(one.fault) : aboutOf(one.about);
+      card.text.classList.toggle("evocity-lack", Boolean(one.fault) && !one.reading);
+      card.thanks.textContent = one.about ? one.about.attribution || "whom to thank: not told in the file" : "";
+      if (one.fault) card.more.open = true;
+    }
+  }
+
+  card({ map, title, own, takes }) {
+    const item = made(this.table, "li"), card = { item };
+    if (own) this.table.prepend(item);
+    const label = made(item, "label");
+    card.box = made(label, "input", "", "", { type: "checkbox" });
+    made(label, "b", "", title);
+    card.box.addEventListener("change", () => {
+      this.chosen = this.chosen.filter((one) => one !== map);
+      if (card.box.checked) this.chosen.push(map);
+    });
+    card.place = made(item, "span", "place");
+    card.image = made(item, "img", "", "", { alt: `map of heights of ${title}, north up`, width: 160, height: 160 });
+    card.text = made(item, "p");
+    card.thanks = made(item, "p", "faint");
+    card.more = made(item, "details");
+    made(card.more, "summary", "", "how it is read");
+    const options = this.placed.get(map) || {};
+    const option = (text, name, limits) => {
+      const found = made(made(card.more, "label", "", `${text} `), "input", "", "", limits ? { type: "number", step: "any", ...limits } : { type: "text" });
+      const value = name === "lon" || name === "lat" ? (options.center || [])[Number(name === "lat")] : options[name];
+      found.value = value ?? "";
+      return (card[name] = found);
+    };
+    option("centre, longitude", "lon", { min: -180, max: 180 });
+    option("latitude", "lat", { min: -90, max: 90 });
+    option("height where none is told, m", "default_height", { min: 0.000001 }).placeholder = 6;
+    if (takes.includes("layer")) option("layer of the buildings", "layer");
+    if (takes.includes("height_scale")) option("metres of a grey level or unit", "height_scale", { min: 0.000001 });
+    if (own) {
+      const gone = made(item, "button", "", `take ${title} away`, { type: "button" });
+      gone.addEventListener("click", async () => {
+        this.chosen = this.chosen.filter((one) => one !== map);
+        await this.change();
+        this.ask("desk-drop", { map });
+        this.file.focus();
+      });
+    }
+    return card;
+  }
+
+  async bring(files) {
+    const lacks = [];
+    for (const [place, file] of files.entries()) {
+      this.brought.textContent = `bringing ${file.name}, ${place + 1} of ${files.length} …`;
+      try {
+        this.chosen.push((await brought("desk-file", file)).map);
+        await this.change(); // it is chosen at once
+      } catch (error) {
+        lacks.push(error.message);
+      }
+    }
+    this.file.value = "";
+    this.brought.textContent = lacks.join(" ") || `${files.length === 1 ? "one file is" : `${files.length} files are`} on the desk`;
+    this.brought.classList.toggle("evocity-lack", lacks.length > 0);
+  }
+
+  // -- goals ---------------------------------------------------------------------------------------
+
+  tellGoals() {
+    for (const row of this.rows.values()) row.item.remove();
+    this.rows.clear();
+    for (const one of this.wanted) this.rows.set(one.measure, this.row(one));
+    const others = this.measures.filter(({ name }) => !this.rows.has(name));
+    const was = this.other.value;
+    this.other.replaceChildren(...others.map(({ name }) => made(null, "option", "", name.replaceAll("_", " "), { value: name })));
+    if (others.some(({ name }) => name === was)) this.other.value = was;
+    this.explain();
+  }
+
+  row({ measure, want, target }) {
+    const item = made(this.goals, "li"), { unit, told: text, goal } = this.known.get(measure), title = measure.replaceAll("_", " ");
+    made(item, "b", "", title);
+    const select = made(item, "select", "", "", { "aria-label": `what is wanted of ${title}` });
+    for (const [value, words] of WANTS) if (value !== "first" || !goal) made(select, "option", "", words, { value });
+    select.value = want;
+    const field = made(item, "input", "", "", { type: "number", step: "any", "aria-label": `target of ${title}` });
+    field.value = target ?? "";
+    field.hidden = want !== "target";
+    select.addEventListener("change", () => {
+      field.hidden = select.value !== "target";
+    });
+    const gone = made(item, "button", "", "leave out", { type: "button", "aria-label": `leave ${title} out` });
+    gone.addEventListener("click", () => {
+      this.read();
+      this.wanted = this.wanted.filter((one) => one.measure !== measure);
+      this.tellGoals();
+      this.change();
+      this.other.focus();
+    });
+    made(item, "span", "faint", `${text}${unit ? ` In ${unit}.` : ""}`);
+    return { item, select, field };
+  }
+
+  add(measure) {
+    if (!measure) return;
+    this.read();
+    this.wanted.push({ measure, want: this.known.get(measure).goal || "first", target: null });
+    this.tellGoals();
+    this.change();
+  }
+
+  explain() {
+    const one = this.known.get(this.other.value);
+    this.words.textContent = one ? `${one.told}${one.unit ? ` In ${one.unit}.` : ""}` : "";
+  }
+
+  // -- what is chosen ------------------------------------------------------------------------------
+
+  /** Take what stands in the fields. */
+  read() {
+    this.wanted = [...this.rows].map(([measure, { select, field }]) => {
+      const want = select.value, target = numeral(field);
+      return { measure, want, target: want === "target" ? target : null };
+    });
+    const maps = [...this.chosen, ...[...this.cards.keys()].filter((map) => !this.chosen.includes(map))].map((map) => {
+      const card = this.cards.get(map), found = { map, chosen: this.chosen.includes(map) };
+      if (!card) return found;
+      const [lon, lat] = [numeral(card.lon), numeral(card.lat)];
+      if (lon !== null && lat !== null) found.center = [lon, lat];
+      for (const name of ["default_height", "height_scale"]) if (card[name] && numeral(card[name]) !== null) found[name] = numeral(card[name]);
+      if (card.layer && card.layer.value.trim()) found.layer = card.layer.value.trim();
+      return found;
+    });
+    const length = numeral(this.length), isTimed = this.unit.value === "minutes";
+    return {
+      name: this.name.value.trim(), seed: numeral(this.seed), population: numeral(this.population),
+      ...(isTimed ? { minutes: length } : { generations: length }),
+      window: { pixels: numeral(this.pixels), metres_per_pixel: numeral(this.metres) }, maps, goals: this.wanted,
+    };
+  }
+
+  /** Tell the server what is chosen; one telling after another. */
+  change() {
+    const draft = this.read();
+    this.saving = (this.saving || Promise.resolve()).then(() => this.ask("desk-change", draft));
+    return this.saving;
+  }
+
+  // -- the recipe, and runs ------------------------------------------------------------------------
+
+  tellFound(found) {
+    const key = found && found.text;
+    if (key === this.text) return;
+    this.text = key;
+    this.found.replaceChildren();
+    this.found.hidden = !found;
+    if (!found) return;
+    const { estimate, values, bounds } = found;
+    made(this.found, "p", "", `${counted(estimate.births)} births, ${counted(found.generations)} generations: about ${estimate.time} on ${found.workers} cores, ` +
+      `at most ${bytes(estimate.size)} of the disk (${bytes(estimate.free)} free).`);
+    if (!estimate.fits) made(this.found, "p", "lack", "The disk will not hold this run: free some, or breed fewer generations.");
+    if (found.failing) made(this.found, "p", "lack", found.failing);
+    const notes = made(this.found, "ul", "notes");
+    for (const text of found.notes) made(notes, "li", "", text);
+    const parents = Object.keys(Object.values(values)[0] || {});
+    const table = made(made(this.found, "div", "wide", "", { tabindex: "0", role: "group", "aria-label": "what the parents have" }), "table", "values");
+    made(table, "caption", "", "What the parents have: map, code");
+    const head = made(table, "tr");
+    for (const text of ["measure", ...parents, "bound"]) made(head, "th", parents.includes(text) ? "number" : "", text, { scope: "col" });
+    for (const [name, of] of Object.entries(values)) {
+      const row = made(table, "tr");
+      made(row, "th", "", name.replaceAll("_", " "), { scope: "row" });
+      for (const parent of parents) made(row, "td", "number", of[parent].map((value) => number(value ?? NaN)).join(", "));
+      made(row, "td", "", Object.entries(bounds[name] || {}).map(([side, value]) => `${side === "min" ? "≥" : "≤"} ${number(value)}`).join(" "));
+    }
+    this.recipe(this.found, found.text, "as it is written", { given: false });
+  }
+
+  recipe(parent, text, title, body) {
+    const go = made(parent, "button", "go", "begin the run", { type: "button" });
+    go.addEventListener("click", async () => {
+      go.disabled = true;
+      await this.ask("desk-begin", body);
+      go.disabled = false;
+      const last = JSON.parse(this.told).started.at(-1);
+      this.waits = last && last.folder;
+    });
+    const more = made(parent, "details");
+    more.open = true;
+    made(more, "summary", "", `recipe.toml, ${title}`);
+    made(more, "pre", "toml", text, { tabindex: "0", role: "group", "aria-label": "text of the recipe" });
+  }
+
+  tellGiven(given) {
+    const key = JSON.stringify(given);
+    if (key === this.isGiven) return;
+    this.isGiven = key;
+    this.given.replaceChildren();
+    this.given.hidden = !given;
+    if (!given) return;
+    made(this.given, "p", "", `The recipe ${given.path} is begun as it is. Or make another below.`);
+    this.recipe(this.given, given.text, "as it is", { given: true });
+  }
+
+  tellBegun(started) {
+    this.begun.replaceChildren(...started.map(({ name, folder, recipe, run, has, at, code, said: text }, place) => {
+      const item = made(null, "li");
+      made(item, "b", "", name);
+      const isFailed = !at && code > 0 && !SIGNALS.includes(code);
+      const how = at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended";
+      made(item, "span", isFailed ? "lack" : "", ` ${how} `);
+      if (has) {
+        made(item, "button", "", `show ${name}`, { type: "button" }).addEventListener("click", () => this.on.show(run));
+      } else if (at) {
+        made(item, "button", "", `stop ${name}`, { type: "button" }).addEventListener("click", () => this.ask("desk-end", { map: place }));
+      }
+      made(item, "p", "faint", `Its recipe is ${recipe}, its folder ${folder}.`);
+      if (!has || code) made(item, "pre", "toml", code ? text : text.split("\n").at(-1), { tabindex: "0", role: "group", "aria-label": `what ${name} says` });
+      return item;
+    }));
+    this.begun.previousSibling.hidden = !started.length;
+    const last = started.find((one) => one.folder === this.waits);
+    if (!last || !last.has) return;
+    this.waits = null;
+    this.on.show(last.run);
+  }
+}
+
+/** What is told of a map in a line. */
+function aboutOf(about) {
+  if (!about) return "";
+  const [wide, tall] = about.metres, rules = Object.entries(about.rules);
+  const count = rules.reduce((sum, [, of]) => sum + of, 0);
+  const heights = rules.map(([rule, of]) => `${counted(of)} ${RULES[rule] || rule}`).join(", ");
+  return `${number(wide)} × ${number(tall)} m, ${Math.round(100 * about.built)} % built, up to ${number(about.highest)} m` +
+    (count ? `; ${counted(count)} buildings, heights: ${heights}.` : "; a raster of heights.");
+}

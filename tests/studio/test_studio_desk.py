@@ -1,0 +1,357 @@
+"""The recipe desk, asked as its page asks: files, goals, a recipe, a run that is begun, killed and
+taken up."""
+
+import contextlib
+import json
+import os
+import signal
+import time
+import tomllib
+from unittest.mock import patch
+
+import pytest
+from asking import HOSTILE, Client, contents
+from brought import bring, chosen, desk, footprints, is_read, wait
+from toy_runs import forgotten, write_toy  # noqa: F401
+
+import evocity
+from evocity.errors import EvocityError
+from evocity.search.calibration import GUARD
+from evocity.studio import guard, maps
+from evocity.studio.apart import Errand
+from evocity.studio.begins import Begins
+from evocity.studio.serving import served
+
+CITIES = ("cape-town-salt-river", "lyon-1er")
+
+
+@contextlib.contextmanager
+def at_desk(folder, cities=(), **told):
+    """A client of a studio whose runs go into ``folder``, with some ``cities``."""
+    with (
+        patch.object(maps, "DISTRICTS", dict.fromkeys(cities)),
+        served(folder=folder, begins=Begins(folder, True, **told)) as server,
+    ):
+        client = Client(server)
+        client.open()
+        yield client
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    return [footprints(folder / f"{n}.geojson", n) for n in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("desk") / "runs"
+    with at_desk(folder, CITIES) as found:
+        yield found
+    assert not folder.exists()  # it comes with the first run
+
+
+def test_the_desk_has_cities_and_measures_without_a_run(client):
+    told = wait(client, is_read)
+    assert client.get("/api/runs").json["runs"] == []
+    assert [one["title"] for one in told["maps"]] == list(CITIES)
+    by_name = {one["title"]: one for one in told["maps"]}
+    lyon = by_name["lyon-1er"]
+    assert lyon["about"]["metres"] == [512.0, 512.0]
+    assert sum(lyon["about"]["rules"].values()) == 771
+    assert "IGN" in lyon["about"]["attribution"]
+    picture = client.get(f"/api/desk-picture?map={lyon['map']}&turn=1")
+    assert (picture.headers["content-type"], picture.content[:4]) == ("image/png", b"\x89PNG")
+    measures = {one["name"]: one for one in client.get("/api/desk-measures").json["measures"]}
+    assert set(measures) == {
+        one.name for one in evocity.fitness.measures() if one.origin == "evocity"
+    }
+    assert all(one["told"] for one in measures.values())
+    assert {one["measure"] for one in told["draft"]["goals"]} == {
+        name for name, one in measures.items() if one["usual"]
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        (f"{HOSTILE}.geojson", None),
+        ("../../../etc/passwd.geojson", "etc-passwd"),
+        ("/tmp/x.GeoJSON", "tmp-x"),
+        ("C:\\a\\b.json", "C--a-b"),
+        ("\0\n\u202e.geojson", None),
+        (".geojson.geojson", "geojson"),
+        ("..geojson", "map"),
+        ("é" * 400 + ".geojson", None),
+        ("CON.geojson", "CON"),
+    ],
+    ids=range(9),
+)
+def test_a_name_is_text_and_never_a_path(client, two, name, title):
+    folder = client.server.studio._begins.desk.maps.folder
+    before = set(folder.parent.iterdir())
+    told = bring(client, name, two[0].read_bytes())
+    assert told.status == 200
+    number = told.json["map"]
+    laid = next(one for one in desk(client)["maps"] if one["map"] == number)
+    assert not set('/\\:<>|"*?\n\0\u202e') & set(laid["title"])
+    assert title is None or laid["title"].endswith(title)
+    suffix = ".json" if name.endswith(".json") else ".geojson"
+    assert (folder / f"map-{number}{suffix}").is_file()
+    assert set(folder.parent.iterdir()) == before
+    assert client.post("/api/desk-drop", {"map": number}).status == 200
+    assert not [one for one in folder.iterdir() if str(number) in one.stem]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("a.shp", "Shapefile"),
+        ("a.dbf", "GeoPackage"),
+        ("a.toml", "no map"),
+        ("a.py", "no map"),
+        ("geojson", "no map"),
+        ("a.geojson/", "no map"),
+    ],
+)
+def test_what_is_no_map_by_its_name_is_refused(client, name, said):
+    told = bring(client, name, b"{}")
+    assert told.status == 409
+    assert said in json.dumps(told.json["error"])
+
+
+def test_what_a_file_holds_is_told_as_its_reader_says(client, two):
+    content = two[0].read_bytes()
+    wrong = {
+        "a.geojson": b"",
+        "b.geojson": content[:-30],
+        "c.png": content,
+        "d.tif": b"II*\0" + bytes(100),
+        "e.gpkg": b"SQLite format 3\0" + bytes(1000),
+        "f.geojson": b"[" * 100_000,
+    }
+    numbers = {name: bring(client, name, held).json["map"] for name, held in wrong.items()}
+    told = {one["map"]: one for one in wait(client, is_read)["maps"]}
+    for name, number in numbers.items():
+        one = told[number]
+        assert set(one["fault"]) == {"found", "expected", "remedy"}, name
+        assert one["about"] is None
+        assert client.get(f"/api/desk-picture?map={number}").status == 400
+        client.post("/api/desk-drop", {"map": number})
+    assert "PNG" in told[numbers["c.png"]]["fault"]["expected"]
+
+
+def test_a_file_that_is_too_long_leaves_nothing(client, two, monkeypatch):
+    folder = client.server.studio._begins.desk.maps.folder
+    before = contents(folder)
+    monkeypatch.setattr(guard, "MOST_FILE", 1 << 17)
+    chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
+    headers = [("Content-Type", guard.FILE_KIND), guard.HEADER]
+    told = bring(client, "a.geojson", chunk * 5, [*headers, ("Transfer-Encoding", "chunked")])
+    assert told.status == 413
+    assert bring(client, "a.geojson", b" " * 200_000).status == 413
+    assert contents(folder) == before
+    monkeypatch.setattr(maps, "MOST_MAPS", 0)
+    assert bring(client, "a.geojson", two[0].read_bytes()).status == 409
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("memory", "seconds", "said"), [(1 << 20, 60.0, "of memory"), (4 << 30, 0.0, "0 seconds")]
+)
+def test_reading_ends_where_it_takes_more_than_it_may(two, tmp_path, memory, seconds, said):
+    one = {"number": 1, "map": str(two[0]), "options": {}, "picture": str(tmp_path / "p.png")}
+    told: list[dict] = []
+    with pytest.raises(EvocityError, match=said):
+        Errand(memory, seconds, "reading").run({"errand": "read", "maps": [one]}, told.append)
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"name": "../x"},
+        {"name": "a/b"},
+        {"name": ".hidden"},
+        {"name": "a\nb"},
+        {"name": "é" * 100 + "x"},
+        {"name": "\ud800"},
+        {"seed": -1},
+        {"population": 1},
+        {"generations": 0},
+        {"minutes": 0},
+        {"window": {"pixels": 1, "metres_per_pixel": 2.0}},
+        {"window": {"pixels": 64, "metres_per_pixel": 0}},
+        {"goals": [{"measure": "none", "want": "max"}]},
+        {"goals": [{"measure": "/tmp/own.py", "want": "max"}]},
+        {"goals": [{"measure": "gsi", "want": "max", "file": "own.py"}]},
+        {"goals": [{"measure": "gsi", "want": "max"}] * 2},
+        {"maps": [{"map": 99}]},
+        {"maps": [{"map": 0}, {"map": 0}]},
+        {"maps": [{"map": 0, "map_file": "/etc/passwd"}]},
+        {"maps": [{"map": "../../x.geojson"}]},
+        {"maps": [{"map": 0, "center": [200, 0]}]},
+        {"notify": {"on_end": "touch x"}},
+        {"cluster": "tcp://evil.example:1"},
+    ],
+    ids=str,
+)
+def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
+    before = desk(client)["draft"]
+    told = client.post("/api/desk-change", before | wrong)
+    assert told.status == 400
+    assert set(told.json["error"]) == {"found", "expected", "remedy"}
+    assert desk(client)["draft"] == before
+
+
+def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
+    chosen(client, [])
+    for name in ("desk-calibrate", "desk-begin"):
+        assert client.post(f"/api/{name}", {}).status == 409
+    assert client.post("/api/desk-begin", {"given": True}).status == 409
+    assert chosen(client, [0], goals=[]).status == 200
+    assert client.post("/api/desk-calibrate", {}).status == 409
+    assert chosen(client, [0], goals=[{"measure": "gsi", "want": "target"}]).status == 200
+    assert client.post("/api/desk-calibrate", {}).status == 409
+    assert client.post("/api/desk-end", {"map": 0}).status == 400
+
+
+def test_calibrating_is_stopped_and_a_city_without_buildings_is_told(client):
+    assert chosen(client, [0, 1]).status == 200
+    assert client.post("/api/desk-calibrate", {}).json["busy"]
+    assert client.post("/api/desk-change", desk(client)["draft"]).status == 409
+    client.post("/api/desk-stop", {})
+    told = wait(client, lambda one: not one["busy"])
+    assert (told["found"], told["fault"], told["said"][-1]) == (None, None, "stopped")
+    nowhere = {"map": 1, "chosen": True, "center": [0.0, 0.0]}
+    chosen(client, [], maps=[nowhere, {"map": 0, "chosen": True}])
+    client.post("/api/desk-calibrate", {})
+    told = wait(client, lambda one: not one["busy"])
+    assert told["found"] is None
+    assert "lyon-1er" in told["fault"]["found"]
+
+
+# -- a whole run ----------------------------------------------------------------------------------
+
+
+def of(client, path="/api/0/changes?after=-1") -> dict:
+    return client.get(path).json
+
+
+def until(ready) -> None:
+    end = time.monotonic() + 120
+    while not ready():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def given(two, tmp_path):
+    """A recipe of two files that names no goal but its own."""
+    for number, file in enumerate(two):
+        (tmp_path / f"{number}.geojson").write_bytes(file.read_bytes())
+    path = tmp_path / "given.toml"
+    path.write_text(
+        '# as it is\n[run]\nname = "my night"\npopulation = 2\ngenerations = 99999\n'
+        "[map]\npixels = 32\n[genome]\nblock = 4\nfit = false\n[evaluation]\nworkers = 0\n"
+        '[[parents]]\nmap = "0.geojson"\n[[parents]]\nmap = "1.geojson"\n'
+        '[operators]\nmutation = 1\n[[fitness]]\nname = "gsi"\ngoal = "max"\n'
+    )
+    return path
+
+
+def test_a_night_is_begun_killed_taken_up_and_stopped_and_outlives_studio(given, tmp_path):
+    runs = tmp_path / "runs"
+    with at_desk(runs, recipe=given) as client:
+        assert desk(client)["given"]["text"].startswith("# as it is")
+        (started,) = client.post("/api/desk-begin", {"given": True}).json["started"]
+        assert started["at"]
+        told = client.post("/api/desk-begin", {"given": True}).json["started"][1]
+        assert told["name"] == "my night-2"  # nothing is written over
+        client.post("/api/desk-end", {"map": 1})
+        told = wait(client, lambda one: one["started"][0]["has"] and not one["started"][1]["at"])
+        assert told["started"][1]["code"] in (143, -signal.SIGTERM)
+        assert (told["started"][0]["run"], told["started"][1]["run"]) == (0, None)
+
+        process, _ = client.server.studio._begins.carried._of[runs / "my night"]
+        os.killpg(process.pid, signal.SIGKILL)
+        until(lambda: not of(client)["going"])
+        assert of(client)["process"]["code"] == -signal.SIGKILL
+        assert client.post("/api/0/stop-run", {}).status == 409
+        before = of(client)["generation"]
+        assert client.post("/api/0/resume", {"generations": 10**8}).status == 400
+        assert client.post("/api/0/resume", {"generations": 99_999_000}).status == 200
+        assert client.post("/api/0/resume", {}).status == 409  # a process is at it
+        until(lambda: of(client)["generation"] > before)
+
+    with at_desk(runs) as client:  # it goes on without studio
+        assert of(client)["going"]
+        assert "process" not in of(client)
+        assert client.post("/api/0/stop-run", {}).status == 200
+        until(lambda: not of(client)["going"])
+    assert sorted(one.name for one in runs.iterdir()) == ["my night"]
+    assert not (runs / "my night" / "picks.json").exists()
+
+
+def test_the_fault_of_a_run_that_cannot_begin_is_told(given, tmp_path):
+    (tmp_path / "1.geojson").write_text("{}")
+    with at_desk(tmp_path / "runs", recipe=given) as client:
+        client.post("/api/desk-begin", {"given": True})
+        (one,) = wait(client, lambda told: not told["started"][0]["at"])["started"]
+        assert (one["code"], one["run"]) == (2, None)
+        assert "1.geojson" in one["said"]
+        given.write_text("[run]\n")
+        told = client.post("/api/desk-begin", {"given": True})
+        assert told.status == 409
+        assert "given.toml" in told.json["error"]["found"]
+
+
+def test_a_strangers_run_is_not_taken_up_where_it_brings_measures(tmp_path):
+    path = write_toy(tmp_path, generations=1, workers=0)
+    with evocity.Search(evocity.read_recipe(path), out=tmp_path / "run") as search:
+        list(search)
+    provenance = tmp_path / "run" / "provenance.json"
+    provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
+    before = contents(tmp_path)
+    with served(tmp_path / "run") as server:
+        client = Client(server)
+        client.open()
+        told = client.post("/api/0/resume", {"generations": 2})
+        assert told.status == 409
+        assert "toys.py" in told.json["error"]["found"]
+        assert "--trust" in told.json["error"]["remedy"]
+        assert desk(client)["home"] == str(tmp_path)  # beside the run that was named
+    assert contents(tmp_path) == before
+
+
+def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(
+        "import evocity\n@evocity.fitness(goal=None)\ndef mean(city):\n"
+        '    """Mean height."""\n    return city.heights.mean()\n'
+    )
+    measures = evocity.fitness.load_file(file)
+    with at_desk(tmp_path / "runs", files=[(str(file), measures)]) as client:
+        (own,) = [one for one in of(client, "/api/desk-measures")["measures"] if one["own"]]
+        assert (own["name"], own["goal"], own["told"]) == ("mean", None, "Mean height.")
+        numbers = [bring(client, "a b.geojson", one.read_bytes()).json["map"] for one in two]
+        goals = [
+            {"measure": "mean", "want": "first"},
+            {"measure": "gsi", "want": "target", "target": 0.25},
+            {"measure": "crumbs", "want": "max"},
+        ]
+        assert chosen(client, numbers, goals=goals, minutes=1.0).status == 200
+        client.post("/api/desk-calibrate", {})
+        told = wait(client, lambda one: one["found"] or one["fault"])
+        assert told["fault"] is None
+        assert told["said"][-1] == "breeding a few, to tell how long it takes"
+        assert desk(client)["found"] == told["found"]  # a page that is loaded again has it
+        raw = tomllib.loads(told["found"]["text"])
+        assert [one["name"] for one in raw["parents"]] == ["a b", "a b 2"]
+        assert {one["name"] for one in raw["fitness"][3:]} <= set(GUARD)
+        assert raw["run"]["generations"] == told["found"]["generations"] > 1
+        assert 30 < told["found"]["duration"] <= 61
+        first, second, third = raw["fitness"][:3]
+        assert (first["file"], first["target"] > 0) == (str(file), True)
+        assert second == {"name": "gsi", "target": 0.25}
+        assert third == {"name": "crumbs", "goal": "max"}
