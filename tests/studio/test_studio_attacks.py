@@ -7,10 +7,12 @@ import socket
 import pytest
 from asking import OLD, Client, contents
 
-from evocity.studio.guard import HEADER, MOST_BODY, POLICY
+from evocity.studio.guard import FILE as ADDRESS
+from evocity.studio.guard import FILE_KIND, HEADER, MOST_BODY, MOST_FILE, POLICY
 from evocity.studio.serving import HOST, served
 
 JSON = ("Content-Type", "application/json")
+FILE = ("Content-Type", FILE_KIND)
 PICK = json.dumps({"change": "pick", "ids": [3]}).encode()
 
 
@@ -209,6 +211,11 @@ def test_what_is_no_address_of_the_table_is_nothing(attacked, path):
         ("HEAD", "/api/0/steer", 405),
         ("POST", "/api/0/births", 405),
         ("POST", "/", 405),
+        ("GET", "/api/desk-file", 405),
+        ("PUT", "/api/desk-file", 405),
+        ("GET", "/api/desk-begin", 405),
+        ("GET", "/api/0/resume", 405),
+        ("POST", "/api/desk", 405),
     ],
 )
 def test_another_method_is_refused(attacked, method, path, status):
@@ -267,6 +274,78 @@ def test_changes_are_json_of_known_form_or_nothing(attacked, headers, body, stat
 )
 def test_births_are_compared_by_number_and_not_too_many(attacked, body, status):
     assert attacked.post("/api/0/compare", body).status == status
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([FILE], 403),
+        ([FILE, (HEADER[0], "other")], 403),
+        ([HEADER], 415),
+        ([HEADER, JSON], 415),
+        ([HEADER, ("Content-Type", "multipart/form-data; boundary=x")], 415),
+        ([HEADER, FILE, ("Content-Type", "text/plain")], 415),
+        ([HEADER, FILE, ("Content-Length", str(MOST_FILE + 1))], 413),
+        ([HEADER, FILE, ("Content-Length", "-1")], (400, 413)),
+        ([HEADER, FILE, ("Content-Length", "9" * 20)], (400, 413)),
+        ([HEADER, FILE, ("Origin", "http://evil.example")], 403),
+        ([HEADER, FILE, ("Origin", "null")], 403),
+        ([HEADER, FILE, ("Sec-Fetch-Site", "cross-site")], 403),
+        ([HEADER, FILE, ("Cookie", "")], 403),
+    ],
+    ids=range(13),
+)
+def test_a_file_is_taken_from_the_page_alone(attacked, headers, status):
+    told = attacked.ask("POST", f"{ADDRESS}?name=a.geojson", headers, b"{}")
+    assert told.status in (status if isinstance(status, tuple) else (status,))
+    assert attacked.get("/api/desk").json["maps"][-1]["own"] is False
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        (ADDRESS, 400),
+        (f"{ADDRESS}?name=", 400),
+        (f"{ADDRESS}?name={'a' * 3000}.geojson", 400),
+        (f"{ADDRESS}?name={'a' * 5000}.geojson", 414),
+        (f"{ADDRESS}?name=..%2F..%2Fsecret.txt", 409),
+        (f"{ADDRESS}/secret.geojson?name=a.geojson", 415),
+        ("/api/0/desk-file?name=a.geojson", 415),
+        ("/api/desk-change?name=a.geojson", 415),
+    ],
+)
+def test_a_file_has_a_name_of_a_map_and_one_address(attacked, path, status):
+    assert attacked.ask("POST", path, [HEADER, FILE], b"{}").status == status
+    assert attacked.get("/api/desk").json["maps"][-1]["own"] is False
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("desk-begin", {"given": True, "recipe": "/tmp/x.toml"}),
+        ("desk-begin", {"given": "/tmp/x.toml"}),
+        ("desk-calibrate", {"file": "/tmp/own.py"}),
+        ("desk-drop", {"map": "../../secret.txt"}),
+        ("desk-drop", {"map": 0}),
+        ("desk-end", {"map": -1}),
+        ("0/stop-run", {"run": "/tmp"}),
+        ("0/resume", {"generations": 3, "trust": True}),
+        ("0/resume", {"generations": "3 --trust"}),
+        ("0/resume", {"recipe": "/tmp/x.toml"}),
+        ("1/resume", {}),
+    ],
+)
+def test_nothing_is_begun_by_a_word_of_a_page(attacked, name, body):
+    assert attacked.post(f"/api/{name}", body).status == 400
+    assert attacked.get("/api/desk").json["started"] == []
+
+
+@pytest.mark.parametrize(
+    "question",
+    ["desk-picture", "desk-picture?map=..%2Fsecret", "desk-picture?map=-1", "desk-picture?map=99"],
+)
+def test_pictures_of_maps_are_asked_for_by_number(attacked, question):
+    assert attacked.get(f"/api/{question}").status == 400
 
 
 def test_a_body_without_a_length_is_counted(attacked):

@@ -279,7 +279,7 @@ export class Desk {
     select.addEventListener("change", () => {
       field.hidden = select.value !== "target";
     });
-    const gone = made(item, "button", "", "leave out", { type: "button", "aria-label": `leave ${title} out` });
+    const gone = made(item, "button", "", `leave ${title} out`, { type: "button" });
     gone.addEventListener("click", () => {
       this.read();
       this.wanted = this.wanted.filter((one) => one.measure !== measure);

@@ -1,0 +1,139 @@
+"""The whole way in chromium: from two files of footprints to a night that goes on, by keys."""
+
+import os
+import signal
+import time
+from unittest.mock import patch
+
+import pytest
+
+pytest.importorskip("playwright.sync_api")
+
+from asking import HOSTILE
+from brought import footprints
+from chromium import BROWSER, started
+from test_studio_in_a_browser import AXE
+
+import evocity
+from evocity.studio import maps
+from evocity.studio.begins import Begins
+from evocity.studio.serving import served
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
+
+#: Drops a file on the desk, as a hand does.
+DROPPED = """([name, text]) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], name));
+  for (const kind of ["dragover", "drop"]) {
+    const told = { dataTransfer, bubbles: true, cancelable: true };
+    document.querySelector("#desk h2").dispatchEvent(new DragEvent(kind, told));
+  }
+}"""
+
+
+def until(page, condition: str, seconds: float = 120.0) -> None:
+    """Wait for a condition: under this policy the page evaluates no text by itself."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(f"() => Boolean({condition})"):
+        assert time.monotonic() < end, (condition, page.locator("body").inner_text()[:3000])
+        time.sleep(0.05)
+
+
+def axe(page) -> None:
+    if not AXE.is_file():
+        return
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = page.evaluate(
+        """async () => (await axe.run()).violations
+          .map((one) => [one.id, one.nodes.map((node) => node.html)])"""
+    )
+    assert found == []
+
+
+def press(page, name: str, exact: bool = True) -> None:
+    page.get_by_role("button", name=name, exact=exact).focus()
+    page.keyboard.press("Enter")
+
+
+def write(page, label: str, text: str) -> None:
+    page.get_by_label(label).focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.type(text)
+    page.keyboard.press("Tab")
+
+
+def test_two_files_become_a_night_by_keys(tmp_path):
+    first, second = (footprints(tmp_path / f"{n}.geojson", n).read_text() for n in (1, 2))
+    runs, said, asked = tmp_path / "runs", [], []
+    with (
+        patch.object(maps, "DISTRICTS", {"lyon-1er": None}),
+        served(folder=runs, begins=Begins(runs, True)) as server,
+        started() as browser,
+    ):
+        page = browser.new_page(viewport={"width": 1024, "height": 700})
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(server.url)
+        until(page, "document.querySelectorAll('.evocity-cards li').length === 1")
+        brought = {"name": f"{HOSTILE}.geojson", "mimeType": "text/plain", "buffer": first.encode()}
+        page.set_input_files("#desk input[type=file]", brought)
+        until(page, "document.querySelectorAll('.evocity-cards li').length === 2")
+        page.evaluate(DROPPED, ["second.geojson", second])
+        until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
+        page.evaluate(DROPPED, ["third.shp", "x"])
+        until(page, "studio.desk.brought.textContent.includes('Shapefile')")
+        for label, text in [
+            ("window, pixels a side", "32"),
+            ("metres a pixel", "4"),
+            ("individuals alive", "1"),
+            ("so many", "90000"),
+        ]:
+            write(page, label, text)
+        until(page, "!document.getElementById('trouble').hidden")  # one lives: too few
+        write(page, "individuals alive", "4")
+        write(page, "name of the run", "a night")
+        for name in ("autosimilarity", "alignment", "salingaros buildings"):
+            press(page, f"leave {name} out")
+        page.get_by_label("another measure").select_option("gsi")
+        press(page, "add")
+        page.get_by_label("what is wanted of gsi").select_option("max")
+        until(page, "document.getElementById('trouble').hidden")
+        until(page, "!JSON.parse(studio.desk.told).maps.some((one) => one.reading)")
+        until(page, "[...document.images].every((one) => one.hidden || one.naturalWidth)")
+        axe(page)
+
+        press(page, "make the recipe")
+        until(page, "studio.desk.fields.disabled")
+        axe(page)
+        page.reload()  # nothing is lost
+        until(page, "studio.desk.told && !studio.desk.found.hidden")
+        assert page.get_by_label("name of the run").input_value() == "a night"
+        assert page.get_by_label("so many").input_value() == "90000"
+        assert page.get_by_role("checkbox", checked=True).count() == 2
+        text = page.get_by_label("text of the recipe").inner_text()
+        assert "a target" not in text
+        assert 'name = "second"' in text
+        axe(page)
+
+        press(page, "begin the run")
+        until(page, "studio.run?.viewer && document.querySelectorAll('[role=option]').length")
+        assert page.title().startswith("run a night")
+        press(page, "stop the run")
+        until(page, "studio.run.going.state.textContent.includes('after this generation')")
+        press(page, "new run")
+        until(page, "studio.desk.isShown && document.querySelector('.evocity-begun li')")
+        axe(page)
+        page.go_back()
+        until(page, "!studio.desk.isShown && !document.getElementById('shown').hidden")
+        assert page.evaluate("window.hacked") is None
+        page.close()
+        process, _ = server.studio._begins.carried._of[runs / "a night"]
+        os.killpg(process.pid, signal.SIGKILL)  # it would write its report
+    # of the Shapefile, and of the draft that was none
+    assert {one.split("status of ")[1][:3] for one in said} == {"409", "400"}
+    assert all(one.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:")) for one in asked)
+    run = evocity.open_run(runs / "a night")
+    assert len(run.sources()) == 2
+    assert (runs / "a night-recipe" / "recipe.toml").read_text(encoding="utf-8") == run.recipe_text
