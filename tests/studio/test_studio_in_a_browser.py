@@ -201,7 +201,7 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         page.get_by_label("order").select_option("id")
         page.locator("[role=option]").nth(7).click()
         until(page, "studio.run.one.facts.textContent.includes('less is better')")
-        until(page, "studio.run.one.image.naturalWidth > 0")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
         assert HOSTILE.replace("_", " ") in page.locator("#pane-0-birth").inner_text()
         table = page.locator(".evocity-values").first.inner_text()
         value = evocity.open_run(folder)[7].scores["gsi"]
@@ -213,11 +213,14 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert labels[0] == "birth 7, 0 steps back"
         assert "birth 0, left, 1 steps back" in labels
         page.get_by_role("button", name="whose stones").click()
-        until(page, "studio.run.one.image.alt.startsWith('which city')")
+        until(page, "studio.run.one.seen.figures[0].image.alt.startsWith('which city')")
         for name in ("usage", "µ"):
             page.get_by_role("button", name=name, exact=True).click()
-            until(page, "studio.run.one.image.alt.includes('how many lifs call')")
-        until(page, "studio.run.one.legend.textContent.startsWith('how many lifs call each pixel')")
+            until(page, "studio.run.one.seen.figures[0].image.alt.includes('how many lifs call')")
+        until(
+            page,
+            "studio.run.one.seen.legend.textContent.startsWith('how many lifs call each pixel')",
+        )
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
         assert state_of(page)["one"] == 3
@@ -250,8 +253,17 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
 
         check()
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.run.one.image.naturalWidth > 0 && studio.run.one.pedigree.nodes.length")
+        until(
+            page,
+            "studio.run.one.seen.figures[0].image.naturalWidth > 0"
+            " && studio.run.one.pedigree.nodes.length",
+        )
         page.locator(".evocity-head").first.click()
+        page.get_by_role("button", name="pin it").click()
+        page.get_by_text("its buildings, beside its parents'").click()
+        page.locator("[role=option]").nth(2).click()
+        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
+        until(page, "studio.run.one.buildings.told && studio.run.one.pedigree.nodes.length")
         check()
         page.get_by_role("button", name="scatter").click()
         page.get_by_role("button", name="filter what lies up").click()
@@ -284,33 +296,85 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
         page = opened(server)
         page.locator("[role=option]").nth(1).click()
         page.get_by_role("button", name=button, exact=True).click()
-        until(page, "studio.run.one.drawn && studio.run.one.drawn.kind")
-        if page.evaluate("() => studio.run.one.drawn.kind") != kind:
+        until(page, "studio.run.one.seen.drawn && studio.run.one.seen.drawn.kind")
+        if page.evaluate("() => studio.run.one.seen.drawn.kind") != kind:
             pytest.skip("no WebGL2 in this browser")
         canvas = page.locator(f"canvas[data-kind={kind}]")
         assert canvas.is_visible()
         assert "birth" in canvas.get_attribute("aria-label")
         about, heights = page.evaluate(
-            "() => { const { kind, drawers } = studio.run.one.drawn;"
+            "() => { const { kind, drawers } = studio.run.one.seen.drawn;"
             " const { heights, ...rest } = drawers[kind].city; return [rest, [...heights]]; }"
         )
         city = evocity.open_run(folder)[int(shown_ids(page)[1])].city
         assert heights == city.heights.ravel().tolist()
         assert (about["rows"], about["columns"]) == city.shape
-        camera = "studio.run.one.drawn.hands[studio.run.one.drawn.kind].hand.camera.azimuth"
+        camera = (
+            "studio.run.one.seen.drawn.hands[studio.run.one.seen.drawn.kind].hand.camera.azimuth"
+        )
         before = page.evaluate(f"() => {camera}")
         canvas.focus()
         page.keyboard.down(key)
         until(page, f"{camera} !== {before}")
         page.keyboard.up(key)
         page.locator("[role=option]").nth(2).click()
-        until(page, f"studio.run.one.within.querySelector('[data-kind={kind}]').ariaLabel"
+        until(page, f"studio.run.one.seen.within.querySelector('[data-kind={kind}]').ariaLabel"
                     f".includes('birth {shown_ids(page)[2]} ')")  # fmt: skip
         assert page.evaluate(f"() => {camera}") != before
         page.locator("[role=option]").nth(9).click()
         page.get_by_role("button", name="map", exact=True).click(trial=True)
         page.get_by_role("button", name="map", exact=True).click()
-        until(page, "studio.run.one.within.hidden && !studio.run.one.image.hidden")
+        until(
+            page,
+            "studio.run.one.seen.within.hidden && !studio.run.one.seen.figures[0].image.hidden",
+        )
+
+
+def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
+    """Both from one place, in numbers, as a difference; and the address tells it."""
+    with served(folder) as server:
+        page = opened(server)
+        first, second = shown_ids(page)[1:3]
+        page.locator("[role=option]").nth(1).click()
+        page.keyboard.press("p")
+        until(page, f"studio.run.one.pinned === {first}")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
+        assert page.get_by_role("button", name="difference").is_disabled()  # beside itself
+        page.get_by_role("button", name="in space").click()
+        page.locator("[role=listbox]").focus()
+        page.keyboard.press("ArrowRight")
+        until(page, "studio.run.one.seen.drawn?.shown.length === 2")
+        assert state_of(page)["pinned"] == first
+        views = page.locator("canvas[data-kind=columns]")
+        assert [views.nth(k).get_attribute("aria-label").split(" in ")[0] for k in range(2)] == [
+            f"birth {second}",
+            f"birth {first}, pinned",
+        ]
+        seen = "studio.run.one.seen.drawn.views.map((one) => one.canvases.columns.toDataURL())"
+        until(page, f"studio.before = {seen}")
+        views.nth(1).focus()  # the hand on either turns both
+        page.keyboard.press("ArrowRight")
+        until(page, f"{seen}.every((one, place) => one !== studio.before[place])")
+        run = evocity.open_run(folder)
+        rows = page.locator("#pane-0-birth .evocity-values").first.locator("tr")
+        cells = rows.nth(1).locator("td").all_inner_texts()
+        ours, theirs = run[second].scores["gsi"], run[first].scores["gsi"]
+        assert [float(one) for one in cells[:2]] == pytest.approx([ours, theirs], rel=1e-3)
+        more = float(cells[2].replace("−", "-"))
+        assert more == pytest.approx(ours - theirs, rel=1e-3)
+        page.get_by_text("its buildings, beside its parents'").click()
+        until(page, "studio.run.one.buildings.told?.listed.length")
+        assert f"birth {first}, pinned" in page.locator("details table").inner_text()
+        page.get_by_role("button", name="difference").click()
+        until(page, f"studio.run.one.seen.legend.textContent.includes('less birth {first}')")
+        page.get_by_role("button", name="map", exact=True).click()
+        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
+        again = opened(server, context=page.context, at=f"#{page.url.partition('#')[2]}")
+        until(again, "!studio.run.one.seen.figures[1].root.hidden")
+        assert state_of(again) == state_of(page)
+        page.get_by_role("button", name="take its pin off").click()
+        until(page, "studio.run.one.seen.figures[1].root.hidden")
+        assert state_of(page)["pinned"] is None
 
 
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
@@ -335,10 +399,12 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
             "brushes": {"gsi": [["a", 1], [2, 1], 4], "operator": ["none of them"], "x": [1]},
             "chosen": [3, 99_999, "4", None, 3],
             "one": "x",
+            "pinned": 99_999,
         }
         for at in (f"#{quote(json.dumps(strange))}", "#%", "#null", "#[1]", "#%7B"):
             page = opened(server, context=page.context, at=at)
             assert state_of(page)["brushes"] == {}
+            assert state_of(page)["pinned"] is None
         assert page.evaluate("window.hacked") is None
 
 
@@ -687,9 +753,13 @@ def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
     with served(folder) as server:
         page = opened(server, width, height)
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.run.one.image.naturalWidth > 0")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
         page.get_by_role("button", name="pick it").click()
         until(page, "studio.run.picks.ids.length")
+        page.get_by_role("button", name="pin it").click()
+        page.locator("[role=option]").nth(2).click()
+        page.get_by_text("its buildings, beside its parents'").click()
+        until(page, "studio.run.one.buildings.told")
         for tab in ("birth", "picks", "breed", "draw"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
