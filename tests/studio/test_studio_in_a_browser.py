@@ -1,6 +1,7 @@
 """Studio's page in chromium without a window: one run, live, by pointer and by keys alone."""
 
 import contextlib
+import io
 import json
 import shutil
 import time
@@ -15,6 +16,7 @@ pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE, OLD, contents
 from chromium import BROWSER, started
+from PIL import Image
 from written_runs import written
 
 import evocity
@@ -281,7 +283,7 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         check()
         page.get_by_role("tab", name="draw").click()
         until(page, "studio.run.board.about && studio.run.board.image.naturalWidth > 0")
-        page.get_by_role("button", name="lock", exact=True).click()
+        page.get_by_role("button", name="mask", exact=True).click()
         check()
         page.evaluate("() => studio.tell(new Error('something is at fault'))")
         check()
@@ -508,6 +510,17 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         until(page, "studio.run.breed.children.length === 3")  # they are there until the next brood
 
 
+BRED = "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
+
+
+def as_python_breeds(name: str, parents, **parameters):
+    """The child of the drawing board's seed."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
+    wanted = evocity.operators.make(name, **parameters)(parents, rng)
+    assert wanted.digest != parents[0].digest
+    return wanted.digest
+
+
 def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
     """Macro-blocks by pointer, a λ and a lock by keys: each child is what Python has."""
     night = shutil.copytree(OLD / "run-1", tmp_path / "night")
@@ -519,16 +532,11 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         keys, drawn = page.keyboard, server.studio.runs[0].drawn
 
         def child():
-            until(
-                page, "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
-            )
+            until(page, BRED)
             return drawn.children[0]
 
         def same(found, name, parents=parents, **parameters) -> bool:
-            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
-            wanted = evocity.operators.make(name, **parameters)(parents, rng)
-            assert wanted.digest != parents[0].digest
-            return wanted.digest == found.genome.digest
+            return as_python_breeds(name, parents, **parameters) == found.genome.digest
 
         page.get_by_role("tab", name="draw").click()
         until(page, "studio.run.board.about")
@@ -567,6 +575,9 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         painted[inside] = 0.3
         assert 0 < inside.sum() < inside.size
         assert same(found, "interpolation", share=painted.tolist())
+        page.get_by_label("the child has").select_option("stepwise")
+        assert same(child(), "interpolation", share=painted.tolist(), stepwise=True)
+        page.get_by_label("the child has").select_option("interpolation")
 
         page.get_by_role("button", name="lock", exact=True).click()
         board.focus()
@@ -593,6 +604,72 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         assert kept.condensation == layer
         assert evocity.read_recipe(recipe).locked.mask == "locked.npy"
         assert np.array_equal(np.load(recipe.parent / "locked.npy").astype(bool), mask)
+
+
+def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_path):
+    """Of leaves of many sides; the mask comes from a picture."""
+    night = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
+    run = evocity.open_run(night)
+    parents = [run.genome(3), run.genome(20)]
+    with served(night) as server:
+        page = opened(server)
+        drawn = server.studio.runs[0].drawn
+        page.get_by_role("tab", name="draw").click()
+        until(page, BRED)
+        page.get_by_label("the child has").select_option("region_fusion")
+        board = page.get_by_role("application")
+        box = board.bounding_box()
+        board.click(position={"x": 0.4 * box["width"], "y": 0.5 * box["height"]})
+        until(page, BRED)
+        told = page.evaluate("() => studio.run.board.parameters")
+        assert len(told["places"]) == 1
+        found = drawn.children[0].genome.digest
+        assert found == as_python_breeds("region_fusion", parents, **told)
+
+        page.get_by_label("the child has").select_option("lambda_field")
+        page.get_by_label("brush").select_option("15")
+        board.focus()
+        page.keyboard.press("Enter")
+        until(page, BRED)
+        layers = "studio.run.board.layers"
+        rows, columns, cell = page.evaluate(
+            f"() => [{layers}.rows, {layers}.columns, {layers}.cell]"
+        )
+        painted = np.array(page.evaluate(f"() => [...{layers}.painted]")).reshape(rows, columns)
+        assert (rows, columns) == (16, 16)
+        values = painted.reshape(8, 2, 8, 2).mean(axis=(1, 3)).ravel()  # equal parts
+        assert set(np.unique(painted)) == {0, 1}
+        found = drawn.children[0].genome.digest
+        assert found == as_python_breeds("lambda_field", parents, side=8, values=values.tolist())
+
+        page.get_by_role("button", name="mask", exact=True).click()
+        city = run[3].city
+        picture = np.zeros((*city.shape, 4), np.uint8)
+        picture[..., 3] = 255  # neither black is marked, nor what is transparent
+        picture[:30, 9:40] = (200, 30, 30, 255)
+        picture[:8, 9:40, 3] = 0
+        file = io.BytesIO()
+        Image.fromarray(picture).save(file, "PNG")
+        for name, content in (("text.png", b"no picture"), ("mask.png", file.getvalue())):
+            files = {"name": name, "mimeType": "image/png", "buffer": content}
+            page.locator("input[type=file]").set_input_files(files)
+            if name == "text.png":
+                until(page, "studio.trouble.textContent.includes('text.png is no picture')")
+        until(page, f"{layers}.within.includes(1)")
+        until(page, f"{BRED} && studio.run.board.marked")
+        cells = np.array(page.evaluate(f"() => [...{layers}.within]")).reshape(rows, columns)
+        lit = (picture[..., 0] > 0) & (picture[..., 3] > 0)
+        shares = lit.reshape(rows, cell, columns, cell).mean(axis=(1, 3))
+        assert (cells == (shares >= 0.5)).all()
+        marked = np.kron(cells, np.ones((cell, cell))).astype(bool)
+        gsi, child = evocity.fitness.get("gsi"), drawn.children[0]
+        assert child.values["gsi"] == gsi(child.city.within(marked)) != gsi(child.city)
+        table = page.locator("#pane-0-draw .evocity-values")
+        assert "of what is marked alone" in table.inner_text()
+        row = table.locator("tr", has_text="gsi").locator(".evocity-number").all_inner_texts()
+        right = [gsi(one.within(marked)) for one in (child.city, run[3].city, run[20].city)]
+        assert [float(one) for one in row] == pytest.approx(right, rel=1e-3)
 
 
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
