@@ -85,6 +85,7 @@ class Studio:
             "picture": self.picture,
             "pedigree": self.pedigree,
             "heights": self.heights,
+            "solids": self.solids,
             "calls": self.calls,
             "difference": self.difference,
             "buildings": self.buildings,
@@ -165,6 +166,11 @@ class Studio:
 
     def heights(self, run: Opened, request: Request) -> Response:
         return Response(framed(*self._of_one(run, request, heights_of)), media_type=_BYTES)
+
+    def solids(self, run: Opened, request: Request) -> Response:
+        """`Solids`."""
+        content = run.solids.of(number(request.query_params, "id", 0, _LARGEST))
+        return Response(content, media_type=_BYTES)
 
     def calls(self, run: Opened, request: Request) -> Response:
         """Of a ``count``, how often it calls its own parts, as picture; as `picture`."""

@@ -357,6 +357,7 @@ def test_the_board_of_another_run_or_another_brood_is_nothing(attacked, path, bo
 
 def test_what_is_beside_and_is_no_birth_is_told(attacked):
     for question in (
+        "solids?id=99999",
         "difference?id=3&beside=99999",
         "buildings?id=99999&of=area",
         "picture?id=3&kind=map&beside=99999",
@@ -405,6 +406,8 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/calls?id=3",
         "/api/0/calls?id=3&count=pixels&beside=../3",
         "/api/0/picture?id=3&kind=map&beside=-2",
+        "/api/0/solids",
+        "/api/0/solids?id=3.obj",
         "/api/0/difference?id=3",
         "/api/0/difference?id=3&beside=",
         "/api/0/difference?id=3&beside=1e3",

@@ -12,9 +12,12 @@ from evocity.citymap import CityMap
 from evocity.errors import EvocityError
 from evocity.pictures import Change, render_change
 from evocity.pictures.picture import change_colours, scale_end
-from evocity.studio import one
+from evocity.scene import Scene
+from evocity.studio import one as ones
+from evocity.studio import solids
 from evocity.studio.beside import MOST_POINTS
 from evocity.studio.one import born_of, pedigree_of
+from evocity.studio.solids import Solids
 from evocity.studio.watched import Watched
 
 CITY = CityMap(np.array([[0, 6, 0], [9, 9, 0]], np.float32), 2.0, name="a", attribution="© A")
@@ -84,6 +87,36 @@ def test_buildings_are_those_of_birth_parents_cities_and_the_pinned(asked, night
         assert line["values"][-1] == values[-1]
 
 
+def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeypatch):
+    run = evocity.open_run(night)
+    highest = Watched(night).moment.thumbnails.highest
+    for one in (3, 20):
+        content = asked.get(f"/api/0/solids?id={one}").content
+        corners, colours = run[one].scene().triangles(highest=highest)
+        count = len(colours)
+        assert len(content) == 39 * count > 0
+        seen = np.frombuffer(content[: 36 * count], "<f4").reshape(count, 3, 3)
+        assert np.array_equal(seen, corners)
+        assert content[36 * count :] == colours.tobytes()
+    monkeypatch.setattr(Scene, "triangles", None)  # they are at hand
+    assert asked.get("/api/0/solids?id=20").content == content
+    monkeypatch.undo()
+    monkeypatch.setattr(solids, "MOST_TRIANGLES", 10)
+    told = asked.get("/api/0/solids?id=5")
+    assert told.status == 409
+    assert "at most 10" in told.json["error"]["expected"]
+
+
+def test_solids_of_many_births_are_not_all_kept(night, monkeypatch):
+    monkeypatch.setattr(solids, "MOST_KEPT", 2)
+    found = Solids(Watched(night))
+    first = found.of(3)
+    for one in (5, 3, 20):
+        found.of(one)
+    assert [one for _, one in found._kept] == [3, 20]
+    assert found.of(3) == first
+
+
 def test_a_failed_birth_has_no_buildings_and_no_difference(asked, night):
     run = evocity.open_run(night)
     failed = run.told.ids[~run.told.ok].tolist()
@@ -112,7 +145,7 @@ def test_a_long_pedigree_is_counted_in_spans_and_reads_no_genome(tmp_path, monke
     born = [[{"id": 0, "operator": "source"}, {"id": 1, "operator": "source"}]]
     born += [[{"id": n, "parents": (n - 1,), "operator": "mutation"}] for n in range(2, 42)]
     moment = Watched(written(tmp_path / "run", born).path).moment
-    monkeypatch.setattr(one, "MOST_SPANS", 15)
+    monkeypatch.setattr(ones, "MOST_SPANS", 15)
     for name in ("individuals", "genome"):
         monkeypatch.setattr(type(moment.run), name, None)
     told = pedigree_of(moment, 41, 6)["born"]

@@ -333,6 +333,7 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
         while client.get("/api/0/brood").json["busy"]:
             time.sleep(0.05)
         assert client.post("/api/0/ready", {"x": 1}).status == 400
+        assert client.get("/api/1/births").status == 200  # the other run is open by then
         asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
         assert client.post("/api/0/breed", asked).status == 200
         refused = client.post("/api/0/breed", asked)

@@ -126,5 +126,15 @@ export class Seen {
       },
       called: `birth ${ids[place]}${place ? ", pinned" : ""}`,
     })), kind === "walk");
+    if (this.drawn.kind !== "walk") return;
+    for (const [place, id] of ids.entries()) { // blocks of pixels until then
+      try {
+        const bytes = await (await this.server.blobOf("solids", { id })).arrayBuffer();
+        if (!isMeant()) return;
+        this.drawn.stand(place, bytes);
+      } catch (error) {
+        if (isMeant()) this.legend.textContent = `The walls of birth ${id} stay those of pixels: ${error.message}`;
+      }
+    }
   }
 }

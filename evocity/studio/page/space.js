@@ -53,6 +53,13 @@ export class Space {
     this.draw();
   }
 
+  /** The city at a place among those that are walked through gets straight walls: `bytes`, as `Walk` takes
+   * its solids. */
+  stand(place, bytes) {
+    this.shown[place].stand(bytes);
+    this.draw();
+  }
+
   draw() {
     const { kind } = this;
     if (!kind) return;
@@ -76,6 +83,7 @@ class View {
     this.root.hidden = !told;
     if (!told) return;
     const { city, called } = told;
+    this.city = city;
     this.caption.textContent = called;
     this.caption.hidden = !isOneOfTwo;
     for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== kind;
@@ -83,6 +91,8 @@ class View {
     if (this.drawers[kind]) this.drawers[kind].show(city);
     else this.drawers[kind] = new (kind === "walk" ? Walk : Axonometry)(this.canvases[kind], city);
   }
+
+  stand(bytes) { this.drawers.walk.show(this.city, bytes); }
 
   draw(kind, camera, sun) {
     if (!this.canvases[kind].clientWidth) return;
