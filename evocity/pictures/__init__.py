@@ -1,7 +1,8 @@
 """Maps as pictures, coloured and with a legend.
 
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
-- `picture`: a map, a field, or shares, as a picture
+- `change`: what one city has more and less than another: `Change`
+- `picture`: a map, a field, shares, or a change, as a picture
 - `light`: cast shadows, edges of roofs
 - `palette`: one colour a source city, everywhere
 - `classes`: what stands on a map, each class in its colour
@@ -9,18 +10,21 @@
 - `sheet`: many maps on one contact sheet
 """
 
+from evocity.pictures.change import Change
 from evocity.pictures.classes import render_classes
 from evocity.pictures.field import Field, Shares
 from evocity.pictures.leaves import Leaves, render_leaves
 from evocity.pictures.palette import city_colours
-from evocity.pictures.picture import render, render_field, render_shares
+from evocity.pictures.picture import render, render_change, render_field, render_shares
 
 __all__ = [
+    "Change",
     "Field",
     "Leaves",
     "Shares",
     "city_colours",
     "render",
+    "render_change",
     "render_classes",
     "render_field",
     "render_leaves",

@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from evocity.citymap import BUILT_ABOVE, CityMap
+from evocity.pictures.change import STOPS, STOREY, Change
 from evocity.pictures.field import Field, Shares
 from evocity.pictures.light import edges, lit
 from evocity.pictures.palette import city_colours
@@ -146,6 +147,24 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
     return drawn_with_key(city, fabric, f"{city.name}: {shares.title}", entries, zoom)
 
 
+def change_colours(values: np.ndarray, end: float) -> np.ndarray:
+    """Colours of changes, metres, any shape: blue for less, pale at 0, red for more, as strong as
+    they get at ``end``; uint8, a last axis of 3 longer."""
+    return gradient(STOPS)(np.clip((values / end + 1) / 2, 0, 1))
+
+
+def render_change(change: Change, *, zoom: int = 1) -> Image.Image:
+    """Draw what one city has more (red) and less (blue) than another, with the legend of
+    `render`."""
+    city = change.second.replace(change.second.heights, attribution=change.attribution)
+    colours = change_colours(change.metres, change.end).repeat(zoom, axis=0).repeat(zoom, axis=1)
+    end = change.end
+    note = f"{change.apart:.0%} by over\n{STOREY:g} m"
+    scale = _Scale("more, m", end, lambda shown: change_colours(shown, end), note, -end)
+    title = f"{change.second.name} less {change.first.name}"
+    return _sheet(city, Image.fromarray(colours), title, scale, zoom)
+
+
 _Entries = list[tuple[tuple[int, ...] | None, str]]  # colour, text
 
 
@@ -159,12 +178,14 @@ def drawn_with_key(
 
 @dataclass(frozen=True)
 class _Scale:
-    """What a picture's colours stand for: values from 0 to ``end``, drawn by ``colours``."""
+    """What a picture's colours stand for: values from ``start`` to ``end``, drawn by
+    ``colours``."""
 
     title: str
     end: float
     colours: Callable[[np.ndarray], np.ndarray]
     note: str
+    start: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -255,17 +276,18 @@ def _sheet(
 
 
 def _draw_colours(sheet, draw, place, scale: _Scale, font, small, size) -> None:
-    """The colour scale, 0 at its foot, with ticks."""
-    end = scale.end
+    """The colour scale, its start at the foot, with ticks."""
+    start, end = scale.start, scale.end
     left, top, low = place
     top, width = top + int(1.8 * size), size
     tall = min(low - top, 18 * size)
-    bar = scale.colours(np.linspace(end, 0, tall)[:, None].repeat(width, axis=1))
+    bar = scale.colours(np.linspace(end, start, tall)[:, None].repeat(width, axis=1))
     sheet.paste(Image.fromarray(bar), (left, top))
     draw.rectangle((left - 1, top - 1, left + width, top + tall), outline=FAINT)
     draw.text((left, top - int(0.6 * size)), scale.title, FAINT, small, "lb")
-    for value in round_steps(end, tall / (2 * size)):
-        y = top + round((tall - 1) * (1 - value / end))
+    steps = round_steps(end, tall / (2 * size) * end / (end - start))
+    for value in [-step for step in steps[:0:-1] if start < 0] + steps:
+        y = top + round((tall - 1) * (1 - (value - start) / (end - start)))
         draw.line((left + width, y, left + width + size // 3, y), FAINT)
         draw.text((left + 1.6 * width, y), f"{value:g}", INK, font, "lm")
     if scale.note and low - top - tall > 2 * size:
@@ -388,6 +410,7 @@ def _srgb(lab: np.ndarray) -> np.ndarray:
 
 
 __all__ = [
+    "change_colours",
     "drawn_with_key",
     "even",
     "font",
@@ -395,6 +418,7 @@ __all__ = [
     "on_sheet",
     "ramp",
     "render",
+    "render_change",
     "render_field",
     "render_shares",
     "round_steps",

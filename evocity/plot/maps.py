@@ -10,10 +10,10 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.coding.ancestry import ancestry
 from evocity.coding.usage import usage as usage_of
-from evocity.errors import EvocityError, check_word
+from evocity.errors import check_word
 from evocity.genome import VOID, Genome
-from evocity.pictures import Shares, city_colours, render, render_shares
-from evocity.pictures.picture import even, gradient, scale_end
+from evocity.pictures import Change, Shares, city_colours, render, render_shares
+from evocity.pictures.picture import change_colours, even, gradient, scale_end
 from evocity.plot.chosen import city_of, genome_of
 from evocity.plot.style import (
     FAINTS,
@@ -144,14 +144,7 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
     Raises `EvocityError` for maps that do not lie on each other.
     """
     first, second = city_of(a), city_of(b)
-    if first.shape != second.shape or first.metres_per_pixel != second.metres_per_pixel:
-        sizes = [f"{one.shape[0]} × {one.shape[1]} px of {one.metres_per_pixel:g} m"
-                 for one in (first, second)]  # fmt: skip
-        raise EvocityError(
-            f"maps of {sizes[0]} and of {sizes[1]}",
-            "two maps with as many pixels of one size",
-            "compare two of one run, or read both with the same window and pixels",
-        )
+    change = Change(first, second)
     axes = panels(3, ax, columns=3, width=10.0, height=3.9)
     highest = scale_end(first, second)
     pixel = first.metres_per_pixel
@@ -159,15 +152,11 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
         picture = render(city, highest=highest, legend=False)
         map_on(one, np.asarray(picture), pixel, short(city.name, 44))
     height_scale(axes[1], highest)
-    change = second.heights - first.heights
-    end = _end(np.quantile(abs(change[change != 0]), [0.98]) if change.any() else change)
-    scale = gradient((FIRST, "#f1eee7", LIVING))
-    apart = float(np.mean(abs(change) > 3))
-    map_on(axes[2], scale(np.clip((change / end + 1) / 2, 0, 1)), pixel,
-           f"difference: {apart:.0%} by over a storey")  # fmt: skip
-    colour_scale(axes[2], scale(np.linspace(0, 1, 256)), -end, end, "m")
-    attributions = dict.fromkeys(filter(None, (first.attribution, second.attribution)))
-    credit(axes[0], "; ".join(attributions))
+    map_on(axes[2], change_colours(change.metres, change.end), pixel,
+           f"difference: {change.apart:.0%} by over a storey")  # fmt: skip
+    scale = change_colours(np.linspace(-change.end, change.end, 256), change.end)
+    colour_scale(axes[2], scale, -change.end, change.end, "m")
+    credit(axes[0], change.attribution)
     fit(axes[0])
     return axes
 

@@ -184,20 +184,48 @@ class Evaluator:
         found = ended("ok", unrecorded(missing) if missing else None)
         return replace(found, look=look_of(expressed.city))
 
-    def _measured(self, name: str, expressed: Expressed, extras: Mapping) -> float:
-        measure = self.measures[name]
-        if name in self.within:
-            return self.within[name].measured(measure, expressed.city, genome=extras["genome"])
-        return measure(expressed.of(measure.of), **extras)
+    def evaluate_within(self, genome: Genome, part: Part) -> Outcome:
+        """Decode, then every measure of a ``part`` of the map; one that is of a part already stays
+        of that. None that cannot be taken ends it: ``error`` tells why one has no value."""
+        start = time.perf_counter()
+        values: dict[str, float] = {}
+        expressed = self.header.chromosome.express(genome)
+        if expressed.city is None:
+            return Outcome("invalid", expressed.problem, time.perf_counter() - start)
+        extras = {"genome": self.header.chromosome.fabric(genome)}
+        names = [*self.header.measures, *self.header.recorded]
+        missing = self._record(names, expressed, extras, values, part)
+        error = unrecorded(missing) if missing else None
+        return Outcome("ok", error, time.perf_counter() - start, values)
+
+    def _measured(
+        self, name: str, expressed: Expressed, extras: Mapping, part: Part | None = None
+    ) -> float:
+        measure, part = self.measures[name], self.within.get(name, part)
+        if part is None:
+            return measure(expressed.of(measure.of), **extras)
+        if measure.of != "city":
+            raise FitnessError(
+                f"{name}, of a {measure.of}, within {part.name}",
+                "a measure of a city",
+                "take it of the whole map",
+            )
+        return part.measured(measure, expressed.city, genome=extras["genome"])
 
     def _record(
-        self, names: Sequence[str], expressed: Expressed, extras: Mapping, values: dict[str, float]
+        self,
+        names: Sequence[str],
+        expressed: Expressed,
+        extras: Mapping,
+        values: dict[str, float],
+        part: Part | None = None,
     ) -> list[str]:
-        """Add what is recorded besides to the ``values``; why those that have none do not."""
+        """Add what is recorded besides, of a ``part`` or the whole map, to the ``values``; why
+        those that have none do not."""
         missing = []
         for name in names:
             try:
-                value = self._measured(name, expressed, extras)
+                value = self._measured(name, expressed, extras, part)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:

@@ -17,6 +17,7 @@ from evocity.analysis.fabrics import fabric_of
 from evocity.errors import EvocityError
 from evocity.studio.asked import Body, Faulty, body_of, number, numbers
 from evocity.studio.begins import Begins, DeskAnswers
+from evocity.studio.beside import QUANTITIES, buildings_of, difference_of
 from evocity.studio.breeding import Breeding, Brood, Ready, operators_told
 from evocity.studio.comparing import Compare, compared
 from evocity.studio.drawing import BOARD, board_of
@@ -94,7 +95,10 @@ class Studio:
             "picture": self.picture,
             "pedigree": self.pedigree,
             "heights": self.heights,
+            "solids": self.solids,
             "calls": self.calls,
+            "difference": self.difference,
+            "buildings": self.buildings,
             "board": self.board,
             "brood": self.brood,
             "brood-tiles": self.brood_tiles,
@@ -168,11 +172,12 @@ class Studio:
         return JSONResponse(self._of_one(run, request, told_of))
 
     def picture(self, run: Opened, request: Request) -> Response:
-        """A ``kind`` of picture."""
+        """A ``kind`` of picture, on one scale with a birth ``beside`` it."""
         kind = request.query_params.get("kind")
         if kind not in PICTURES:
             raise Faulty("no such picture", f"kind = {' or '.join(PICTURES)}", "ask for one")
-        content = self._of_one(run, request, lambda moment, one: picture_of(moment, one, kind))
+        other = self._beside(request)
+        content = self._of_one(run, request, lambda m, one: picture_of(m, one, kind, other))
         return Response(content, media_type="image/png")
 
     def pedigree(self, run: Opened, request: Request) -> Response:
@@ -183,13 +188,38 @@ class Studio:
     def heights(self, run: Opened, request: Request) -> Response:
         return Response(framed(*self._of_one(run, request, heights_of)), media_type=_BYTES)
 
+    def solids(self, run: Opened, request: Request) -> Response:
+        """`Solids`."""
+        content = run.solids.of(number(request.query_params, "id", 0, _LARGEST))
+        return Response(content, media_type=_BYTES)
+
     def calls(self, run: Opened, request: Request) -> Response:
-        """Of a ``count``, how often it calls its own parts, as picture."""
+        """Of a ``count``, how often it calls its own parts, as picture; as `picture`."""
         count = request.query_params.get("count")
         if count not in COUNTS:
             raise Faulty("no such count", f"count = {' or '.join(COUNTS)}", "ask for one")
-        content = framed(*self._of_one(run, request, lambda m, one: calls_of(m, one, count)))
-        return Response(content, media_type=_BYTES)
+        other = self._beside(request)
+        content = self._of_one(run, request, lambda m, one: calls_of(m, one, count, other))
+        return Response(framed(*content), media_type=_BYTES)
+
+    def difference(self, run: Opened, request: Request) -> Response:
+        """What it has more and less than the one ``beside`` it."""
+        other = number(request.query_params, "beside", 0, _LARGEST)
+        content = self._of_one(run, request, lambda m, one: difference_of(m, one, other))
+        return Response(framed(*content), media_type=_BYTES)
+
+    def buildings(self, run: Opened, request: Request) -> Response:
+        """How its buildings are distributed, by one of `QUANTITIES`."""
+        of, other = request.query_params.get("of"), self._beside(request)
+        if of not in QUANTITIES:
+            raise Faulty("no such quantity", f"of = {' or '.join(QUANTITIES)}", "ask for one")
+        return JSONResponse(
+            self._of_one(run, request, lambda m, one: buildings_of(m, one, of, other))
+        )
+
+    def _beside(self, request: Request) -> int | None:
+        other = number(request.query_params, "beside", -1, _LARGEST, -1)
+        return None if other < 0 else other
 
     def _of_one(self, run: Opened, request: Request, told: Callable):
         identifier = number(request.query_params, "id", 0, _LARGEST)

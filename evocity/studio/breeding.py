@@ -21,12 +21,13 @@ from evocity.analysis.thumbnails import thumbnail
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, OperatorError, RunError
+from evocity.fitness import Part
 from evocity.genome import Genome
 from evocity.operators import Operator
 from evocity.search.evaluation import Workers
 from evocity.search.evaluator import Outcome
 from evocity.studio.asked import Body
-from evocity.studio.drawing import Drawing, locked_by
+from evocity.studio.drawing import Drawing, locked_by, measured_by
 from evocity.studio.measuring import workers_of
 from evocity.studio.picks import Id
 from evocity.studio.watched import Moment
@@ -41,7 +42,8 @@ class Brood(Body):
     """What is asked for: so many children of these ``parents``, by ``operators`` in turn. Of one
     operator alone ``parameters`` may be told; ``vary`` draws how much of each child is the second
     parent's, of two, where an operator lets that be told and nobody does. A ``drawing`` locks
-    pixels in all of them; those of the ``board`` are beside the others."""
+    pixels in all of them, and tells what they are measured of; those of the ``board`` are beside
+    the others."""
 
     operators: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_OPERATORS)]
     parameters: Annotated[dict[str, JsonValue], Field(max_length=50)] = {}  # noqa: RUF012
@@ -83,8 +85,12 @@ class Child:
             "parents": list(self.parents),
             "stage": self.stage,
             "error": self.error,
-            "values": {name: float(one) for name, one in self.values.items() if np.isfinite(one)},
+            "values": _finite(self.values),
         }
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(one) for name, one in values.items() if np.isfinite(one)}
 
 
 def planned(brood: Brood) -> list[Child]:
@@ -172,6 +178,9 @@ class Breeding:
         self.children: list[Child] = []
         #: What a drawing locks in them besides what the run does, and that.
         self.locked: Condensation | None = None
+        #: What a drawing has them measured of, and values of their parents there, by id.
+        self.part: Part | None = None
+        self.marked: dict[int, Mapping[str, float]] = {}
         self.error: str | None = None
 
     @property
@@ -186,6 +195,9 @@ class Breeding:
             "error": self.error,
             "left": self.left,
             "children": [one.told for one in self.children],
+            "marked": None
+            if self.part is None
+            else {one: _finite(values) for one, values in self.marked.items()},
         }
 
     def ready(self, moment: Moment, parents: Sequence[int]) -> None:
@@ -205,16 +217,18 @@ class Breeding:
         """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another is bred
         and for parents that have no genome; `OperatorError` as `planned`."""
         children = planned(brood)
-        parents = self._genomes(moment, brood.parents)
-        locked = None
+        parents = births = self._genomes(moment, brood.parents)
+        locked = part = None
         if brood.drawing is not None:
-            locked = locked_by(brood.drawing, [parents[one] for one in brood.parents])
+            drawn_over = [births[one] for one in brood.parents]
+            part = measured_by(brood.drawing, drawn_over)
+            locked = locked_by(brood.drawing, drawn_over)
             parents = {n: one.replace(condensation=locked) for n, one in parents.items()}
         jobs = [
             (one.operator, tuple(parents[n] for n in one.parents), _generator(brood.seed, k, 0))
             for k, one in enumerate(children)
         ]
-        self._begin(moment, brood, children, jobs, locked)
+        self._begin(moment, brood, children, jobs, locked, part, births)
 
     def stop(self) -> None:
         """Begin no more children; who is being bred ends, at its deadline at last."""
@@ -264,7 +278,14 @@ class Breeding:
     # -- in a thread -----------------------------------------------------------------------------
 
     def _begin(
-        self, moment: Moment, brood: Brood | None, children: list[Child], jobs=(), locked=None
+        self,
+        moment: Moment,
+        brood: Brood | None,
+        children: list[Child],
+        jobs=(),
+        locked: Condensation | None = None,
+        part: Part | None = None,
+        births: Mapping[int, Genome] | None = None,
     ) -> None:
         with self._lock:
             if self.busy:
@@ -274,19 +295,29 @@ class Breeding:
             self._stopped, self.error = False, None
             if brood is not None:
                 self.number, self.brood, self.children = self.number + 1, brood, children
-                self.locked = locked
+                self.locked, self.part, self.marked = locked, part, {}
             self._thread = threading.Thread(
-                target=self._breed, args=(moment, list(jobs)), daemon=True, name="breeding"
+                target=self._breed,
+                args=(moment, list(jobs), births or {}),
+                daemon=True,
+                name="breeding",
             )
             self._thread.start()
 
-    def _breed(self, moment: Moment, jobs: list[tuple]) -> None:
+    def _breed(self, moment: Moment, jobs: list[tuple], births: Mapping[int, Genome]) -> None:
         try:
-            workers = self._ready(moment)
-            self._stream(workers, "breed", enumerate(jobs), self._bred)
-            bred = [(k, (self.children[k].genome, job[1])) for k, job in enumerate(jobs)]
-            bred = [one for one in bred if self.children[one[0]].stage == "bred"]
-            self._stream(workers, "evaluate", iter(bred), self._measured)
+            workers, part = self._ready(moment), self.part
+            own = list(zip(self.children, jobs, strict=False))  # without jobs none is bred
+            self._stream(workers, "breed", iter(own), self._bred)
+            bred = [(one, job[1]) for one, job in own if one.stage == "bred"]
+            if part is None:
+                whole = ((one, (one.genome, parents)) for one, parents in bred)
+                self._stream(workers, "evaluate", whole, self._measured)
+            else:
+                within = ((one, (one.genome, part)) for one, _ in bred)
+                self._stream(workers, "evaluate_within", within, self._measured)
+                within = ((number, (genome, part)) for number, genome in births.items())
+                self._stream(workers, "evaluate_within", within, self._compared)
         except EvocityError as error:
             self.error = str(error)
         except Exception as error:  # told on the page; the next brood has new workers
@@ -304,18 +335,20 @@ class Breeding:
         return self._workers
 
     def _stream(self, workers: Workers, method: str, jobs: Iterator[tuple], done) -> None:
-        at: list[int] = []
+        """``jobs``: whose each is, and what a worker is given; ``done`` is told whose, and how it
+        ended."""
+        at: list = []
 
         def drawn() -> Iterator[tuple]:
-            for number, job in jobs:
+            for whose, job in jobs:
                 if self._stopped:
                     return
-                at.append(number)
+                at.append(whose)
                 yield job
 
         with contextlib.closing(workers.stream(method, drawn())) as outcomes:
             for place, outcome in outcomes:
-                done(self.children[at[place]], outcome)
+                done(at[place], outcome)
 
     def _bred(self, child: Child, outcome: Outcome) -> None:
         child.genome, child.error = outcome.genome, outcome.error
@@ -329,6 +362,9 @@ class Breeding:
     def _measured(self, child: Child, outcome: Outcome) -> None:
         child.values, child.error = dict(outcome.values), outcome.error
         child.stage = "measured"
+
+    def _compared(self, parent: int, outcome: Outcome) -> None:
+        self.marked[parent] = dict(outcome.values)
 
 
 __all__ = ["MOST_CHILDREN", "Breeding", "Brood", "Child", "Ready", "operators_told", "planned"]

@@ -1,5 +1,5 @@
-"""What a user draws over two picked parents: a lock in cells; what the drawing board is told of the
-parents, so that macro-blocks lie on their grid and a λ is painted lifs by lifs."""
+"""What a user draws over two picked parents: a lock and a mask, in cells; what the drawing board is
+told of the parents, so that macro-blocks lie on their grid and a λ is painted lifs by lifs."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -11,14 +11,15 @@ from evocity.citymap import CityMap
 from evocity.coding.decoded import decoded
 from evocity.condensation import Condensation
 from evocity.errors import RunError
+from evocity.fitness import Part
 from evocity.genome import Genome
 from evocity.operators.grid import common_grid
 from evocity.studio.asked import Body
 
 #: Cells along a side of the map that something is painted in, at most.
 MOST_CELLS = 64
-#: What it is called.
-BOARD = "the drawing board"
+#: What it is called, and the part of the map that is marked on it.
+BOARD, MARKED = "the drawing board", "the marked part"
 
 
 class Mask(Body):
@@ -30,9 +31,11 @@ class Mask(Body):
 
 
 class Drawing(Body):
-    """What is ``locked``: there the child has the first parent's heights."""
+    """What is ``locked``: there the child has the first parent's heights. ``within`` what the
+    measures are taken of, the whole map where it is None or nothing is marked."""
 
-    locked: Mask
+    locked: Mask | None = None
+    within: Mask | None = None
 
 
 def cell_of(height: int, width: int) -> int:
@@ -57,15 +60,26 @@ def locked_by(drawing: Drawing, parents: Sequence[Genome]) -> Condensation | Non
     """The layer that is locked in a child of ``parents``: what the run locks, then the heights of
     the first where the ``drawing`` marks; None where nothing is. Raises `RunError` if it marks the
     whole map."""
+    kept = parents[0].condensation
+    if drawing.locked is None:
+        return kept
     city: CityMap = decoded(parents[0]).city
     mask = pixels_of(drawing.locked, *city.shape)
     if mask.all():
         raise RunError("the whole map is locked", "pixels that are free to be bred", "lock less")
-    kept = parents[0].condensation
     if not mask.any():
         return kept
     layer = Condensation.cut(city, mask)
     return layer if kept is None else kept.over(layer)
+
+
+def measured_by(drawing: Drawing, parents: Sequence[Genome]) -> Part | None:
+    """The part of the map that measures are taken of by a ``drawing``; None for the whole."""
+    if drawing.within is None:
+        return None
+    pavement = parents[0].pavement
+    mask = pixels_of(drawing.within, pavement.height, pavement.width)
+    return Part(MARKED, mask) if mask.any() else None
 
 
 def board_of(parents: Sequence[Genome]) -> tuple[dict, bytes]:
@@ -89,11 +103,13 @@ def board_of(parents: Sequence[Genome]) -> tuple[dict, bytes]:
 
 __all__ = [
     "BOARD",
+    "MARKED",
     "MOST_CELLS",
     "Drawing",
     "Mask",
     "board_of",
     "cell_of",
     "locked_by",
+    "measured_by",
     "pixels_of",
 ]

@@ -12,17 +12,22 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
-from evocity.errors import EvocityError, RunError
+from evocity.errors import EvocityError, FitnessError, RunError
 from evocity.files import whole_file
+from evocity.fitness import Part
 from evocity.search.changes import folder_of
 from evocity.search.reading import read_recipe
+from evocity.search.recipe import Recipe
 from evocity.search.trust import is_ours, state_folder
+from evocity.search.wanted import MeasureEntry
 from evocity.store import Run
 from evocity.studio.asked import Body
 from evocity.studio.breeding import MOST_CHILDREN, Breeding, Child
 from evocity.studio.picks import Id
 
 _MOST_FOLDERS = 10_000
+#: The file of what is marked on the board, as the recipe names it.
+_MARKED = "marked.npy"
 #: Sections of a recipe of another's that may have a command or a machine run something.
 _EXECUTING = ("notify", "evaluation")
 
@@ -58,9 +63,14 @@ def keep(run: Run, breeding: Breeding, asked: Keep, is_own: bool) -> dict:
         parents += [{"run": place, "id": one} for one in dict.fromkeys(asked.picks)]
         recipe, left = _recipe(run, folder, parents, _locked(breeding, folder))
         path = folder / "recipe.toml"
-        with whole_file(path) as temporary:
-            temporary.write_text(recipe, encoding="utf-8")
-        read_recipe(path)  # that it can be run is known before it is told
+        _written(recipe, path)
+        told = read_recipe(path)  # that it can be run is known before it is told
+        if breeding.part is not None:
+            np.save(folder / _MARKED, breeding.part.mask.astype(np.uint8))
+            recipe, others = _within(recipe, told, breeding.part)
+            left += others
+            _written(recipe, path)
+            read_recipe(path)
     except (EvocityError, OSError) as error:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, EvocityError):
@@ -132,6 +142,54 @@ def _recipe(run: Run, folder: Path, parents: list[dict], locked: Mapping) -> tup
     head = f"# Goes on from children of {run.path.resolve().name} that were kept in evocity studio."
     text = tomli_w.dumps({**moved, "parents": parents})
     return f"{''.join(filter(str.isprintable, head))}\n\n{text}", left
+
+
+def _written(recipe: str, path: Path) -> None:
+    with whole_file(path) as temporary:
+        temporary.write_text(recipe, encoding="utf-8")
+
+
+def _within(text: str, told: Recipe, part: Part) -> tuple[str, list[str]]:
+    """The ``text`` of a recipe, ``told`` in it, that has its measures taken ``within`` a part;
+    those that are not, in words: what else in a recipe may name, and what cannot be taken of it."""
+    head, raw = text.partition("\n")[0], tomllib.loads(text)
+    named = _names_in({key: value for key, value in raw.items() if key != "fitness"})
+    left = []
+    for table, entry in zip(raw.get("fitness", []), told.fitness, strict=True):
+        if entry.within is not None:
+            continue
+        reason = _untaken(entry, named, part)
+        if reason is None:
+            table["within"] = _MARKED
+        else:
+            left.append(f"the marked part for {_called(entry)}: {reason}")
+    return f"{head}\n\n{tomli_w.dumps(raw)}", left
+
+
+def _called(entry: MeasureEntry) -> str:
+    return ", ".join(one.name for one in entry.measures)
+
+
+def _untaken(entry: MeasureEntry, named: set[str], part: Part) -> str | None:
+    """Why measures are not taken of a ``part``; None where they are. ``named``: what other sections
+    name, by names that measures of a part have not."""
+    if named.intersection(one.name for one in entry.measures):
+        return "another section of the recipe names it"
+    try:
+        for one in entry.measures:
+            part.check(one)
+    except FitnessError as error:
+        return error.found
+    return None
+
+
+def _names_in(value: object) -> set[str]:
+    """All texts in a ``value``, keys and values."""
+    if isinstance(value, Mapping):
+        return set(value) | set().union(*map(_names_in, value.values()))
+    if isinstance(value, list):
+        return set().union(*map(_names_in, value))
+    return {value} if isinstance(value, str) else set()
 
 
 def _harmless(raw: Mapping) -> tuple[dict, list[str]]:

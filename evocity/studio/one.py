@@ -11,7 +11,7 @@ from evocity.analysis.births import label
 from evocity.analysis.individual import Individual
 from evocity.coding.usage import COUNTS
 from evocity.errors import EvocityError
-from evocity.pictures.picture import even
+from evocity.pictures.picture import even, scale_end
 from evocity.studio.watched import Moment
 
 #: What of a birth can be had as a picture.
@@ -19,6 +19,8 @@ PICTURES = ("map", "stones")
 #: Steps back that a pedigree may have; births of each step that are shown; letters that are told of
 #: one thing.
 MOST_STEPS, IN_A_STEP, LETTERS = 6, 12, 400
+#: Spans of generations in which ancestors are counted, at most.
+MOST_SPANS = 240
 # Pixels that a bar of colours is high.
 _BAR = 8
 
@@ -93,10 +95,16 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def picture_of(moment: Moment, identifier: int, kind: str) -> bytes:
-    """A picture of `PICTURES` as PNG. Raises `RunError` where the birth has none."""
+def picture_of(moment: Moment, identifier: int, kind: str, other: int | None = None) -> bytes:
+    """A picture of `PICTURES` as PNG; a map's heights on one scale with those of an ``other``.
+    Raises `RunError` where the birth, or the other, has none."""
     one = Individual(moment.run.told, identifier)
-    return png_of(one.picture() if kind == "map" else one.ancestry_picture())
+    if kind != "map":
+        return png_of(one.ancestry_picture())
+    if other is None:
+        return png_of(one.picture())
+    highest = scale_end(one.city, Individual(moment.run.told, other).city)
+    return png_of(one.picture(highest=highest))
 
 
 def png_of(picture: Image.Image) -> bytes:
@@ -109,7 +117,8 @@ def png_of(picture: Image.Image) -> bytes:
 def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
     """From whom a birth descends: ``steps`` lists of ids, those that are one step back and so on,
     each where it comes first; ``links``, parent and child, among those that are shown; ``more``,
-    how many of each step are not; ``cities``, which of them are source cities."""
+    how many of each step are not; ``cities``, which of them are source cities; `born_of` all
+    ancestors. No genome is read."""
     told, pedigree = moment.run.told, moment.pedigree
     known = rows = told.rows([identifier])
     listed, more = [rows], [0]
@@ -122,6 +131,7 @@ def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
         listed.append(rows[:IN_A_STEP])
         more.append(max(0, rows.size - IN_A_STEP))
     shown = np.concatenate(listed)
+    every = pedigree.ancestors(listed[0])
     links = np.column_stack(pedigree.edges(shown)).tolist()
     return {
         "steps": [told.ids[one].tolist() for one in listed],
@@ -133,18 +143,32 @@ def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
             if told.operator[told.rows([one])[0]] == "source"
             and one < len(moment.run.header.cities)
         },
+        "born": born_of(told.generation[every[every != listed[0]]], told.generation[shown[1:]]),
     }
 
 
-def calls_of(moment: Moment, identifier: int, count: str) -> tuple[dict, bytes]:
+def born_of(every: np.ndarray, shown: np.ndarray) -> dict:
+    """When ancestors were born: of each ``span`` of generations from the first run's on, how many
+    of ``every`` one, and of those that are ``shown``; `MOST_SPANS` at most."""
+    last = int(every.max(initial=0))
+    span = -(-(last + 1) // MOST_SPANS)
+    counts = [np.bincount(one // span, minlength=last // span + 1) for one in (every, shown)]
+    return {"span": span, "every": counts[0].tolist(), "shown": counts[1].tolist()}
+
+
+def calls_of(
+    moment: Moment, identifier: int, count: str, other: int | None = None
+) -> tuple[dict, bytes]:
     """How often a birth calls its own parts, one of `COUNTS`: the ``most``, lifs; ``end``, at
     which colours end, for a few parts are called so often that all others would be pale; a PNG, a
-    pixel a pixel, pale where nothing calls, and beneath it a bar of its colours. Raises
-    `RunError` where it has no genome."""
+    pixel a pixel, pale where nothing calls, and beneath it a bar of its colours. ``end`` is the
+    same for both with an ``other`` birth. Raises `RunError` where one has no genome."""
     from evocity.coding.usage import usage
 
-    values = getattr(usage(Individual(moment.run.told, identifier).genome), count)
-    end = float(np.quantile(values, 0.995)) or float(values.max()) or 1.0
+    ids = [identifier] if other is None else [identifier, other]
+    found = [getattr(usage(Individual(moment.run.told, one).genome), count) for one in ids]
+    end = max(float(np.quantile(one, 0.995)) or float(one.max()) for one in found) or 1.0
+    values = found[0]
     about = {"most": int(values.max()), "end": end}
     bar = np.linspace(0, end, values.shape[1])[None].repeat(_BAR, axis=0)
     gap = np.full((_BAR // 2, values.shape[1], 3), 255, np.uint8)
@@ -168,8 +192,10 @@ def fault_of(error: EvocityError) -> dict:
 
 __all__ = [
     "COUNTS",
+    "MOST_SPANS",
     "MOST_STEPS",
     "PICTURES",
+    "born_of",
     "calls_of",
     "fault_of",
     "heights_of",

@@ -11,6 +11,7 @@ from evocity.store import Run
 from evocity.store.lock import is_held
 from evocity.studio.breeding import Breeding
 from evocity.studio.picks import Picks
+from evocity.studio.solids import Solids
 from evocity.studio.watched import Watched
 
 #: Runs that are taken from a folder, at most.
@@ -23,6 +24,7 @@ class Opened:
 
     def __init__(self, path: Path):
         self.watched = Watched(path)
+        self.solids = Solids(self.watched)
         self.picks = Picks(self.watched.path)
         self.breeding = Breeding()
         #: Of the drawing board, one child a brood.

@@ -12,6 +12,7 @@ from evocity.analysis import Run, open_run
 from evocity.analysis.likeness import Likeness
 from evocity.analysis.pedigree import Pedigree
 from evocity.analysis.viewed import Viewed
+from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.store.lock import is_held
 from evocity.store.parts import open_to_read
@@ -66,6 +67,11 @@ class Moment(Viewed):
     @cached_property
     def likeness(self) -> Likeness:
         return Likeness(self.run.told)
+
+    @cached_property
+    def cities(self) -> tuple[list[CityMap], list[CityMap]]:
+        """The source cities, and those that measures compare with."""
+        return [one.city for one in self.run.sources()], list(self.run.references())
 
     @cached_property
     def pedigree(self) -> Pedigree:

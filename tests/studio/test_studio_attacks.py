@@ -348,6 +348,105 @@ def test_pictures_of_maps_are_asked_for_by_number(attacked, question):
     assert attacked.get(f"/api/{question}").status == 400
 
 
+#: What the page asks for when something is drawn, and what it draws.
+DRAWN = {"operators": ["pavement_fusion"], "parents": [3, 20], "count": 1, "board": True}
+CELLS = {"cell": 4, "marked": "1" + "0" * 255}
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ({"drawing": {"locked": CELLS | {"cell": 0}}}, 400),
+        ({"drawing": {"locked": CELLS | {"cell": 2**15}}}, 400),
+        ({"drawing": {"locked": CELLS | {"cell": 4.0}}}, 400),
+        ({"drawing": {"locked": CELLS | {"cell": "4"}}}, 400),
+        ({"drawing": {"locked": CELLS | {"marked": ""}}}, 400),
+        ({"drawing": {"locked": CELLS | {"marked": "1" * 4097}}}, 400),
+        ({"drawing": {"locked": CELLS | {"marked": "2" * 256}}}, 400),
+        ({"drawing": {"locked": CELLS | {"marked": "0" * 255 + "\n"}}}, 400),
+        ({"drawing": {"within": CELLS | {"marked": "<script>"}}}, 400),
+        ({"drawing": {"within": CELLS | {"marked": "\u0661" * 256}}}, 400),
+        ({"drawing": {"within": CELLS | {"path": "../../secret.txt"}}}, 400),
+        ({"drawing": {"within": CELLS["marked"]}}, 400),
+        ({"drawing": {"within": [CELLS]}}, 400),
+        ({"drawing": {"file": "secret.npy"}}, 400),
+        ({"drawing": {"locked": CELLS | {"marked": "1" * 255}}}, 409),
+        ({"drawing": {"within": CELLS | {"cell": 1}}}, 409),
+        ({"drawing": {"locked": CELLS | {"marked": "1" * 256}}}, 409),
+        ({"board": 1}, 400),
+        ({"operators": ["os.system"]}, 409),
+        ({"operators": ["<script>alert(1)</script>"]}, 409),
+        ({"operators": ["__init__"]}, 409),
+        ({"parameters": {"places": [["../secret.txt", 0]]}}, 409),
+        ({"parameters": {"places": [[1e308, -1e308]]}}, 409),
+        ({"parameters": {"places": [[0, 0]] * 200_000}}, 413),
+        ({"parameters": {"places": "[[0, 0]]"}}, 409),
+        ({"parameters": {"positions": [[-1, 2**62]]}}, 409),
+        ({"parameters": {"fill": [0.5] * 60_000}}, 409),
+        ({"parameters": {"__class__": "Condensation"}}, 409),
+        ({"parameters": {f"p{n}": 1 for n in range(51)}}, 400),
+        ({"operators": ["lambda_field"], "parameters": {"side": 8, "values": [2] * 64}}, 409),
+        ({"operators": ["lambda_field"], "parameters": {"side": 10**9, "values": []}}, 409),
+        ({"operators": ["interpolation"], "parameters": {"share": ["1"]}}, 409),
+        ({"parents": [3, 99_999]}, 409),
+        ({"parents": [3, -20]}, 400),
+        ({"parents": [3, 1e2]}, 400),
+        ({"seed": 2**63}, 400),
+        ({"count": 10**6}, 400),
+    ],
+    ids=range(37),
+)
+def test_what_is_drawn_is_of_known_form_or_nothing(attacked, body, status):
+    told = attacked.post("/api/0/breed", DRAWN | body)
+    assert told.status == status
+    if status != 413:
+        assert set(told.json["error"]) == {"found", "expected", "remedy"}
+        assert told.headers["content-type"] == "application/json"  # never as a page
+    brood = attacked.get("/api/0/brood?board=1").json
+    assert (brood["brood"], brood["busy"]) == (0, False)
+
+
+@pytest.mark.parametrize(
+    "number", [b"NaN", b"Infinity", b"-Infinity", b"1e999", b"0x10", b"01", b"1_000", b"1.", b"+1"]
+)
+@pytest.mark.parametrize("place", [b'"seed": %s', b'"parameters": {"places": [[%s, 0]]}'])
+def test_what_is_no_number_is_not_drawn(attacked, place, number):
+    body = json.dumps(DRAWN).encode()[:-1] + b", " + place % number + b"}"
+    told = attacked.ask("POST", "/api/0/breed", [HEADER, JSON], body)
+    assert told.status in (400, 409)
+    assert attacked.get("/api/0/brood?board=1").json["brood"] == 0
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status"),
+    [
+        ("/api/1/breed", DRAWN, 400),
+        ("/api/1/keep", {"brood": 1, "children": [0], "board": True}, 400),
+        ("/api/0/keep", {"brood": 1, "children": [0], "board": True}, 409),
+        ("/api/0/keep", {"brood": 0, "children": [0], "board": True}, 400),
+        ("/api/0/keep", {"brood": 1, "children": ["../x"], "board": True}, 400),
+        ("/api/0/keep", {"brood": 1, "children": [0], "board": True, "folder": "/tmp"}, 400),
+        ("/api/0/ready", {"parents": [3, 20], "board": "yes"}, 400),
+        ("/api/0/ready", {"parents": list(range(17)), "board": True}, 400),
+    ],
+)
+def test_the_board_of_another_run_or_another_brood_is_nothing(attacked, path, body, status):
+    assert attacked.post(path, body).status == status
+
+
+def test_what_is_beside_and_is_no_birth_is_told(attacked):
+    for question in (
+        "solids?id=99999",
+        "difference?id=3&beside=99999",
+        "buildings?id=99999&of=area",
+        "picture?id=3&kind=map&beside=99999",
+        "calls?id=3&count=ranges&beside=99999",
+    ):
+        told = attacked.get(f"/api/0/{question}")
+        assert told.status == 409
+        assert set(told.json["error"]) == {"found", "expected", "remedy"}
+
+
 def test_a_body_without_a_length_is_counted(attacked):
     chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
     body = chunk * 17 + b"0\r\n\r\n"
@@ -384,6 +483,27 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/heights?id=x",
         "/api/0/calls?id=3&count=__init__",
         "/api/0/calls?id=3",
+        "/api/0/calls?id=3&count=pixels&beside=../3",
+        "/api/0/picture?id=3&kind=map&beside=-2",
+        "/api/0/solids",
+        "/api/0/solids?id=3.obj",
+        "/api/0/difference?id=3",
+        "/api/0/difference?id=3&beside=",
+        "/api/0/difference?id=3&beside=1e3",
+        "/api/0/difference?id=3&beside=99999999999999999999",
+        "/api/0/buildings?id=3",
+        "/api/0/buildings?id=3&of=__class__",
+        "/api/0/buildings?id=3&of=<script>",
+        "/api/0/buildings?id=3&of=area&beside=nan",
+        "/api/0/board",
+        "/api/0/board?ids=3",
+        "/api/0/board?ids=3,3",
+        "/api/0/board?ids=3,20,5",
+        "/api/0/board?ids=3,../20",
+        "/api/0/brood?board=2",
+        "/api/0/brood?board=true",
+        "/api/0/brood-picture?board=1&brood=-1&id=0",
+        "/api/0/brood-tiles?board=1&brood=0&ids=x",
         "/api/1/births",
         "/api/x/births",
         "/api/99999999999999999999/births",

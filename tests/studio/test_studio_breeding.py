@@ -145,6 +145,65 @@ def test_what_is_placed_and_locked_by_hand_is_bred_bit_for_bit(toy):
     assert (child.city.heights[mask] == city.heights[mask]).all()
 
 
+def squares(mask: np.ndarray) -> dict:
+    """As the page sends what is marked, a cell a pixel."""
+    return {"cell": 1, "marked": "".join("1" if one else "0" for one in mask.ravel())}
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "corner"])
+def test_what_is_marked_is_what_is_measured_and_the_recipe_says_so(toy, here, tmp_path, shape):
+    run = shutil.copytree(toy, tmp_path / "runs" / "night")
+    for name in ("toys.py", "left.npy", "right.npy"):
+        shutil.copy(toy.parent / name, tmp_path / "runs" / name)
+    told = evocity.open_run(run)
+    mask = np.zeros(told[0].city.shape, bool)
+    mask[8:40, 4:30] = True
+    if shape == "corner":
+        mask[8:20, 4:15] = False
+    lock = np.zeros_like(mask)
+    lock[:6] = True
+    asked = {"operators": ["mutation"], "parents": [1, 0], "count": 1, "board": True}
+    asked |= {"drawing": {"within": squares(mask), "locked": squares(lock)}}
+    taken = {"alignment": evocity.fitness.get("alignment")}
+    with patch.dict(registry._from_files):
+        if shape == "rectangle":  # measures of one's own do not say that they know of others
+            taken |= {one.name: one for one in evocity.fitness.load_file(run.parent / "toys.py")}
+
+    def within(city) -> dict:
+        cut = city.within(mask)
+        return {name: pytest.approx(float(measure(cut))) for name, measure in taken.items()}
+
+    with served(run) as server:
+        client = Client(server)
+        client.open()
+        assert client.post("/api/0/breed", asked).status == 200
+        while (brood := client.get("/api/0/brood?board=1").json)["busy"]:
+            time.sleep(0.01)
+        (child,) = server.studio.runs[0].drawn.children
+        assert brood["children"][0]["values"] == within(child.city)
+        # parents as they are, without the lock
+        assert brood["marked"] == {str(n): within(told[n].city) for n in (0, 1)}
+        assert ("spread" in (child.error or "")) == (shape == "corner")
+        kept = client.post("/api/0/keep", {"brood": 1, "children": [0], "board": True}).json
+        asked["drawing"] = {"within": squares(np.zeros_like(mask))}
+        client.post("/api/0/breed", asked)  # nothing is marked: the whole is measured
+        while (brood := client.get("/api/0/brood?board=1").json)["busy"]:
+            time.sleep(0.01)
+        assert brood["marked"] is None
+        assert set(brood["children"][0]["values"]) == {"alignment", "spread", "roof"}
+    folder = Path(kept["folder"])
+    assert np.array_equal(np.load(folder / "marked.npy").astype(bool), mask)
+    with patch.dict(registry._from_files):
+        recipe = evocity.read_recipe(folder / "recipe.toml")
+        of = {one.name.partition("@")[0]: one.name.partition("@")[2] for one in recipe.measures}
+        assert of == {name: "marked" * (name in taken) for name in ("spread", "roof", "alignment")}
+        assert any("marked part for spread" in one for one in kept["left"]) == (shape == "corner")
+        with evocity.Search(recipe, out=tmp_path / "next") as search:
+            next(iter(search))
+    first = evocity.open_run(tmp_path / "next")[0]
+    assert first.scores["alignment@marked"] == within(first.city)["alignment"]
+
+
 def test_operators_and_parents_take_turns():
     plan = planned(Brood(**BROOD | {"vary": True}))
     assert [one.operator.name for one in plan] == ["pavement_fusion", "mutation"] * 3
@@ -274,6 +333,7 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
         while client.get("/api/0/brood").json["busy"]:
             time.sleep(0.05)
         assert client.post("/api/0/ready", {"x": 1}).status == 400
+        assert client.get("/api/1/births").status == 200  # the other run is open by then
         asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
         assert client.post("/api/0/breed", asked).status == 200
         refused = client.post("/api/0/breed", asked)

@@ -1,6 +1,7 @@
 """Studio's page in chromium without a window: one run, live, by pointer and by keys alone."""
 
 import contextlib
+import io
 import json
 import shutil
 import time
@@ -16,6 +17,7 @@ pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE, OLD, contents
 from chromium import BROWSER, started
+from PIL import Image
 from toy_runs import write_toy
 from written_runs import written
 
@@ -206,7 +208,7 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         page.get_by_label("order").select_option("id")
         page.locator("[role=option]").nth(7).click()
         until(page, "studio.run.one.facts.textContent.includes('less is better')")
-        until(page, "studio.run.one.image.naturalWidth > 0")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
         assert HOSTILE.replace("_", " ") in page.locator("#pane-0-birth").inner_text()
         table = page.locator(".evocity-values").first.inner_text()
         value = evocity.open_run(folder)[7].scores["gsi"]
@@ -218,11 +220,14 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert labels[0] == "birth 7, 0 steps back"
         assert "birth 0, left, 1 steps back" in labels
         page.get_by_role("button", name="whose stones").click()
-        until(page, "studio.run.one.image.alt.startsWith('which city')")
+        until(page, "studio.run.one.seen.figures[0].image.alt.startsWith('which city')")
         for name in ("usage", "µ"):
             page.get_by_role("button", name=name, exact=True).click()
-            until(page, "studio.run.one.image.alt.includes('how many lifs call')")
-        until(page, "studio.run.one.legend.textContent.startsWith('how many lifs call each pixel')")
+            until(page, "studio.run.one.seen.figures[0].image.alt.includes('how many lifs call')")
+        until(
+            page,
+            "studio.run.one.seen.legend.textContent.startsWith('how many lifs call each pixel')",
+        )
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
         assert state_of(page)["one"] == 3
@@ -255,8 +260,17 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
 
         check()
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.run.one.image.naturalWidth > 0 && studio.run.one.pedigree.nodes.length")
+        until(
+            page,
+            "studio.run.one.seen.figures[0].image.naturalWidth > 0"
+            " && studio.run.one.pedigree.nodes.length",
+        )
         page.locator(".evocity-head").first.click()
+        page.get_by_role("button", name="pin it").click()
+        page.get_by_text("its buildings, beside its parents'").click()
+        page.locator("[role=option]").nth(2).click()
+        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
+        until(page, "studio.run.one.buildings.told && studio.run.one.pedigree.nodes.length")
         check()
         page.get_by_role("button", name="scatter").click()
         page.get_by_role("button", name="filter what lies up").click()
@@ -274,7 +288,7 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         check()
         page.get_by_role("tab", name="draw").click()
         until(page, "studio.run.board.about && studio.run.board.image.naturalWidth > 0")
-        page.get_by_role("button", name="lock", exact=True).click()
+        page.get_by_role("button", name="mask", exact=True).click()
         check()
         page.evaluate("() => studio.tell(new Error('something is at fault'))")
         check()
@@ -289,33 +303,85 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
         page = opened(server)
         page.locator("[role=option]").nth(1).click()
         page.get_by_role("button", name=button, exact=True).click()
-        until(page, "studio.run.one.drawn && studio.run.one.drawn.kind")
-        if page.evaluate("() => studio.run.one.drawn.kind") != kind:
+        until(page, "studio.run.one.seen.drawn && studio.run.one.seen.drawn.kind")
+        if page.evaluate("() => studio.run.one.seen.drawn.kind") != kind:
             pytest.skip("no WebGL2 in this browser")
         canvas = page.locator(f"canvas[data-kind={kind}]")
         assert canvas.is_visible()
         assert "birth" in canvas.get_attribute("aria-label")
         about, heights = page.evaluate(
-            "() => { const { kind, drawers } = studio.run.one.drawn;"
+            "() => { const { kind, drawers } = studio.run.one.seen.drawn;"
             " const { heights, ...rest } = drawers[kind].city; return [rest, [...heights]]; }"
         )
         city = evocity.open_run(folder)[int(shown_ids(page)[1])].city
         assert heights == city.heights.ravel().tolist()
         assert (about["rows"], about["columns"]) == city.shape
-        camera = "studio.run.one.drawn.hands[studio.run.one.drawn.kind].hand.camera.azimuth"
+        camera = (
+            "studio.run.one.seen.drawn.hands[studio.run.one.seen.drawn.kind].hand.camera.azimuth"
+        )
         before = page.evaluate(f"() => {camera}")
         canvas.focus()
         page.keyboard.down(key)
         until(page, f"{camera} !== {before}")
         page.keyboard.up(key)
         page.locator("[role=option]").nth(2).click()
-        until(page, f"studio.run.one.within.querySelector('[data-kind={kind}]').ariaLabel"
+        until(page, f"studio.run.one.seen.within.querySelector('[data-kind={kind}]').ariaLabel"
                     f".includes('birth {shown_ids(page)[2]} ')")  # fmt: skip
         assert page.evaluate(f"() => {camera}") != before
         page.locator("[role=option]").nth(9).click()
         page.get_by_role("button", name="map", exact=True).click(trial=True)
         page.get_by_role("button", name="map", exact=True).click()
-        until(page, "studio.run.one.within.hidden && !studio.run.one.image.hidden")
+        until(
+            page,
+            "studio.run.one.seen.within.hidden && !studio.run.one.seen.figures[0].image.hidden",
+        )
+
+
+def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
+    """Both from one place, in numbers, as a difference; and the address tells it."""
+    with served(folder) as server:
+        page = opened(server)
+        first, second = shown_ids(page)[1:3]
+        page.locator("[role=option]").nth(1).click()
+        page.keyboard.press("p")
+        until(page, f"studio.run.one.pinned === {first}")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
+        assert page.get_by_role("button", name="difference").is_disabled()  # beside itself
+        page.get_by_role("button", name="in space").click()
+        page.locator("[role=listbox]").focus()
+        page.keyboard.press("ArrowRight")
+        until(page, "studio.run.one.seen.drawn?.shown.length === 2")
+        assert state_of(page)["pinned"] == first
+        views = page.locator("canvas[data-kind=columns]")
+        assert [views.nth(k).get_attribute("aria-label").split(" in ")[0] for k in range(2)] == [
+            f"birth {second}",
+            f"birth {first}, pinned",
+        ]
+        seen = "studio.run.one.seen.drawn.views.map((one) => one.canvases.columns.toDataURL())"
+        until(page, f"studio.before = {seen}")
+        views.nth(1).focus()  # the hand on either turns both
+        page.keyboard.press("ArrowRight")
+        until(page, f"{seen}.every((one, place) => one !== studio.before[place])")
+        run = evocity.open_run(folder)
+        rows = page.locator("#pane-0-birth .evocity-values").first.locator("tr")
+        cells = rows.nth(1).locator("td").all_inner_texts()
+        ours, theirs = run[second].scores["gsi"], run[first].scores["gsi"]
+        assert [float(one) for one in cells[:2]] == pytest.approx([ours, theirs], rel=1e-3)
+        more = float(cells[2].replace("−", "-"))
+        assert more == pytest.approx(ours - theirs, rel=1e-3)
+        page.get_by_text("its buildings, beside its parents'").click()
+        until(page, "studio.run.one.buildings.told?.listed.length")
+        assert f"birth {first}, pinned" in page.locator("details table").inner_text()
+        page.get_by_role("button", name="difference").click()
+        until(page, f"studio.run.one.seen.legend.textContent.includes('less birth {first}')")
+        page.get_by_role("button", name="map", exact=True).click()
+        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
+        again = opened(server, context=page.context, at=f"#{page.url.partition('#')[2]}")
+        until(again, "!studio.run.one.seen.figures[1].root.hidden")
+        assert state_of(again) == state_of(page)
+        page.get_by_role("button", name="take its pin off").click()
+        until(page, "studio.run.one.seen.figures[1].root.hidden")
+        assert state_of(page)["pinned"] is None
 
 
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
@@ -340,10 +406,12 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
             "brushes": {"gsi": [["a", 1], [2, 1], 4], "operator": ["none of them"], "x": [1]},
             "chosen": [3, 99_999, "4", None, 3],
             "one": "x",
+            "pinned": 99_999,
         }
         for at in (f"#{quote(json.dumps(strange))}", "#%", "#null", "#[1]", "#%7B"):
             page = opened(server, context=page.context, at=at)
             assert state_of(page)["brushes"] == {}
+            assert state_of(page)["pinned"] is None
         assert page.evaluate("window.hacked") is None
 
 
@@ -496,6 +564,17 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         until(page, "studio.run.breed.children.length === 3")  # they are there until the next brood
 
 
+BRED = "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
+
+
+def as_python_breeds(name: str, parents, **parameters):
+    """The child of the drawing board's seed."""
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
+    wanted = evocity.operators.make(name, **parameters)(parents, rng)
+    assert wanted.digest != parents[0].digest
+    return wanted.digest
+
+
 def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
     """Macro-blocks by pointer, a λ and a lock by keys: each child is what Python has."""
     night = shutil.copytree(OLD / "run-1", tmp_path / "night")
@@ -507,16 +586,11 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         keys, drawn = page.keyboard, server.studio.runs[0].drawn
 
         def child():
-            until(
-                page, "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
-            )
+            until(page, BRED)
             return drawn.children[0]
 
         def same(found, name, parents=parents, **parameters) -> bool:
-            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(0, spawn_key=(0, 0))))
-            wanted = evocity.operators.make(name, **parameters)(parents, rng)
-            assert wanted.digest != parents[0].digest
-            return wanted.digest == found.genome.digest
+            return as_python_breeds(name, parents, **parameters) == found.genome.digest
 
         page.get_by_role("tab", name="draw").click()
         until(page, "studio.run.board.about")
@@ -555,6 +629,9 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         painted[inside] = 0.3
         assert 0 < inside.sum() < inside.size
         assert same(found, "interpolation", share=painted.tolist())
+        page.get_by_label("the child has").select_option("stepwise")
+        assert same(child(), "interpolation", share=painted.tolist(), stepwise=True)
+        page.get_by_label("the child has").select_option("interpolation")
 
         page.get_by_role("button", name="lock", exact=True).click()
         board.focus()
@@ -581,6 +658,72 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         assert kept.condensation == layer
         assert evocity.read_recipe(recipe).locked.mask == "locked.npy"
         assert np.array_equal(np.load(recipe.parent / "locked.npy").astype(bool), mask)
+
+
+def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_path):
+    """Of leaves of many sides; the mask comes from a picture."""
+    night = shutil.copytree(OLD / "run-6", tmp_path / "night")
+    (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
+    run = evocity.open_run(night)
+    parents = [run.genome(3), run.genome(20)]
+    with served(night) as server:
+        page = opened(server)
+        drawn = server.studio.runs[0].drawn
+        page.get_by_role("tab", name="draw").click()
+        until(page, BRED)
+        page.get_by_label("the child has").select_option("region_fusion")
+        board = page.get_by_role("application")
+        box = board.bounding_box()
+        board.click(position={"x": 0.4 * box["width"], "y": 0.5 * box["height"]})
+        until(page, BRED)
+        told = page.evaluate("() => studio.run.board.parameters")
+        assert len(told["places"]) == 1
+        found = drawn.children[0].genome.digest
+        assert found == as_python_breeds("region_fusion", parents, **told)
+
+        page.get_by_label("the child has").select_option("lambda_field")
+        page.get_by_label("brush").select_option("15")
+        board.focus()
+        page.keyboard.press("Enter")
+        until(page, BRED)
+        layers = "studio.run.board.layers"
+        rows, columns, cell = page.evaluate(
+            f"() => [{layers}.rows, {layers}.columns, {layers}.cell]"
+        )
+        painted = np.array(page.evaluate(f"() => [...{layers}.painted]")).reshape(rows, columns)
+        assert (rows, columns) == (16, 16)
+        values = painted.reshape(8, 2, 8, 2).mean(axis=(1, 3)).ravel()  # equal parts
+        assert set(np.unique(painted)) == {0, 1}
+        found = drawn.children[0].genome.digest
+        assert found == as_python_breeds("lambda_field", parents, side=8, values=values.tolist())
+
+        page.get_by_role("button", name="mask", exact=True).click()
+        city = run[3].city
+        picture = np.zeros((*city.shape, 4), np.uint8)
+        picture[..., 3] = 255  # neither black is marked, nor what is transparent
+        picture[:30, 9:40] = (200, 30, 30, 255)
+        picture[:8, 9:40, 3] = 0
+        file = io.BytesIO()
+        Image.fromarray(picture).save(file, "PNG")
+        for name, content in (("text.png", b"no picture"), ("mask.png", file.getvalue())):
+            files = {"name": name, "mimeType": "image/png", "buffer": content}
+            page.locator("input[type=file]").set_input_files(files)
+            if name == "text.png":
+                until(page, "studio.trouble.textContent.includes('text.png is no picture')")
+        until(page, f"{layers}.within.includes(1)")
+        until(page, f"{BRED} && studio.run.board.marked")
+        cells = np.array(page.evaluate(f"() => [...{layers}.within]")).reshape(rows, columns)
+        lit = (picture[..., 0] > 0) & (picture[..., 3] > 0)
+        shares = lit.reshape(rows, cell, columns, cell).mean(axis=(1, 3))
+        assert (cells == (shares >= 0.5)).all()
+        marked = np.kron(cells, np.ones((cell, cell))).astype(bool)
+        gsi, child = evocity.fitness.get("gsi"), drawn.children[0]
+        assert child.values["gsi"] == gsi(child.city.within(marked)) != gsi(child.city)
+        table = page.locator("#pane-0-draw .evocity-values")
+        assert "of what is marked alone" in table.inner_text()
+        row = table.locator("tr", has_text="gsi").locator(".evocity-number").all_inner_texts()
+        right = [gsi(one.within(marked)) for one in (child.city, run[3].city, run[20].city)]
+        assert [float(one) for one in row] == pytest.approx(right, rel=1e-3)
 
 
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
@@ -741,9 +884,13 @@ def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
     with served(folder) as server:
         page = opened(server, width, height)
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.run.one.image.naturalWidth > 0")
+        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
         page.get_by_role("button", name="pick it").click()
         until(page, "studio.run.picks.ids.length")
+        page.get_by_role("button", name="pin it").click()
+        page.locator("[role=option]").nth(2).click()
+        page.get_by_text("its buildings, beside its parents'").click()
+        until(page, "studio.run.one.buildings.told")
         for tab in ("birth", "picks", "breed", "draw"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -1,5 +1,5 @@
 /** What the address holds: which run, or two beside each other; of each filter, order, axes, who is
- * chosen, whose numbers are shown. */
+ * chosen, which birth is shown, and which is pinned. */
 
 /** So many chosen ones stand in an address; it holds none of more. */
 const MOST_CHOSEN = 400;
@@ -39,7 +39,7 @@ export function checked(told, births, usual) {
       Array.isArray(one) && one.length === 2 && one.every(Number.isFinite) && one[0] <= one[1]));
     if (kept.length) found.brushes[name] = kept;
   }
-  found.one = Number.isInteger(told.one) && births.row(told.one) >= 0 ? told.one : null;
+  for (const key of ["one", "pinned"]) found[key] = Number.isInteger(told[key]) && births.row(told[key]) >= 0 ? told[key] : null;
   return found;
 }
 

@@ -1,9 +1,11 @@
 import { tellKept, tellValues } from "./breed.js";
+import { drawLayers, frame } from "./drawn.js";
+import { FIELD, Layers } from "./layers.js";
 import { made, sized } from "./made.js";
 import { ramp } from "./ramp.js";
 
-/** Milliseconds after which a drawing is bred, and between two looks at its child; steps that can be undone. */
-const SOON = 250, LOOK = 120, MOST_STEPS = 50;
+/** Milliseconds after which a drawing is bred, and between two looks at its child. */
+const SOON = 250, LOOK = 120;
 /** What breeds by a drawing: macro-blocks, or a λ painted in cells. */
 const OPERATORS = [
   ["pavement_fusion", "macro-blocks", "Squares of the second parent, laid into the first where you put them."],
@@ -12,7 +14,10 @@ const OPERATORS = [
   ["stepwise", "λ, step by step", "A painted λ that mixes both decodings at every step."],
   ["lambda_field", "λ, by street blocks", "A painted λ tells how many street blocks of each part get the second parent's fabric."],
 ];
-const FIELD = 8, BRUSHES = [1, 3, 7, 15];
+/** What is marked in cells, its layer, and in words. */
+const MARKS = { lock: ["locked", "Where you mark, the child has the first parent's heights."],
+  mask: ["within", "Measures are taken of what you mark alone, of child and parents; of the whole where nothing is marked."] };
+const BRUSHES = [1, 3, 7, 15];
 const WAYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
 /** Two picked parents, drawn over on the `stage`; their child is bred while one draws. `on`: ids(),
@@ -20,7 +25,6 @@ const WAYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRig
 export class Board {
   constructor(parent, stage, server, on) {
     [this.server, this.on, this.stage] = [server, on, stage];
-    this.steps = [];
     this.nobody = made(parent, "p", "faint", "Pick two births: you draw on the map of one where the other shall be.");
     this.form = made(parent, "form");
     this.form.addEventListener("submit", (event) => event.preventDefault());
@@ -31,9 +35,10 @@ export class Board {
     this.operator = this.select(made(this.form, "div", "row"), "the child has ", OPERATORS.map(([name, text]) => [name, text]));
     this.words = made(this.form, "p", "faint");
     const tools = made(this.form, "div", "row", "", { role: "group", "aria-label": "what is drawn" });
-    this.tools = new Map([["lay", ""], ["lock", "lock"]].map(([tool, text]) =>
+    this.tools = new Map([["lay", ""], ["lock", "lock"], ["mask", "mask"]].map(([tool, text]) =>
       [tool, this.button(tools, text, () => this.use(tool))]));
     this.eraser = made(made(tools, "label", "", "take away "), "input", "", "", { type: "checkbox" });
+    this.meant = made(this.form, "p", "faint");
     this.sizes = made(this.form, "div", "row");
     this.side = this.select(this.sizes, "side ", []);
     this.tolerance = this.select(this.sizes, "where outlines differ by ", [["1000", "any step"], ["12", "12 m at most"],
@@ -43,9 +48,12 @@ export class Board {
     this.brush.value = "3";
     this.level = made(made(this.paints, "label", "", "λ of the second "), "input", "", "", { type: "number", min: "0", max: "1", step: "0.1" });
     this.level.value = "1";
+    this.files = made(this.form, "div", "row");
+    this.file = made(made(this.files, "label", "", "or mark from a picture "), "input", "", "", { type: "file", accept: "image/*" });
+    this.file.addEventListener("change", () => this.mark());
     const last = made(this.form, "div", "row");
     this.undo = this.button(last, "undo", () => this.back());
-    this.clear = this.button(last, "clear all", () => this.change(() => this.blank()));
+    this.clear = this.button(last, "clear all", () => this.change(() => this.layers.blank()));
     this.seed = made(made(last, "label", "", "seed "), "input", "", "", { type: "number", min: "0", max: "9007199254740991", step: "1" });
     this.seed.value = "0";
     for (const one of [this.operator, this.tolerance, this.seed]) one.addEventListener("change", () => this.changed());
@@ -157,28 +165,22 @@ export class Board {
 
   begin() {
     const { height, width, cell, grid, metres } = this.about;
-    [this.rows, this.columns] = [Math.ceil(height / cell), Math.ceil(width / cell)];
+    this.layers = new Layers({ height, width, cell });
     const most = Math.floor(Math.min(height, width) / grid / 2);
     const sides = [2, 3, 4, 6, 8, 12, 16, 24, 32].filter((one) => one <= most);
     if (!sides.length) sides.push(1);
     this.side.replaceChildren(...sides.map((one) => made(null, "option", "", `${+(one * grid * metres).toFixed(2)} m`, { value: one })));
     this.side.value = String(sides[Math.min(sides.length - 1, Math.floor(sides.length / 2))]);
     this.at = [height / 2, width / 2];
-    this.steps = [];
-    this.blank();
     this.use("lay");
-  }
-
-  blank() {
-    this.blocks = [];
-    this.painted = new Float32Array(this.rows * this.columns);
-    this.locked = new Uint8Array(this.rows * this.columns);
   }
 
   // -- the hand ----------------------------------------------------------------------------------
 
+  /** What the hand marks, or paints. */
+  get layer() { return this.tool in MARKS ? this.layers[MARKS[this.tool][0]] : this.layers.painted; }
   get isPainted() { return !["pavement_fusion", "region_fusion"].includes(this.operator.value); }
-  get inCells() { return this.isPainted || this.tool === "lock"; }
+  get inCells() { return this.isPainted || this.tool in MARKS; }
 
   use(tool) {
     this.tool = tool;
@@ -206,7 +208,7 @@ export class Board {
     canvas.addEventListener("pointerdown", (event) => {
       if (!this.about || event.button) return;
       canvas.setPointerCapture(event.pointerId);
-      this.remember();
+      this.layers.remember();
       this.held = true;
       go(event);
       this.lay(this.eraser.checked);
@@ -230,7 +232,7 @@ export class Board {
         this.draw();
         this.say("");
       } else if (["Enter", " ", "Delete", "Backspace"].includes(event.key)) {
-        this.remember();
+        this.layers.remember();
         const isTaken = ["Delete", "Backspace"].includes(event.key) || this.eraser.checked;
         this.lay(isTaken);
         this.say(isTaken ? "taken away" : "drawn");
@@ -244,92 +246,69 @@ export class Board {
   say(done) {
     const { row, column, unit } = this.spot, metres = unit * this.about.metres;
     const [y, x] = this.at.map((px) => Math.floor(px / this.about.cell));
-    const here = y * this.columns + x, told = [`${Math.round(row * metres)} m from the north, ${Math.round(column * metres)} m from the west`];
-    if (this.isPainted) told.push(`λ ${+this.painted[here].toFixed(2)}`);
-    else told.push(`${this.blocks.length} macro-blocks`);
-    if (this.locked[here]) told.push("locked");
+    const { columns, painted, blocks, locked, within } = this.layers, here = y * columns + x;
+    const told = [`${Math.round(row * metres)} m from the north, ${Math.round(column * metres)} m from the west`];
+    if (this.isPainted) told.push(`λ ${+painted[here].toFixed(2)}`);
+    else told.push(`${blocks.length} macro-blocks`);
+    if (locked[here]) told.push("locked");
+    if (within.includes(1)) told.push(within[here] ? "measured" : "not measured");
     if (done) told.unshift(done);
     this.spoken.textContent = told.join(", ");
   }
 
   lay(isTaken) {
-    const { row, column, side } = this.spot;
+    const spot = this.spot, { row, column, side } = spot, { blocks } = this.layers;
     if (!this.inCells) {
-      const size = side, [y, x] = this.at.map((px) => px / this.about.grid);
-      const isHere = ([top, left]) => y >= top && y < top + size && x >= left && x < left + size;
-      const last = this.blocks.findLastIndex(isHere);
-      if (isTaken && last >= 0) this.blocks.splice(last, 1);
-      if (!isTaken && !this.blocks.some(([top, left]) => top === row && left === column)) this.blocks.push([row, column]);
+      const [y, x] = this.at.map((px) => px / this.about.grid);
+      const isHere = ([top, left]) => y >= top && y < top + side && x >= left && x < left + side;
+      const last = blocks.findLastIndex(isHere);
+      if (isTaken && last >= 0) blocks.splice(last, 1);
+      if (!isTaken && !blocks.some(([top, left]) => top === row && left === column)) blocks.push([row, column]);
     } else {
-      const level = Math.max(0, Math.min(1, Number(this.level.value) || 0));
-      const layer = this.tool === "lock" ? this.locked : this.painted, value = isTaken ? 0 : this.tool === "lock" ? 1 : level;
-      for (let y = Math.max(0, row); y < Math.min(this.rows, row + side); y++) {
-        layer.fill(value, y * this.columns + Math.max(0, column), y * this.columns + Math.min(this.columns, column + side));
-      }
+      const level = this.tool in MARKS ? 1 : Math.max(0, Math.min(1, Number(this.level.value) || 0));
+      this.layers.fill(this.layer, spot, isTaken ? 0 : level);
     }
     this.changed();
   }
 
-  remember() {
-    this.steps.push([this.blocks.slice(), this.painted.slice(), this.locked.slice()]);
-    if (this.steps.length > MOST_STEPS) this.steps.shift();
-  }
-
   change(act) {
-    this.remember();
+    this.layers.remember();
     act();
     this.changed();
   }
 
   back() {
-    if (!this.steps.length) return;
-    [this.blocks, this.painted, this.locked] = this.steps.pop();
+    if (!this.layers?.steps.length) return;
+    this.layers.back();
     this.changed();
+  }
+
+  /** Mark by a file, in place of what is marked. */
+  async mark() {
+    const [file] = this.file.files, { layers, tool } = this;
+    if (!file || !layers || !(tool in MARKS)) return;
+    const layer = new Uint8Array(layers.painted.length);
+    try {
+      const count = await layers.mark(layer, file);
+      this.change(() => { layers[MARKS[tool][0]] = layer; });
+      this.spoken.textContent = `${tool}: ${count} of ${layer.length} cells are marked by ${file.name}`;
+      this.on.trouble(null);
+    } catch (error) {
+      this.on.trouble(error);
+    }
+    this.file.value = "";
   }
 
   // -- what is seen ------------------------------------------------------------------------------
 
   draw() {
     if (!this.about || this.stage.hidden) return;
-    const { height, width, cell, grid } = this.about, [ours, theirs] = this.maps;
+    const { height, width, grid } = this.about, [ours, theirs] = this.maps;
     const wide = Math.max(120, Math.min(this.canvas.parentElement.clientWidth, 720)), scale = wide / width;
-    const context = sized(this.canvas, wide, height * scale);
-    context.imageSmoothingEnabled = false;
-    context.drawImage(ours, 0, 0, width * scale, height * scale);
-    const part = (y, x, tall, long) => context.drawImage(theirs, x, y, long, tall, x * scale, y * scale, long * scale, tall * scale);
-    const side = Number(this.side.value) * grid;
-    if (!this.isPainted) {
-      for (const [row, column] of this.blocks) part(row * grid, column * grid, side, side);
-      for (const [row, column] of this.blocks) this.frame(context, column * grid * scale, row * grid * scale, side * scale, side * scale);
-    }
-    const step = cell * scale;
-    for (let k = 0; k < this.painted.length; k++) {
-      const y = Math.floor(k / this.columns) * cell, x = (k % this.columns) * cell;
-      if (this.isPainted && this.painted[k]) {
-        context.globalAlpha = this.painted[k];
-        part(y, x, Math.min(cell, height - y), Math.min(cell, width - x));
-        context.globalAlpha = 1;
-      }
-      if (this.locked[k]) {
-        context.strokeStyle = "#34302e";
-        context.lineWidth = 1;
-        context.beginPath();
-        context.moveTo(x * scale, y * scale + step);
-        context.lineTo(x * scale + step, y * scale);
-        context.stroke();
-      }
-    }
+    const context = sized(this.canvas, wide, height * scale), side = Number(this.side.value) * grid;
+    drawLayers(context, this.layers, { ours, theirs, grid, side, scale, isPainted: this.isPainted });
     const spot = this.spot, size = spot.side * spot.unit * scale;
-    this.frame(context, spot.column * spot.unit * scale, spot.row * spot.unit * scale, size, size, 2);
-  }
-
-  /** Seen on pale and dark ground. */
-  frame(context, x, y, wide, tall, width = 1) {
-    for (const [colour, line] of [["#fff", width + 2], ["#34302e", width]]) {
-      context.strokeStyle = colour;
-      context.lineWidth = line;
-      context.strokeRect(x, y, wide, tall);
-    }
+    frame(context, spot.column * spot.unit * scale, spot.row * spot.unit * scale, size, size, 2);
   }
 
   // -- the child ---------------------------------------------------------------------------------
@@ -345,51 +324,32 @@ export class Board {
   }
 
   get parameters() {
-    const { grid, metres, cell, lifs } = this.about, side = Number(this.side.value) * grid * metres;
+    const { grid, metres, lifs } = this.about, side = Number(this.side.value) * grid * metres;
     const name = this.operator.value;
     if (!this.isPainted) {
-      const places = this.blocks.map((corner) => corner.map((one) => one * grid * metres));
+      const places = this.layers.blocks.map((corner) => corner.map((one) => one * grid * metres));
       const found = { side_min: side, side_max: side, fill: 0.5, margin: 0, tolerance: Number(this.tolerance.value), places };
       return name === "region_fusion" ? { ...found, tries: null } : found;
     }
-    if (name === "lambda_field") return { side: FIELD, values: this.field() };
-    const share = Array.from({ length: lifs }, (_, k) => +(1 - this.mean(...this.lifs.subarray(3 * k, 3 * k + 3), cell)).toFixed(4));
+    if (name === "lambda_field") return { side: FIELD, values: this.layers.field() };
+    const share = Array.from({ length: lifs }, (_, k) => +(1 - this.layers.mean(...this.lifs.subarray(3 * k, 3 * k + 3))).toFixed(4));
     return { share, stepwise: name === "stepwise" };
-  }
-
-  /** Mean of what is painted in the cells of a square, px; it has one at least. */
-  mean(top, left, side, cell) {
-    const span = (from) => [Math.floor(from / cell), Math.max(Math.floor(from / cell) + 1, Math.floor((from + side) / cell))];
-    const [[first, last], [west, east]] = [span(top), span(left)];
-    let sum = 0;
-    for (let y = first; y < last; y++) for (let x = west; x < east; x++) sum += this.painted[y * this.columns + x];
-    return sum / ((last - first) * (east - west));
-  }
-
-  /** Means of what is painted in equal parts of the map. */
-  field() {
-    const sums = new Float64Array(FIELD * FIELD), counts = new Float64Array(FIELD * FIELD);
-    for (let k = 0; k < this.painted.length; k++) {
-      const y = Math.floor((Math.floor(k / this.columns) * FIELD) / this.rows), x = Math.floor(((k % this.columns) * FIELD) / this.columns);
-      sums[y * FIELD + x] += this.painted[k];
-      counts[y * FIELD + x] += 1;
-    }
-    return Array.from(sums, (one, k) => +(one / Math.max(1, counts[k])).toFixed(4));
   }
 
   /** A child of what is drawn now, and then of what was drawn meanwhile. */
   async breed() {
     if (this.isBusy) return;
     this.isBusy = true;
+    this.tell();
     try {
       while (this.isNew && this.about && !this.stage.hidden) {
         this.isNew = false;
-        const locked = this.locked.includes(1) ? { cell: this.about.cell, marked: this.locked.join("") } : null;
+        const [locked, within] = [this.layers.locked, this.layers.within].map((layer) => this.layers.marked(layer));
         await this.rested();
         let told = await this.server.told("breed", {
           operators: [this.operator.value === "stepwise" ? "interpolation" : this.operator.value],
           parameters: this.parameters, parents: this.pair, count: 1, seed: Number(this.seed.value) || 0, board: true,
-          drawing: locked && { locked },
+          drawing: (locked || within) && { locked, within },
         });
         this.seen = null;
         while (true) {
@@ -412,7 +372,8 @@ export class Board {
     while ((await this.server.asked("brood", { board: 1 })).busy) await new Promise((resolve) => setTimeout(resolve, LOOK));
   }
 
-  async see({ brood, children: [child], error }) {
+  async see({ brood, children: [child], error, marked }) {
+    this.marked = marked;
     this.bred = child && ["bred", "measured"].includes(child.stage) ? { brood, child } : null;
     if (this.bred && this.seen !== brood) {
       this.seen = brood;
@@ -432,15 +393,17 @@ export class Board {
     for (const [tool, button] of this.tools) button.setAttribute("aria-pressed", String(tool === this.tool));
     this.sizes.hidden = this.isPainted;
     this.paints.hidden = !this.inCells;
-    this.level.parentElement.hidden = !this.isPainted || this.tool === "lock";
-    this.undo.disabled = !this.steps.length;
+    this.files.hidden = this.meant.hidden = !(this.tool in MARKS);
+    this.meant.textContent = this.meant.hidden ? "" : MARKS[this.tool][1];
+    this.level.parentElement.hidden = !this.isPainted || this.tool in MARKS;
+    this.undo.disabled = !this.layers?.steps.length;
     this.image.hidden = !this.image.src;
     this.keep.hidden = !this.bred;
     this.keep.disabled = this.isBusy;
     const text = error || (this.isBusy && !this.bred ? "The child is bred …" : this.bred ? `child ${this.bred.child.stage}` : "");
     if (this.state.textContent !== text) this.state.textContent = text;
     this.facts.replaceChildren();
-    if (this.bred) tellValues(this.facts, this.bred.child, this.on.births());
+    if (this.bred) tellValues(this.facts, this.bred.child, this.on.births(), this.marked);
   }
 
   async keepIt() {

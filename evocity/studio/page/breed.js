@@ -284,10 +284,11 @@ export class Breed {
 }
 
 /** What a child has of each measure, beside what its parents have. */
-export function tellValues(parent, { values, parents }, births) {
+export function tellValues(parent, { values, parents }, births, marked = null) {
   const rows = parents.map((id) => births.row(id));
   if (!Object.keys(values).length) return;
   const table = made(parent, "table", "values");
+  if (marked) made(table, "caption", "", "of what is marked alone");
   const head = made(table, "tr");
   made(head, "td");
   for (const text of ["child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
@@ -296,7 +297,9 @@ export function tellValues(parent, { values, parents }, births) {
     made(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });
     made(row, "td", "number", number(value));
     const others = made(row, "td", "faint");
-    for (const one of column ? rows : []) made(others, "div", "number", number(column.values[one]));
+    for (const [place, one] of (column ? rows : []).entries()) {
+      made(others, "div", "number", number(marked ? marked[parents[place]]?.[name] ?? NaN : column.values[one]));
+    }
   }
 }
 

@@ -1,20 +1,14 @@
+import { Buildings } from "./buildings.js";
 import { made, number } from "./made.js";
 import { Pedigree } from "./pedigree.js";
+import { Seen } from "./seen.js";
 
-/** Pictures of a birth, by what the server calls them. */
-const PICTURES = [["map", "map"], ["stones", "whose stones"]];
-/** Maps of how often its own parts are called, by what the server calls them, and in words. */
-const COUNTS = [["ranges", "usage", "how many lifs call the domain block that each range block is made of"],
-  ["pixels", "µ", "how many lifs call each pixel"]];
-/** What the page draws itself, in three dimensions. */
-const SPACES = [["columns", "in space"], ["walk", "walk"]];
-
-/** All that is told of one birth, by the `server` of its run. `on`: wake(id), pick(ids), drop(ids), trouble(error). */
+/** All that is told of one birth, by the `server` of its run, beside another that is pinned. `on`: wake(id),
+ * pick(ids), drop(ids), pin(id), trouble(error). */
 export class One {
   constructor(parent, server, small, on) {
     [this.server, this.on] = [server, on];
-    this.id = null;
-    this.kind = "map";
+    this.id = this.pinned = null;
     this.marks = new Set();
     this.nobody = made(parent, "p", "faint", "Click a birth, or go to one with the arrow keys, to see all that is told of it.");
     this.root = made(parent, "div");
@@ -23,19 +17,14 @@ export class One {
     this.title = made(head, "h2");
     this.pick = made(head, "button", "", "", { type: "button" });
     this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
+    this.pin = made(head, "button", "", "", { type: "button" });
+    this.pin.addEventListener("click", () => this.turnPin());
+    this.beside = made(this.root, "div", "row", "", { role: "status" });
     this.origin = made(this.root, "p", "faint");
-    const kinds = made(this.root, "div", "row", "", { role: "group", "aria-label": "picture" });
-    this.kinds = new Map([...PICTURES, ...COUNTS, ...SPACES].map(([kind, text]) => {
-      const button = made(kinds, "button", "", text, { type: "button" });
-      button.addEventListener("click", () => this.picture(kind));
-      return [kind, button];
-    }));
-    this.image = made(this.root, "img");
-    this.legend = made(this.root, "p", "faint");
-    this.within = made(this.root, "div", "space");
-    this.within.hidden = true;
-    this.lack = made(this.root, "p", "lack");
+    this.seen = new Seen(made(this.root, "div"), server);
+    this.image = this.seen.figures[0].image;
     this.facts = made(this.root, "div");
+    this.buildings = new Buildings(this.root, server);
     made(this.root, "h3", "", "from whom it descends");
     this.pedigree = new Pedigree(this.root, server, small, { wake: (id) => on.wake(id) });
     this.making = made(this.root, "div");
@@ -52,19 +41,57 @@ export class One {
     this.pedigree.show(id).catch(this.on.trouble);
   }
 
+  /** Who stands beside it; null while it is pinned itself, or nobody is. */
+  get other() { return this.pinned === this.id ? null : this.pinned; }
+
+  /** Pin what is shown, or take that pin off. */
+  turnPin() {
+    if (this.id !== null) this.on.pin(this.pinned === this.id ? null : this.id);
+  }
+
+  /** Who is pinned, null for nobody. */
+  pinTo(id) {
+    if (id === this.pinned) return;
+    this.pinned = id;
+    this.renew(true);
+  }
+
   /** Look anew at what may have changed: whether it lives, who was bred from it; `isOther`, its
    * picture too. */
   async renew(isOther = false) {
-    const { id } = this;
+    const { id, other } = this;
     if (id === null) return;
+    this.tellPin();
     try {
-      const told = await this.server.asked("one", { id });
-      if (id !== this.id) return;
-      this.tell(told);
-      if (isOther) this.picture(told.pictured ? this.kind : null);
+      const ids = other === null ? [id] : [id, other];
+      const told = await Promise.all(ids.map((one) => this.server.asked("one", { id: one })));
+      if (id !== this.id || other !== this.other) return;
+      this.tell(...told);
+      if (!isOther) return;
+      this.seen.show(id, told[1]?.pictured ? other : null, told[0].pictured);
+      this.buildings.show(id, other);
     } catch (error) {
       if (id === this.id) this.on.trouble(error);
     }
+  }
+
+  tellPin() {
+    const { other } = this, isPinned = this.id === this.pinned;
+    this.pin.textContent = isPinned ? "pinned: take the pin off" : "pin it";
+    this.pin.title = "others are shown beside the one that is pinned (key p)";
+    this.pin.setAttribute("aria-pressed", String(isPinned));
+    this.root.classList.toggle("evocity-pinned", this.pinned !== null);
+    this.beside.replaceChildren();
+    if (other === null) {
+      if (isPinned) made(this.beside, "span", "faint", "Others are shown beside it: go to another one.");
+      return;
+    }
+    made(this.beside, "span", "faint", "beside it is");
+    made(this.beside, "button", "link", `birth ${other}`, { type: "button" }).addEventListener("click", () => this.on.wake(other));
+    made(this.beside, "button", "", "take its pin off", { type: "button" }).addEventListener("click", () => {
+      this.on.pin(null);
+      this.pin.focus();
+    });
   }
 
   picked(ids) {
@@ -76,69 +103,8 @@ export class One {
 
   arrived() { this.pedigree.draw(); }
 
-  async picture(kind) {
-    const { id } = this;
-    for (const button of this.kinds.values()) button.disabled = !kind;
-    if (!kind) {
-      this.image.hidden = this.within.hidden = true;
-      this.lack.hidden = false;
-      this.lack.textContent = "It has no picture.";
-      return;
-    }
-    this.kind = kind;
-    for (const [one, button] of this.kinds) button.setAttribute("aria-pressed", String(one === kind));
-    this.legend.textContent = "";
-    const isMeant = () => id === this.id && kind === this.kind;
-    const isDrawn = SPACES.some(([one]) => one === kind);
-    try {
-      if (isDrawn) {
-        await this.draw(id, kind, isMeant);
-        return;
-      }
-      this.within.hidden = true;
-      const count = COUNTS.find(([one]) => one === kind);
-      let blob, words = { map: `map of heights of birth ${id}, north up`, stones: `which city each stone of birth ${id} is from` }[kind];
-      if (count) {
-        const { about, content } = await this.server.framed("calls", { id, count: kind });
-        if (!isMeant()) return;
-        blob = new Blob([content], { type: "image/png" });
-        words = `birth ${id}: ${count[2]}`;
-        const more = about.most > about.end ? `; a few up to ${about.most}` : "";
-        this.legend.textContent = `${count[2]}: the bar goes from 0 to ${number(about.end)}${more}.`;
-      } else blob = await this.server.blobOf("picture", { id, kind });
-      if (!isMeant()) return;
-      if (this.address) URL.revokeObjectURL(this.address);
-      this.address = URL.createObjectURL(blob);
-      this.image.src = this.address;
-      this.image.alt = words;
-      this.image.classList.toggle("evocity-pixels", Boolean(count));
-      this.image.hidden = false;
-      this.lack.hidden = true;
-    } catch (error) {
-      if (!isMeant()) return;
-      this.image.hidden = this.within.hidden = true;
-      this.lack.hidden = false;
-      this.lack.textContent = `It has no picture: ${error.message}`;
-    }
-  }
-
-  /** In three dimensions; what draws is loaded when it is first asked for. */
-  async draw(id, kind, isMeant) {
-    if (!this.drawn) {
-      const { Space } = await import("./space.js");
-      this.drawn = new Space(this.within);
-    }
-    const { about, content } = await this.server.framed("heights", { id });
-    if (!isMeant()) return;
-    this.image.hidden = this.lack.hidden = true;
-    this.within.hidden = false;
-    this.drawn.show({
-      heights: new Float32Array(content.slice().buffer), rows: about.height, columns: about.width,
-      metresPerPixel: about.metres, highest: this.highest,
-    }, kind === "walk", `birth ${id}`);
-  }
-
-  tell(told) {
+  /** Of a birth, and of the `other` beside it, if there is one. */
+  tell(told, other) {
     const words = (text) => text.replaceAll("_", " ");
     const lived = told.lived ? `lived in ${told.lived} generation${told.lived > 1 ? "s" : ""}` : "never lived on";
     const origin = [`generation ${told.generation}`, words(told.operator), told.alive ? "alive" : lived];
@@ -149,23 +115,39 @@ export class One {
       made(this.facts, "p", "lack", `It failed: ${words(told.status)}. ${told.error || ""}`);
     } else if (told.error) made(this.facts, "p", "faint", told.error);
     if (told.status === "ok" && !told.feasible) made(this.facts, "p", "lack", "✕ It breaks a bound.");
-    this.measures(told.measures);
+    this.measures(told, other);
     this.stones(told.stones);
     this.links("bred from", told.parents);
     this.links("parent of", told.children);
     this.made(told);
   }
 
-  measures(listed) {
+  measures(told, other) {
     const table = made(this.facts, "table", "values");
-    made(table, "caption", "", "what it has, and what was wanted");
-    for (const one of listed) {
+    made(table, "caption", "", other ? "what each has, and what was wanted" : "what it has, and what was wanted");
+    if (other) {
+      const head = made(table, "tr");
+      for (const text of ["", `birth ${told.id}`, `birth ${other.id}, pinned`, "it has more", "wanted"]) {
+        made(head, text ? "th" : "td", text && text !== "wanted" ? "number" : "", text, text ? { scope: "col" } : {});
+      }
+    }
+    const others = other ? other.measures : [];
+    told.measures.forEach((one, place) => {
       const row = made(table, "tr", "", "", one.summary ? { title: one.summary } : {});
       made(row, "th", "", one.name.replaceAll("_", " "), { scope: "row" });
-      made(row, "td", "number", `${number(one.value ?? NaN)} ${one.unit}`.trimEnd());
-      const isBroken = one.value !== null && !one.kept;
-      made(row, "td", "faint", `${isBroken ? "✕ " : ""}${one.wanted}`);
-    }
+      const value = (of) => {
+        const isBroken = of.value !== null && !of.kept;
+        made(row, "td", "number", `${isBroken && other ? "✕ " : ""}${number(of.value ?? NaN)} ${of.unit}`.trimEnd());
+        return isBroken;
+      };
+      const isBroken = value(one), beside = others[place];
+      if (beside) {
+        value(beside);
+        const more = one.value === null || beside.value === null ? NaN : one.value - beside.value;
+        made(row, "td", "number", `${more > 0 ? "+" : more < 0 ? "−" : ""}${number(Math.abs(more))}`);
+      }
+      made(row, "td", "faint", `${isBroken && !other ? "✕ " : ""}${one.wanted}`);
+    });
   }
 
   stones(shares) {

@@ -1,3 +1,4 @@
+import { Born } from "./born.js";
 import { COLOURS, made, sized } from "./made.js";
 
 const STEPS = 6, LARGEST = 56, BETWEEN = 22, CAPTION = 14;
@@ -10,6 +11,7 @@ export class Pedigree {
     this.root = made(parent, "div", "pedigree");
     this.canvas = made(this.root, "canvas", "", "", { "aria-hidden": "true" });
     this.more = made(parent, "p", "faint");
+    this.born = new Born(made(parent, "div"));
     this.nodes = [];
     new ResizeObserver(() => this.lay()).observe(this.root);
   }
@@ -19,6 +21,7 @@ export class Pedigree {
     const told = await this.server.asked("pedigree", { id, steps: STEPS });
     if (id !== this.id) return;
     this.told = told;
+    this.born.show(told.born);
     this.lay();
   }
 

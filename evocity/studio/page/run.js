@@ -36,6 +36,7 @@ export class Run {
       wake: (id) => this.wake(id),
       pick: (ids) => this.picks.change({ change: "pick", ids }),
       drop: (ids) => this.picks.change({ change: "drop", ids }),
+      pin: (id) => this.pin(id),
       chosen: () => (this.state ? this.state.chosen : []),
       choose: (chosen) => this.viewer.change({ chosen }),
       picked: (ids) => this.picked(ids),
@@ -48,7 +49,7 @@ export class Run {
     });
     this.board = new Board(this.tabs.panes.draw, this.stage, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births,
-      highest: () => this.one.highest, trouble: hear.trouble,
+      highest: () => this.one.seen.highest, trouble: hear.trouble,
     });
     this.picks = new Picks(this.tabs.panes.picks, this.server, this.small, hear);
     this.tabs.seen = (name) => {
@@ -57,6 +58,7 @@ export class Run {
       if (name === "breed" && this.about) this.breed.open();
       if (name === "draw" && this.about) this.board.open();
     };
+    for (const part of [this.main, this.side]) part.addEventListener("keydown", (event) => this.press(event));
     for (const name of ["pointerdown", "focusin"]) this.main.addEventListener(name, () => on.turn(), true);
     this.look();
   }
@@ -114,7 +116,7 @@ export class Run {
     if (this.isClosed) return;
     const before = this.about;
     this.about = about;
-    this.one.highest = about.highest; // metres at which all colours end
+    this.one.seen.highest = about.highest; // metres at which all colours end
     if (!before || before.run !== about.run) this.begin(about, content);
     else this.viewer.grow(about, content);
     this.one.renew();
@@ -125,8 +127,8 @@ export class Run {
     this.small.forget();
     const order = { name: about.axes.length ? about.axes[0].name : "id", reversed: false };
     this.usual = { chosen: [], brushes: {}, order, axes: about.axes };
-    const { one, ...state } = checked(this.told, new Births(about, content), this.usual);
-    this.state = { ...state, one };
+    const { one, pinned, ...state } = checked(this.told, new Births(about, content), this.usual);
+    this.state = { ...state, one, pinned };
     this.main.setAttribute("aria-label", `all births of ${about.title}`);
     this.side.setAttribute("aria-label", `one birth, picks, children of ${about.title}`);
     this.viewer = new Viewer(this.births, {
@@ -138,6 +140,7 @@ export class Run {
       trouble: (error) => this.on.tell(error, "asked"),
     });
     this.picked(this.picks.ids);
+    this.one.pinTo(pinned);
     if (one !== null) this.wake(one);
     this.save({});
   }
@@ -152,8 +155,9 @@ export class Run {
   change(told) {
     this.told = told;
     if (!this.viewer) return;
-    const { one, ...state } = checked(told, this.viewer.births, this.usual);
+    const { one, pinned, ...state } = checked(told, this.viewer.births, this.usual);
     this.viewer.change(state);
+    this.pin(pinned);
     if (one !== null && one !== this.one.id) this.wake(one);
   }
 
@@ -185,6 +189,20 @@ export class Run {
     this.state.one = id;
     this.on.saved();
     this.one.show(id);
+  }
+
+  /** Have a birth stand beside the others, or none (null). */
+  pin(id) {
+    if (!this.state) return;
+    this.state.pinned = id;
+    this.on.saved();
+    this.one.pinTo(id);
+  }
+
+  /** Keys that go everywhere but where one writes or draws. */
+  press({ key, target, ctrlKey, metaKey, altKey }) {
+    if (key !== "p" || ctrlKey || metaKey || altKey || target.closest("input, select, textarea, [role=application]")) return;
+    this.one.turnPin();
   }
 
   /** Show a birth, wherever it is: also one that does not pass the filter. */

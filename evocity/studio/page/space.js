@@ -10,11 +10,12 @@ const HOW = {
 };
 
 /** A city in three dimensions: exact columns seen along parallel lines, or walked through in the
- * light of a date and an hour. The next city is seen from where the last one was. */
+ * light of a date and an hour; or two cities of one size, from the same place. The next city is
+ * seen from where the last one was. */
 export class Space {
   constructor(parent) {
-    const canvas = (kind) => made(parent, "canvas", "", "", { role: "img", "data-kind": kind });
-    this.canvases = { columns: canvas("columns"), walk: canvas("walk") };
+    this.pair = made(parent, "div", "pair");
+    this.views = [];
     this.how = made(parent, "p", "faint");
     this.light = made(parent, "div", "row");
     const field = (text, type, value, limits) => {
@@ -30,30 +31,78 @@ export class Space {
     new ResizeObserver(() => this.draw()).observe(parent);
   }
 
-  /** A city, walked through where `isWalk` and the browser can; what it is `called`. */
-  show(city, isWalk, called) {
+  /** The first city's. */
+  get drawers() { return this.views[0].drawers; }
+
+  /** One city or two, {city, called}, walked through where `isWalk` and the browser can. Through
+   * two one walks where both are open. */
+  show(listed, isWalk) {
     const kind = this.kind = isWalk && supported() ? "walk" : "columns";
-    for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== kind;
     this.light.hidden = kind !== "walk";
     this.how.textContent = (isWalk && kind === "columns" ? "This browser has no WebGL2: seen from outside instead. " : "") + HOW[kind];
-    const canvas = this.canvases[kind], Hand = kind === "walk" ? Stroll : Orbit;
-    canvas.setAttribute("aria-label", `${called} in three dimensions. ${HOW[kind]}`);
-    const was = this.hands[kind];
+    while (this.views.length < listed.length) this.views.push(new View(this.pair));
+    this.views.forEach((view, place) => view.show(listed[place], kind, listed.length > 1));
+    this.shown = this.views.slice(0, listed.length);
+    const Hand = kind === "walk" ? Stroll : Orbit, was = this.hands[kind];
     if (was) was.detach();
-    const hand = new Hand(city, () => this.draw(), was ? was.hand.camera : {});
-    this.hands[kind] = { hand, detach: hand.attach(canvas) };
-    const drawer = kind === "walk" ? Walk : Axonometry;
-    const known = this.drawers ||= {};
-    if (known[kind]) known[kind].show(city);
-    else known[kind] = new drawer(canvas, city);
+    const all = ofAll(listed.map((one) => one.city)), make = (camera) => new Hand(all, () => this.draw(), camera);
+    let hand = make(was ? was.hand.camera : {});
+    if (kind === "walk" && listed.length > 1 && !hand.isFree(...hand.camera.position)) hand = make({}); // within a wall of one
+    const ends = this.shown.map((view) => hand.attach(view.canvases[kind]));
+    this.hands[kind] = { hand, detach: () => ends.forEach((end) => end()) };
+    this.draw();
+  }
+
+  /** The city at a place among those that are walked through gets straight walls: `bytes`, as `Walk` takes
+   * its solids. */
+  stand(place, bytes) {
+    this.shown[place].stand(bytes);
     this.draw();
   }
 
   draw() {
-    const { kind } = this, canvas = kind && this.canvases[kind];
-    if (!canvas || !canvas.clientWidth) return;
+    const { kind } = this;
+    if (!kind) return;
     const { camera } = this.hands[kind].hand;
-    if (kind === "columns") this.drawers.columns.draw(camera);
-    else this.drawers.walk.draw(camera, sunAt(Number(this.latitude.value) || 0, this.date.value || "2026-06-21", Number(this.hour.value)));
+    const sun = sunAt(Number(this.latitude.value) || 0, this.date.value || "2026-06-21", Number(this.hour.value));
+    for (const view of this.shown) view.draw(kind, camera, sun);
   }
+}
+
+/** One of the cities, with a canvas of each kind. */
+class View {
+  constructor(parent) {
+    this.root = made(parent, "figure");
+    this.caption = made(this.root, "figcaption");
+    const canvas = (kind) => made(this.root, "canvas", "", "", { role: "img", "data-kind": kind });
+    this.canvases = { columns: canvas("columns"), walk: canvas("walk") };
+    this.drawers = {};
+  }
+
+  show(told, kind, isOneOfTwo) {
+    this.root.hidden = !told;
+    if (!told) return;
+    const { city, called } = told;
+    this.city = city;
+    this.caption.textContent = called;
+    this.caption.hidden = !isOneOfTwo;
+    for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== kind;
+    this.canvases[kind].setAttribute("aria-label", `${called} in three dimensions. ${HOW[kind]}`);
+    if (this.drawers[kind]) this.drawers[kind].show(city);
+    else this.drawers[kind] = new (kind === "walk" ? Walk : Axonometry)(this.canvases[kind], city);
+  }
+
+  stand(bytes) { this.drawers.walk.show(this.city, bytes); }
+
+  draw(kind, camera, sun) {
+    if (!this.canvases[kind].clientWidth) return;
+    if (kind === "columns") this.drawers.columns.draw(camera);
+    else this.drawers.walk.draw(camera, sun);
+  }
+}
+
+/** The higher of all cities at each place: who stands on it stands in none of them. */
+function ofAll(cities) {
+  if (cities.length < 2) return cities[0];
+  return { ...cities[0], heights: cities[0].heights.map((one, k) => Math.max(one, ...cities.slice(1).map((other) => other.heights[k]))) };
 }

@@ -1,0 +1,158 @@
+"""A birth beside another one, beside its parents' buildings, and all its ancestors."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from written_runs import written
+
+import evocity
+from evocity.citymap import CityMap
+from evocity.errors import EvocityError
+from evocity.pictures import Change, render_change
+from evocity.pictures.picture import change_colours, scale_end
+from evocity.scene import Scene
+from evocity.studio import one as ones
+from evocity.studio import solids
+from evocity.studio.beside import MOST_POINTS
+from evocity.studio.one import born_of, pedigree_of
+from evocity.studio.solids import Solids
+from evocity.studio.watched import Watched
+
+CITY = CityMap(np.array([[0, 6, 0], [9, 9, 0]], np.float32), 2.0, name="a", attribution="© A")
+
+
+def test_a_change_is_what_the_second_has_more():
+    more = np.array([[0, 0, 4], [-9, 1, 0]], np.float32)
+    other = CITY.replace(CITY.heights + more, name="b", attribution="© B")
+    change = Change(CITY, other)
+    assert (change.metres == more).all()
+    assert (Change(other, CITY).metres == -change.metres).all()
+    assert change.apart == pytest.approx(2 / 6)
+    assert change.attribution == "© A; © B"
+    assert Change(CITY, CITY).apart == 0
+    with pytest.raises(EvocityError, match="as many pixels"):
+        Change(CITY, CityMap(CITY.heights, 1.0))
+    low, middle, high = change_colours(np.array([-1.0, 0.0, 1.0]), 1.0).astype(int)
+    assert low[2] > low[0]  # blue
+    assert high[0] > high[2]  # red
+    assert middle.min() > 220
+    assert render_change(change, zoom=8).size[0] > 24
+
+
+def test_two_maps_are_on_one_scale_and_their_difference_is_the_librarys(asked, night):
+    run = evocity.open_run(night)
+    first, other = run[3], run[20]
+    highest = scale_end(first.city, other.city)
+    for a, b in ((first, other), (other, first)):
+        told = asked.get(f"/api/0/picture?id={a.id}&kind=map&beside={b.id}").content
+        seen, right = Image.open(io.BytesIO(told)), a.picture(highest=highest)
+        assert np.array_equal(np.asarray(seen), np.asarray(right))
+    about, png = asked.get("/api/0/difference?id=3&beside=20").framed
+    change = Change(other.city, first.city)
+    assert about["apart"] == change.apart > 0
+    assert about["more"] == pytest.approx(float(change.metres.mean()), abs=1e-6)
+    assert np.array_equal(
+        np.asarray(Image.open(io.BytesIO(png))), np.asarray(render_change(change))
+    )
+    assert asked.get("/api/0/difference?id=3&beside=3").framed[0] == {"apart": 0, "more": 0}
+    ends = {
+        (n, m): asked.get(f"/api/0/calls?id={n}&count=pixels&beside={m}").framed[0]["end"]
+        for n, m in ((3, 20), (20, 3), (3, -1), (20, -1))
+    }
+    assert ends[3, 20] == ends[20, 3] == max(ends[3, -1], ends[20, -1])
+
+
+@pytest.mark.parametrize("of", ["area", "height", "perimeter", "volume"])
+def test_buildings_are_those_of_birth_parents_cities_and_the_pinned(asked, night, of):
+    run = evocity.open_run(night)
+    child = next(one for one in run if len(one.parents) == 2 and one.status == "ok")
+    told = asked.get(f"/api/0/buildings?id={child.id}&of={of}&beside=0").json
+    cities = {source.city.name: source.city for source in run.sources()}
+    cities |= {f"parent {parent.id}": parent.city for parent in child.parents}
+    cities |= {f"individual {child.id}": child.city}
+    if 0 not in [parent.id for parent in child.parents]:
+        cities |= {"birth 0": run[0].city}
+    assert [line["name"] for line in told["listed"]][-1] == f"individual {child.id}"
+    assert {line["name"] for line in told["listed"]} == set(cities)
+    for line in told["listed"]:
+        values = np.sort(getattr(cities[line["name"]].buildings, of).astype(float))
+        assert line["count"] == len(values) > 0
+        assert line["quartiles"][1] == np.median(values)
+        assert len(line["values"]) == len(line["shares"]) <= MOST_POINTS
+        shares = np.searchsorted(values, line["values"], side="right") / len(values)
+        assert (shares >= np.array(line["shares"]) - 1e-12).all()
+        assert line["shares"][-1] == 1
+        assert line["values"][-1] == values[-1]
+
+
+def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeypatch):
+    run = evocity.open_run(night)
+    highest = Watched(night).moment.thumbnails.highest
+    for one in (3, 20):
+        content = asked.get(f"/api/0/solids?id={one}").content
+        corners, colours = run[one].scene().triangles(highest=highest)
+        count = len(colours)
+        assert len(content) == 39 * count > 0
+        seen = np.frombuffer(content[: 36 * count], "<f4").reshape(count, 3, 3)
+        assert np.array_equal(seen, corners)
+        assert content[36 * count :] == colours.tobytes()
+    monkeypatch.setattr(Scene, "triangles", None)  # they are at hand
+    assert asked.get("/api/0/solids?id=20").content == content
+    monkeypatch.undo()
+    monkeypatch.setattr(solids, "MOST_TRIANGLES", 10)
+    told = asked.get("/api/0/solids?id=5")
+    assert told.status == 409
+    assert "at most 10" in told.json["error"]["expected"]
+
+
+def test_solids_of_many_births_are_not_all_kept(night, monkeypatch):
+    monkeypatch.setattr(solids, "MOST_KEPT", 2)
+    found = Solids(Watched(night))
+    first = found.of(3)
+    for one in (5, 3, 20):
+        found.of(one)
+    assert [one for _, one in found._kept] == [3, 20]
+    assert found.of(3) == first
+
+
+def test_a_failed_birth_has_no_buildings_and_no_difference(asked, night):
+    run = evocity.open_run(night)
+    failed = run.told.ids[~run.told.ok].tolist()
+    missing = [one for one in failed if run[one].birth.genome is None] or [99_999]
+    for question in (f"buildings?id={missing[0]}&of=area", f"difference?id=3&beside={missing[0]}"):
+        told = asked.get(f"/api/0/{question}")
+        assert told.status == 409
+        assert set(told.json["error"]) == {"found", "expected", "remedy"}
+
+
+def test_all_ancestors_are_counted_when_they_were_born(asked, night):
+    run = evocity.open_run(night)
+    for n in (0, 3, int(run.told.ids[-1])):
+        told = asked.get(f"/api/0/pedigree?id={n}&steps=6").json
+        every = [k for k in run.ancestors(n)["id"].to_pylist() if k != n]
+        right = np.bincount(run.told.generation[run.told.rows(every)]) if every else [0]
+        assert told["born"]["span"] == 1
+        assert told["born"]["every"] == list(right)
+        shown = {k for step in told["steps"][1:] for k in step}
+        assert sum(told["born"]["shown"]) == len(shown)
+        assert (np.array(told["born"]["shown"]) <= told["born"]["every"]).all()
+
+
+def test_a_long_pedigree_is_counted_in_spans_and_reads_no_genome(tmp_path, monkeypatch):
+    """A chain of 40 generations."""
+    born = [[{"id": 0, "operator": "source"}, {"id": 1, "operator": "source"}]]
+    born += [[{"id": n, "parents": (n - 1,), "operator": "mutation"}] for n in range(2, 42)]
+    moment = Watched(written(tmp_path / "run", born).path).moment
+    monkeypatch.setattr(ones, "MOST_SPANS", 15)
+    for name in ("individuals", "genome"):
+        monkeypatch.setattr(type(moment.run), name, None)
+    told = pedigree_of(moment, 41, 6)["born"]
+    assert told["span"] == 3
+    assert len(told["every"]) == len(told["shown"]) == 14
+    assert (sum(told["every"]), sum(told["shown"])) == (40, 6)
+    assert told["every"][1:] == [3] * 12 + [1]
+    assert told["shown"] == [0] * 11 + [2, 3, 1]
+    nothing = np.array([], int)
+    assert born_of(nothing, nothing) == {"span": 1, "every": [0], "shown": [0]}
