@@ -340,6 +340,8 @@ class Desk:
             self._fault = error
         except Exception as error:  # told on the page
             self._fault = RunError(f"{type(error).__name__}: {error}", "no error", "try again")
+        finally:
+            shutil.rmtree(Path(job["path"]).parent, ignore_errors=True)
 
     def stop(self) -> None:
         """Calibrate no more."""

@@ -44,6 +44,32 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind):
     assert contents(night) == before
 
 
+def test_without_a_run_it_begins_at_the_desk_and_writes_nothing(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(
+        "import evocity\n@evocity.fitness(goal='max')\ndef own(city):\n"
+        "    print('noise')\n    return 1.0\n"
+    )
+    (tmp_path / "here").mkdir()
+    words = [*EVOCITY, "studio", "--no-browser", "--json", "--fitness", str(own)]
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path / "here"
+    ) as running:
+        told = json.loads(running.stdout.readline())
+        browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
+        browser.open(told["url"], timeout=20).close()
+        address = told["url"].partition("?")[0] + "api/desk"
+        with browser.open(address, timeout=20) as answer:
+            desk = json.loads(answer.read())
+        with browser.open(f"{address}-measures", timeout=20) as answer:
+            assert "own" in [one["name"] for one in json.loads(answer.read())["measures"]]
+        running.terminate()
+        out, err = running.communicate(timeout=30)
+    assert (out, "Traceback" in err) == ("", False)
+    assert desk["home"] == str(tmp_path / "here" / "runs")
+    assert list((tmp_path / "here").iterdir()) == []
+
+
 def refused(*words) -> str:
     done = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
     assert (done.exit_code, done.stdout) == (2, "")
@@ -61,6 +87,8 @@ def test_what_is_no_run_is_refused(tmp_path):
     for words in ([tmp_path / "none"], ["--runs", tmp_path / "none"]):
         told = refused("studio", *words, "--no-browser")
         assert told.count("expected:") == told.count("what to do:") == 1
+    assert "--fitness gsi" in refused("studio", "--fitness", "gsi")
+    assert "none.toml" in refused("studio", "--recipe", tmp_path / "none.toml")
 
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():

@@ -339,7 +339,11 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         told = wait(client, lambda one: one["found"] or one["fault"])
         assert told["fault"] is None
         assert told["said"][-1] == "breeding a few, to tell how long it takes"
-        assert desk(client)["found"] == told["found"]  # a page that is loaded again has it
+        wait(client, lambda one: not one["busy"])
+        assert (
+            desk(client)["found"]["text"] == told["found"]["text"]
+        )  # a page that is loaded again has it
+        assert all(one.is_file() for one in client.server.studio._begins.desk.maps.folder.iterdir())
         raw = tomllib.loads(told["found"]["text"])
         assert [one["name"] for one in raw["parents"]] == ["a b", "a b 2"]
         assert {one["name"] for one in raw["fitness"][3:]} <= set(GUARD)

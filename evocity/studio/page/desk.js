@@ -20,6 +20,7 @@ export class Desk {
     [this.parent, this.on] = [parent, on];
     this.cards = new Map();
     this.rows = new Map();
+    this.runs = new Map();
     this.build();
   }
 
@@ -200,7 +201,8 @@ export class Desk {
 
   card({ map, title, own, takes }) {
     const item = made(this.table, "li"), card = { item };
-    if (own) this.table.prepend(item);
+    if (own) this.table.insertBefore(item, this.first); // own ones before those that come with evocity
+    else this.first ||= item;
     const label = made(item, "label");
     card.box = made(label, "input", "", "", { type: "checkbox" });
     made(label, "b", "", title);
@@ -393,26 +395,37 @@ export class Desk {
   }
 
   tellBegun(started) {
-    this.begun.replaceChildren(...started.map(({ name, folder, recipe, run, has, at, code, said: text }, place) => {
-      const item = made(null, "li");
-      made(item, "b", "", name);
-      const isFailed = !at && code > 0 && !SIGNALS.includes(code);
-      const how = at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended";
-      made(item, "span", isFailed ? "lack" : "", ` ${how} `);
-      if (has) {
-        made(item, "button", "", `show ${name}`, { type: "button" }).addEventListener("click", () => this.on.show(run));
-      } else if (at) {
-        made(item, "button", "", `stop ${name}`, { type: "button" }).addEventListener("click", () => this.ask("desk-end", { map: place }));
-      }
-      made(item, "p", "faint", `Its recipe is ${recipe}, its folder ${folder}.`);
-      if (!has || code) made(item, "pre", "toml", code ? text : text.split("\n").at(-1), { tabindex: "0", role: "group", "aria-label": `what ${name} says` });
-      return item;
-    }));
+    for (const [place, one] of started.entries()) {
+      const { folder, has, at, code } = one;
+      if (!this.runs.has(folder)) this.runs.set(folder, this.start(one, place));
+      const item = this.runs.get(folder), isFailed = !at && code > 0 && !SIGNALS.includes(code);
+      item.how.textContent = ` ${at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended"} `;
+      item.how.classList.toggle("evocity-lack", isFailed);
+      item.run = one.run;
+      item.show.hidden = !has;
+      item.stop.hidden = has || !at;
+      item.said.hidden = has && !isFailed;
+      const text = isFailed ? one.said : one.said.split("\n").at(-1) || "…";
+      if (item.said.textContent !== text) item.said.textContent = text;
+    }
     this.begun.previousSibling.hidden = !started.length;
     const last = started.find((one) => one.folder === this.waits);
     if (!last || !last.has) return;
     this.waits = null;
     this.on.show(last.run);
+  }
+
+  start({ name, folder, recipe }, place) {
+    const item = made(this.begun, "li"), found = {};
+    made(item, "b", "", name);
+    found.how = made(item, "span", "", "", { role: "status" });
+    found.show = made(item, "button", "", `show ${name}`, { type: "button" });
+    found.show.addEventListener("click", () => this.on.show(found.run));
+    found.stop = made(item, "button", "", `stop ${name}`, { type: "button" });
+    found.stop.addEventListener("click", () => this.ask("desk-end", { map: place }));
+    made(item, "p", "faint", `Its recipe is ${recipe}, its folder ${folder}.`);
+    found.said = made(item, "pre", "toml", "", { tabindex: "0", role: "group", "aria-label": `what ${name} says` });
+    return found;
   }
 }
 

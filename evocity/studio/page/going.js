@@ -13,7 +13,7 @@ export class Going {
       this.ask("resume", { generations }, "It is taken up …");
     });
     const label = this.label = made(row, "label", "", "to generation ");
-    this.count = made(label, "input", "", "", { type: "number", min: 1, step: 1, placeholder: "as begun" });
+    this.count = made(label, "input", "", "", { type: "number", min: 1, step: 1, placeholder: "all" });
     this.state = made(parent, "p", "faint", "", { role: "status" });
     this.inform({ going: false });
   }
@@ -36,6 +36,8 @@ export class Going {
     this.isAt = isAt;
     this.stop.hidden = !isAt;
     this.resume.hidden = this.label.hidden = isAt;
-    if (process && process.code) this.state.textContent = `It ended with a fault: ${process.said.split("\n").slice(-6).join(" ")}`;
+    if (process && process.code > 0 && process.code < 128) {
+      this.state.textContent = process.said.slice(Math.max(0, process.said.lastIndexOf("Error: "))).split("\n").slice(-8).join(" ");
+    }
   }
 }

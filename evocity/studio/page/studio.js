@@ -32,7 +32,7 @@ class Studio {
     }
     this.shown = document.getElementById("shown");
     this.fresh = document.getElementById("new");
-    this.fresh.addEventListener("click", () => { location.hash = DESK; });
+    this.fresh.addEventListener("click", () => { location.hash = this.desk.isShown ? "" : DESK; });
     this.desk = new Desk(document.getElementById("desk"), {
       trouble: (error, of) => this.tell(error, of),
       show: (run) => this.showRun(run),
@@ -85,10 +85,15 @@ class Studio {
     const isDesk = location.hash === DESK || !this.known.length;
     if (isDesk !== this.desk.isShown) this.desk.show(isDesk);
     this.shown.hidden = isDesk;
-    this.fresh.hidden = isDesk;
+    this.tellFresh();
     if (isDesk) document.title = "new run – evocity studio";
     else this.open(readAddress((run) => this.isRun(run)));
     if (!isDesk) for (const of of ["desk", "desk looked"]) this.tell(null, of);
+  }
+
+  tellFresh() {
+    this.fresh.textContent = this.desk.isShown ? "back to the runs" : "new run";
+    this.fresh.hidden = this.desk.isShown && !this.known.length;
   }
 
   /** A run that was begun at the desk, or another, in place of the desk. */
@@ -105,7 +110,8 @@ class Studio {
     if (key === this.listed) return;
     this.listed = key;
     this.known = runs;
-    this.chooser.hidden = runs.length < 2 && !this.desk.isShown;
+    this.chooser.hidden = runs.length < 2;
+    this.tellFresh();
     const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, goes on` : name]);
     const left = more ? [["", `${more} more are not listed`]] : [];
     this.choosers.forEach((select, place) => {
@@ -121,7 +127,8 @@ class Studio {
   choose() {
     if (this.desk.isShown) history.pushState(null, "", "/#");
     this.desk.show(false);
-    this.shown.hidden = this.fresh.hidden = false;
+    this.shown.hidden = false;
+    this.tellFresh();
     const [first, second] = this.choosers.map((one) => one.value);
     const runs = [first, second].filter((one, place) => one !== "" && (!place || one !== first)).map(Number);
     this.open(runs.map((run) => this.told.get(run) || { run }));
