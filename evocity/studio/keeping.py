@@ -1,6 +1,7 @@
 """Children that are kept: their genomes, and a recipe that goes on from them, in a new folder."""
 
 import contextlib
+import itertools
 import os
 import shutil
 import tomllib
@@ -15,6 +16,7 @@ from pydantic import Field
 from evocity.errors import EvocityError, FitnessError, RunError
 from evocity.files import whole_file
 from evocity.fitness import Part
+from evocity.fitness.part import part_of
 from evocity.search.changes import folder_of
 from evocity.search.reading import read_recipe
 from evocity.search.recipe import Recipe
@@ -26,8 +28,6 @@ from evocity.studio.breeding import MOST_CHILDREN, Breeding, Child
 from evocity.studio.picks import Id
 
 _MOST_FOLDERS = 10_000
-#: The file of what is marked on the board, as the recipe names it.
-_MARKED = "marked.npy"
 #: Sections of a recipe of another's that may have a command or a machine run something.
 _EXECUTING = ("notify", "evaluation")
 
@@ -66,8 +66,9 @@ def keep(run: Run, breeding: Breeding, asked: Keep, is_own: bool) -> dict:
         _written(recipe, path)
         told = read_recipe(path)  # that it can be run is known before it is told
         if breeding.part is not None:
-            np.save(folder / _MARKED, breeding.part.mask.astype(np.uint8))
-            recipe, others = _within(recipe, told, breeding.part)
+            name = _free(told)
+            np.save(folder / name, breeding.part.mask.astype(np.uint8))
+            recipe, others = _within(recipe, told, breeding.part, name)
             left += others
             _written(recipe, path)
             read_recipe(path)
@@ -149,9 +150,17 @@ def _written(recipe: str, path: Path) -> None:
         temporary.write_text(recipe, encoding="utf-8")
 
 
-def _within(text: str, told: Recipe, part: Part) -> tuple[str, list[str]]:
-    """The ``text`` of a recipe, ``told`` in it, that has its measures taken ``within`` a part;
-    those that are not, in words: what else in a recipe may name, and what cannot be taken of it."""
+def _free(told: Recipe) -> str:
+    """A file to mark a part by, after which no measure of a recipe is called yet."""
+    taken = {part_of(one.name) for entry in told.entries for one in entry.measures}
+    names = (f"marked-{number}" if number > 1 else "marked" for number in itertools.count(1))
+    return next(f"{one}.npy" for one in names if one not in taken)
+
+
+def _within(text: str, told: Recipe, part: Part, name: str) -> tuple[str, list[str]]:
+    """The ``text`` of a recipe, ``told`` in it, that has its measures taken within a ``part``, by
+    the file ``name``; which are not, in words: what else in a recipe names them, or they cannot be
+    taken of it."""
     head, raw = text.partition("\n")[0], tomllib.loads(text)
     named = _names_in({key: value for key, value in raw.items() if key != "fitness"})
     left = []
@@ -160,7 +169,7 @@ def _within(text: str, told: Recipe, part: Part) -> tuple[str, list[str]]:
             continue
         reason = _untaken(entry, named, part)
         if reason is None:
-            table["within"] = _MARKED
+            table["within"] = name
         else:
             left.append(f"the marked part for {_called(entry)}: {reason}")
     return f"{head}\n\n{tomli_w.dumps(raw)}", left

@@ -15,6 +15,7 @@ from evocity.errors import MapError, RecipeError, RunError
 from evocity.io import write_map
 from evocity.report import write_report
 from evocity.search import Search, archive, read_recipe
+from evocity.search.evaluator import Evaluator
 from evocity.search.preparation import prepare
 from evocity.store import open_run
 
@@ -70,6 +71,30 @@ def test_each_goal_is_of_its_own_part(toy, tmp_path, workers):
     page = write_report(tmp_path / "run").read_text()
     assert "gsi@quarter" in page
     assert "0.3 is wanted" in page
+
+
+def test_by_hand_all_is_measured_within_a_part_but_what_is_of_one_already(toy):
+    goals = GOALS + '[[fitness]]\nname = "integrity"\n'
+    prepared = prepare(read_recipe(parted(toy, goals)))
+    genome = prepared.sources[0].genome
+    mask = np.zeros((64, 64), bool)
+    mask[:20, 10:30] = True
+    found = Evaluator(prepared.setup).evaluate_within(genome, fitness.Part("here", mask))
+    city = decode(genome).city
+    built, cut = city.heights > 1.5, city.within(mask)
+    assert found.status == "ok"
+    parts = masks()
+    assert found.values == {
+        "spread": pytest.approx(float(cut.heights.std())),
+        "roof": pytest.approx(float(cut.heights.mean())),
+        "gsi": built[mask].mean(),
+        "gsi@quarter": built[parts["quarter"]].mean(),
+        "gsi@disc": built[parts["disc"]].mean(),
+    }
+    assert "integrity within" in found.error  # it asks for the genome of the whole
+    found = Evaluator(prepared.setup).evaluate_within(genome, fitness.Part("disc", parts["disc"]))
+    assert set(found.values) == {"gsi", "gsi@quarter", "gsi@disc"}
+    assert "spread within disc, which is no rectangle" in found.error
 
 
 def test_births_do_not_depend_on_workers_nor_on_a_stop(toy, tmp_path):

@@ -43,13 +43,14 @@ def test_a_change_is_what_the_second_has_more():
 
 def test_two_maps_are_on_one_scale_and_their_difference_is_the_librarys(asked, night):
     run = evocity.open_run(night)
-    first, other = run[3], run[20]
+    first, other = run[3], run[21]
     highest = scale_end(first.city, other.city)
+    assert scale_end(first.city) != scale_end(other.city)
     for a, b in ((first, other), (other, first)):
         told = asked.get(f"/api/0/picture?id={a.id}&kind=map&beside={b.id}").content
         seen, right = Image.open(io.BytesIO(told)), a.picture(highest=highest)
         assert np.array_equal(np.asarray(seen), np.asarray(right))
-    about, png = asked.get("/api/0/difference?id=3&beside=20").framed
+    about, png = asked.get("/api/0/difference?id=3&beside=21").framed
     change = Change(other.city, first.city)
     assert about["apart"] == change.apart > 0
     assert about["more"] == pytest.approx(float(change.metres.mean()), abs=1e-6)
@@ -59,9 +60,10 @@ def test_two_maps_are_on_one_scale_and_their_difference_is_the_librarys(asked, n
     assert asked.get("/api/0/difference?id=3&beside=3").framed[0] == {"apart": 0, "more": 0}
     ends = {
         (n, m): asked.get(f"/api/0/calls?id={n}&count=pixels&beside={m}").framed[0]["end"]
-        for n, m in ((3, 20), (20, 3), (3, -1), (20, -1))
+        for n, m in ((3, 21), (21, 3), (3, -1), (21, -1))
     }
-    assert ends[3, 20] == ends[20, 3] == max(ends[3, -1], ends[20, -1])
+    assert ends[3, 21] == ends[21, 3] == max(ends[3, -1], ends[21, -1])
+    assert ends[3, -1] != ends[21, -1]
 
 
 @pytest.mark.parametrize("of", ["area", "height", "perimeter", "volume"])

@@ -17,7 +17,7 @@ from evocity.errors import OperatorError
 from evocity.fitness import registry
 from evocity.search.evaluation import Here
 from evocity.studio import breeding as rooms
-from evocity.studio import measuring
+from evocity.studio import keeping, measuring
 from evocity.studio.breeding import Breeding, Brood, planned
 from evocity.studio.serving import served
 from evocity.studio.watched import Watched
@@ -161,7 +161,7 @@ def test_what_is_marked_is_what_is_measured_and_the_recipe_says_so(toy, here, tm
     if shape == "corner":
         mask[8:20, 4:15] = False
     lock = np.zeros_like(mask)
-    lock[:6] = True
+    lock[:20] = True
     asked = {"operators": ["mutation"], "parents": [1, 0], "count": 1, "board": True}
     asked |= {"drawing": {"within": squares(mask), "locked": squares(lock)}}
     taken = {"alignment": evocity.fitness.get("alignment")}
@@ -202,6 +202,7 @@ def test_what_is_marked_is_what_is_measured_and_the_recipe_says_so(toy, here, tm
             next(iter(search))
     first = evocity.open_run(tmp_path / "next")[0]
     assert first.scores["alignment@marked"] == within(first.city)["alignment"]
+    assert keeping._free(recipe) == "marked-2.npy"
 
 
 def test_operators_and_parents_take_turns():

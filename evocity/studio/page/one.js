@@ -17,7 +17,7 @@ export class One {
     this.title = made(head, "h2");
     this.pick = made(head, "button", "", "", { type: "button" });
     this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
-    this.pin = made(head, "button", "", "", { type: "button" });
+    this.pin = made(head, "button", "", "", { type: "button", "aria-keyshortcuts": "p" });
     this.pin.addEventListener("click", () => this.turnPin());
     this.beside = made(this.root, "div", "row", "", { role: "status" });
     this.origin = made(this.root, "p", "faint");
