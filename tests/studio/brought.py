@@ -1,7 +1,11 @@
 """Files that a user brings to the desk, and a run that goes from there."""
 
+import contextlib
 import json
+import os
+import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
@@ -9,6 +13,7 @@ import numpy as np
 from asking import Client, Told
 
 from evocity.studio.guard import FILE, FILE_KIND, HEADER
+from evocity.studio.serving import Server
 
 KIND = ("Content-Type", FILE_KIND)
 #: A window of 128 m, a short run of few.
@@ -43,6 +48,22 @@ def footprints(path: Path, seed: int) -> Path:
     told = {"type": "FeatureCollection", "attribution": f"drawn by {seed}", "features": features}
     path.write_text(json.dumps(told))
     return path
+
+
+@contextlib.contextmanager
+def ending(server: Server) -> Iterator[None]:
+    """Where the block fails, runs that it began end too: they would go on for long."""
+    try:
+        yield
+    except BaseException:
+        end_runs(server)
+        raise
+
+
+def end_runs(server: Server) -> None:
+    for process, _ in server.studio._begins.carried._of.values():
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def bring(client: Client, name: str, content: bytes, headers=(KIND, HEADER)) -> Told:

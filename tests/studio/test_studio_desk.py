@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import pytest
 from asking import HOSTILE, Client, contents
-from brought import bring, chosen, desk, footprints, is_read, wait
+from brought import bring, chosen, desk, ending, footprints, is_read, wait
 from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
@@ -31,6 +31,7 @@ def at_desk(folder, cities=(), **told):
     with (
         patch.object(maps, "DISTRICTS", dict.fromkeys(cities)),
         served(folder=folder, begins=Begins(folder, True, **told)) as server,
+        ending(server),
     ):
         client = Client(server)
         client.open()

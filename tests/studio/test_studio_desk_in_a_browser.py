@@ -1,7 +1,5 @@
 """The whole way in chromium: from two files of footprints to a night that goes on, by keys."""
 
-import os
-import signal
 import time
 from unittest.mock import patch
 
@@ -10,7 +8,7 @@ import pytest
 pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE
-from brought import footprints
+from brought import end_runs, ending, footprints
 from chromium import BROWSER, started
 from test_studio_in_a_browser import AXE
 
@@ -69,6 +67,7 @@ def test_two_files_become_a_night_by_keys(tmp_path):
     with (
         patch.object(maps, "DISTRICTS", {"lyon-1er": None}),
         served(folder=runs, begins=Begins(runs, True)) as server,
+        ending(server),
         started() as browser,
     ):
         page = browser.new_page(viewport={"width": 1024, "height": 700})
@@ -129,8 +128,7 @@ def test_two_files_become_a_night_by_keys(tmp_path):
         until(page, "!studio.desk.isShown && !document.getElementById('shown').hidden")
         assert page.evaluate("window.hacked") is None
         page.close()
-        process, _ = server.studio._begins.carried._of[runs / "a night"]
-        os.killpg(process.pid, signal.SIGKILL)  # it would write its report
+        end_runs(server)  # it would write its report
     # of the Shapefile, and of the draft that was none
     assert {one.split("status of ")[1][:3] for one in said} == {"409", "400"}
     assert all(one.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:")) for one in asked)

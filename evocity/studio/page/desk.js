@@ -21,7 +21,6 @@ export class Desk {
     this.cards = new Map();
     this.rows = new Map();
     this.runs = new Map();
-    this.build();
   }
 
   get isShown() { return !this.parent.hidden; }
@@ -30,6 +29,7 @@ export class Desk {
   async show(isShown) {
     this.parent.hidden = !isShown;
     if (!isShown) return;
+    if (!this.form) this.build();
     try {
       if (!this.measures) {
         this.measures = (await asked("desk-measures")).measures;
