@@ -12,8 +12,7 @@ import numpy as np
 from evocity.analysis.births import Told
 from evocity.analysis.extras import library
 from evocity.analysis.wanted import overrides_of, recipe_of
-from evocity.search.archiving import volume_is_quick
-from evocity.search.fronts import Hypervolume, not_dominated
+from evocity.search.fronts import Hypervolume, not_dominated, volume_is_quick
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from datetime import timedelta
+from math import isnan
 from pathlib import Path
 
 import click
@@ -246,7 +247,7 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
         f"{generation.failures} failed",
         f"{generation.evaluations_per_second:.1f} evaluations/s",
         *kept,
-        f"hypervolume {generation.hypervolume:.4g}",
+        *([] if isnan(generation.hypervolume) else [f"hypervolume {generation.hypervolume:.4g}"]),
         *(f"{name} {_volume(told)}" for name, told in generation.islands.items()),
         *(f"{name.replace('_', ' ')} {value:.4g}" for name, value in generation.algorithm.items()),
         "best "

@@ -33,8 +33,7 @@ from evocity.plot.style import (
     shared_key,
     whole_numbers,
 )
-from evocity.search.archiving import volume_is_quick
-from evocity.search.fronts import Hypervolume, not_dominated
+from evocity.search.fronts import Hypervolume, not_dominated, volume_is_quick
 
 #: Shares of the living between whose values bands are drawn.
 QUANTILES = (0.0, 0.25, 0.5, 0.75, 1.0)

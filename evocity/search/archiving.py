@@ -14,15 +14,17 @@ from evocity.columns import array_of, column_of
 from evocity.displayed import Displayed
 from evocity.search.binning import binned, grid_of_run
 from evocity.search.cells import Grid
-from evocity.search.fronts import Hypervolume, crowding_of, not_dominated, ranks_of
+from evocity.search.fronts import (
+    Hypervolume,
+    crowding_of,
+    not_dominated,
+    ranks_of,
+    volume_is_quick,
+)
 from evocity.search.judging import aims_of_run, judged, measured
 from evocity.store import Run
 
 _ROWS = 20_000  # births that are compared with the archive at a time
-
-# Points up to which the exact hypervolume of so many objectives takes a second or two.
-_MOST_POINTS = {5: 10_000, 6: 1_000, 7: 250, 8: 120}
-_MOST_POINTS_OF_MORE = 40
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,8 @@ class Archive(Displayed):
         grid by cell, with the columns of `evocity.search.binning.Binned` and ``alive``.
     hypervolume : of the archive, in units of the first population's ranges as in the run's
         history; None where so many births of so many goals would take minutes.
-    hypervolume_alive : of those of the last generation that break no constraint.
+    hypervolume_alive : of those of the last generation that break no constraint; NaN where that
+        would take minutes.
     grid : the cells that a run of `map_elites` fills; None of others.
     """
 
@@ -111,8 +114,3 @@ def archive(run: Run, last: int | None = None) -> Archive:
     found = [row in lives for row in map(tuple, front.tolist())]
     table = table.append_column("alive", column_of(np.array(found, bool)))
     return Archive(table, *volumes)
-
-
-def volume_is_quick(points: int, goals: int) -> bool:
-    """Whether the exact hypervolume of so many ``points`` takes no more than a second or two."""
-    return goals < 5 or points <= _MOST_POINTS.get(goals, _MOST_POINTS_OF_MORE)

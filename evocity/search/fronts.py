@@ -70,6 +70,17 @@ class Scale:
             return (0.5 * losses - self._best) / self._ranges
 
 
+#: Points up to which the exact hypervolume of so many losses takes a second or two; of any more
+#: losses, and of any fewer.
+MOST_POINTS = {5: 10_000, 6: 1_000, 7: 250, 8: 120, 9: 60, 10: 36, 11: 28, 12: 24}
+_MOST_POINTS_OF_MORE = 16
+
+
+def volume_is_quick(points: int, losses: int) -> bool:
+    """Whether the exact hypervolume of so many ``points`` takes no more than a second or two."""
+    return losses < min(MOST_POINTS) or points <= MOST_POINTS.get(losses, _MOST_POINTS_OF_MORE)
+
+
 class Hypervolume:
     """Hypervolume in units of the first population's ranges.
 
@@ -81,7 +92,10 @@ class Hypervolume:
         self._scale = Scale(first)
 
     def __call__(self, losses: np.ndarray) -> float:
-        """At least 0; not finite where a loss is too far below those of the first population."""
+        """At least 0; infinite where a loss is too far below those of the first population. NaN
+        where it is not `volume_is_quick`: of twelve losses a few points more take hours."""
+        if not volume_is_quick(*losses.shape):
+            return np.nan
         from evocity.search.borrowed import moocore
 
         return moocore.hypervolume(self._scale(losses), self._scale.reference)

@@ -16,7 +16,8 @@ class Generation:
     ``births`` and ``failures`` count from the start of the run, ``feasible`` how many of the
     living keep all constraints; ``best`` maps each measure that is more than a constraint to the
     raw value of the best living individual, ``hypervolume`` is in units of the first population's
-    ranges. ``algorithm`` is what the algorithm tells of all the living, such as the coverage of
+    ranges, and NaN where it is not taken, see `evocity.search.fronts.volume_is_quick`.
+    ``algorithm`` is what the algorithm tells of all the living, such as the coverage of
     `map_elites`; of a search on ``islands`` each has its own, see
     `evocity.search.archipelago.Archipelago.summaries`, and the rest is of all together, each of the
     living once. ``seconds_left`` is an estimate.

@@ -5,6 +5,7 @@ ends with it. Whatever becomes of them is an event of the run.
 """
 
 import contextlib
+import math
 import os
 import shutil
 import subprocess
@@ -256,7 +257,7 @@ class Notifier(Observer):
         self._told |= {
             "generation": str(state["generation"]),
             "births": str(state["births"]),
-            "hypervolume": "" if volume is None else f"{volume:.6g}",
+            "hypervolume": "" if volume is None or math.isnan(volume) else f"{volume:.6g}",
             "best": ", ".join(f"{name} {value:.4g}" for name, value in best),
         }
 

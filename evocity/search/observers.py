@@ -47,7 +47,9 @@ class Log(Observer):
         for key in ("algorithm", "islands"):
             if not summary[key]:
                 del summary[key]
-        if not math.isfinite(generation.hypervolume):  # JSON has no infinity
+        if math.isnan(generation.hypervolume):  # it was not taken
+            del summary["hypervolume"]
+        elif math.isinf(generation.hypervolume):  # JSON has no infinity
             summary["hypervolume"] = None
         births = self._leaving.written(births, members)
         self._writer.write_generation(generation.number, births, members, summary)

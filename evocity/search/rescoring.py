@@ -246,7 +246,9 @@ def _summary(before: Mapping, population: Archipelago) -> dict:
     kept = ("births", "failures", "evaluations_per_second")
     told = {key: before[key] for key in kept if key in before}
     volume = population.hypervolume
-    told |= {"hypervolume": volume if math.isfinite(volume) else None, "best": population.best}
+    if not math.isnan(volume):  # as `observers.Log` writes it
+        told["hypervolume"] = volume if math.isfinite(volume) else None
+    told["best"] = population.best
     others = {"algorithm": population.summary, "islands": population.summaries}
     return told | {key: value for key, value in others.items() if value}
 

@@ -69,13 +69,14 @@ def progress_of(hypervolume: float | None, figures: Mapping[str, float]) -> floa
     """What stagnation is told by: the QD-score of algorithms that tell one, else the hypervolume,
     which of one goal, or one sum, grows when that gets better."""
     found = figures.get("qd_score", hypervolume)
-    return math.inf if found is None else found  # a log has no infinity
+    return math.inf if found is None else found  # a log has no infinity; NaN tells nothing
 
 
 @dataclass
 class Stagnation:
     """How long nothing got better: ``best`` so far, and the generation it is of. Generations in
-    which nobody keeps the constraints do not count, nor do those before ``since``."""
+    which nobody keeps the constraints do not count, nor those whose progress is NaN, nor do those
+    before ``since``."""
 
     best: float = 0.0
     at: int | None = None
@@ -157,7 +158,7 @@ class Stopping:
                 self._hold(str(key), since - 1)
         for one in run.history():
             if one["generation"] >= judged:
-                told = one.get("hypervolume"), one.get("algorithm", {})
+                told = one.get("hypervolume", math.nan), one.get("algorithm", {})
                 self._stagnation.see(one["generation"], progress_of(*told))
         last = run.generations[-1]
         self.reason = self._why(last, living, 0)

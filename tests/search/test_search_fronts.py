@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from evocity.search.borrowed.moocore import contributions, hypervolume, least_first
-from evocity.search.fronts import Hypervolume, Scale, crowding_of, ranks_of
+from evocity.search.fronts import Hypervolume, Scale, crowding_of, ranks_of, volume_is_quick
 
 LOSSES = st.integers(1, 4).flatmap(
     lambda m: st.integers(1, 14).flatmap(
@@ -151,3 +151,17 @@ def test_hypervolume_grows_with_what_is_not_dominated(losses):
 def test_hypervolume_of_a_square():
     first = np.array([[0.0, 20.0], [2.0, 10.0]])
     assert Hypervolume(first)(np.array([[1.0, 15.0]])) == pytest.approx(0.6 * 0.6)
+
+
+@pytest.mark.parametrize(
+    ("losses", "points"), [(12, 25), (12, 2000), (20, 17), (9, 61), (5, 10_001)]
+)
+def test_a_hypervolume_that_would_take_hours_is_not_taken(losses, points):
+    assert volume_is_quick(points - 1, losses) == (points != 2000)
+    first = np.random.default_rng(1).random((points, losses))
+    assert np.isnan(Hypervolume(first)(first))
+
+
+@pytest.mark.parametrize("losses", range(1, 5))
+def test_of_up_to_four_losses_every_hypervolume_is_taken(losses):
+    assert volume_is_quick(10**9, losses)

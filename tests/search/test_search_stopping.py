@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime, timedelta, timezone
+from math import isnan
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,7 @@ from evocity.errors import RecipeError, RunError
 from evocity.fitness import Aims, get
 from evocity.fitness.composition import Wanted
 from evocity.fitness.goals import Objective
-from evocity.search import Generation, Observer, Search, read_recipe
+from evocity.search import Generation, Observer, Search, archive, read_recipe
 from evocity.search.individual import Individual
 from evocity.search.overnight import StopSection, moment_of
 from evocity.search.stopping import Stagnation, Stopping, progress_of, size_of
@@ -230,6 +231,25 @@ def test_progress_is_the_qd_score_where_there_is_one():
     assert progress_of(0.5, {}) == 0.5
     assert progress_of(0.5, {"coverage": 1.0, "qd_score": 3.0}) == 3.0
     assert progress_of(None, {}) == float("inf")
+
+
+def test_a_run_of_so_many_goals_that_nobody_takes_their_hypervolume_goes_on(toy, tmp_path):
+    measures = "".join(
+        f"@evocity.fitness(goal='max')\ndef of_{k}(city):\n    return number(city) % (7 + {k})\n"
+        for k in range(10)
+    )
+    settings = {"population": 26, "workers": 1}
+    path = toy(measures, "[stop]\nstagnation = 1\n", **settings)
+    run(path, tmp_path / "whole", workers=0, generations=3)
+    run(path, tmp_path / "parts", workers=0, generations=1)
+    with Search.resume(tmp_path / "parts", workers=0, generations=3) as search:
+        assert len(list(search)) == 2
+    whole, parts = (open_run(tmp_path / name) for name in ("whole", "parts"))
+    assert len(whole.generations) == len(parts.generations) == 4
+    assert whole.status()["hypervolume"] is None
+    genomes = [one.births(columns=["id", "genome"]) for one in (whole, parts)]
+    assert genomes[0].equals(genomes[1])
+    assert isnan(archive(whole).hypervolume_alive)
 
 
 def test_a_run_that_gets_no_better_ends_and_counts_on_when_it_is_resumed(toy, tmp_path):

@@ -53,7 +53,7 @@ export class Desk {
     this.fields = made(this.form, "fieldset", "", "", { "aria-label": "what the recipe is made of" });
 
     made(this.fields, "h3", "", "1. Cities to breed from");
-    made(this.fields, "p", "faint", "Choose two or more. Of the first one are the streets that most children keep, and targets that are not told.");
+    made(this.fields, "p", "faint", "Choose two or more. Most children keep the streets of the first one. A target that you do not write is what the first one has.");
     const row = made(this.fields, "div", "row");
     const file = this.file = made(made(row, "label", "file", "your own files "), "input", "", "", { type: "file", multiple: "" });
     file.addEventListener("change", () => this.bring([...file.files]));
