@@ -63,9 +63,11 @@ export class Breed {
     try {
       if (!this.operators.length) this.operators = (await asked("operators")).operators;
       this.inform();
+      this.go.disabled = true; // until it is known whether workers are made ready
       this.tell(await this.server.told("ready", { parents: this.on.ids().slice(0, 16) }));
       this.follow();
     } catch (error) {
+      this.inform();
       this.on.trouble(error);
     }
   }
