@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -181,6 +182,7 @@ def next_population(
     counts = {
         name: recipe.operators[name].parents or recipe.operator(name).parents[0] for name in names
     }
+    drawing = cache(recipe.drawing)
     # what numpy's choice does with these chances, without their checks at every birth
     reached = (chances / chances.sum()).cumsum()
     reached /= reached[-1]
@@ -191,7 +193,7 @@ def next_population(
         count = counts[name]
         chosen = [(living[i].id, living[i].genome) for i in algorithm.parents(living, count, rng)]
         chosen = picks.among(chosen, rng)
-        operator = recipe.operator_drawn(name, rng)
+        operator = drawing(name)(rng)
         founders = founders_of(operator, len(sources))
         plans.append(
             Plan(

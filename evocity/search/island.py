@@ -118,6 +118,8 @@ class Island:
         """A ``plan`` of a birth on this island; with how it comes about once more, where the log
         leaves genomes out."""
         again = None if self.recipe.log.genomes == "all" else again_of(plan)
+        if (plan.island, plan.again) == (self.name, again):
+            return plan
         return replace(plan, island=self.name, again=again)
 
     def let_in(self, birth: Birth, looks: Mapping[int, np.ndarray]) -> None:

@@ -1,8 +1,8 @@
 """What a recipe says of operators: weights, parameters, and ranges that each birth draws from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -179,30 +179,37 @@ def operator_of(name: str, parameters: Mapping[str, Any], coding: Mapping | None
     told = _told(name, parameters, coding)
     if told is None:
         return operators.make(name, **(_own(None, parameters, coding) | changes))
+    return _made(told, changes)
+
+
+def drawing_of(
+    name: str, parameters: Mapping[str, Any], coding: Mapping | None
+) -> Callable[..., operators.Operator]:
+    """What makes the operator ``name`` for one birth after the other, from a generator and what is
+    to change: as `operator_of` without ranges among its ``parameters``; else `Drawn`, in their
+    order, by that generator. What changes is not drawn. Raises `OperatorError`."""
+    told = _told(name, parameters, coding)
+    if told is None:
+        return operators.make(name, **_own(None, parameters, coding))
+    return partial(_drawn, told)
+
+
+def _made(told: _Told, changes: Mapping[str, Any]):
     if not changes and is_dataclass(told.kind) and told.kind.__dataclass_params__.frozen:
         return _lowest(told)
     fixed, ranges = _parted(told)
     lowest = {key: one.low for key, one in ranges.items()}
-    return operators.make(name, **(fixed | lowest | changes))
+    return operators.make(told.name, **(fixed | lowest | changes))
 
 
-def drawn_of(
-    name: str,
-    parameters: Mapping[str, Any],
-    coding: Mapping | None,
-    rng: np.random.Generator,
-    **changes,
-):
-    """The operator ``name`` for one birth: as `operator_of` without ranges among its
-    ``parameters``; else `Drawn`, in their order, by ``rng``. What ``changes`` tell is not drawn."""
-    told = _told(name, parameters, coding)
-    fixed, ranges = ({}, {}) if told is None else _parted(told)
+def _drawn(told: _Told, rng: np.random.Generator, **changes):
+    fixed, ranges = _parted(told)
     if not set(ranges) - set(changes):
-        return operator_of(name, parameters, coding, **changes)
+        return _made(told, changes)
     drawn = {key: one.draw(rng) for key, one in ranges.items() if key not in changes}
     takes = getattr(told.kind, "takes_founders", False)
     of = operators.bred_by(told.kind)
-    return Drawn(name, told.kind.parents, fixed | changes, drawn, takes, of)
+    return Drawn(told.name, told.kind.parents, fixed | changes, drawn, takes, of)
 
 
 def _own(kind: type | None, fixed: Mapping[str, Any], coding: Mapping | None) -> dict[str, Any]:
@@ -223,7 +230,7 @@ __all__ = [
     "OperatorEntry",
     "Range",
     "corners",
-    "drawn_of",
+    "drawing_of",
     "entry_of",
     "is_range",
     "operator_of",

@@ -6,6 +6,7 @@
 
 import contextlib
 import os
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +32,7 @@ from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
 from evocity.search.mixture import (
     MOST_PARENTS,
     OperatorEntry,
-    drawn_of,
+    drawing_of,
     entry_of,
     is_range,
     operator_of,
@@ -275,7 +276,11 @@ class Recipe(Section, Displayed):
     def operator_drawn(self, name: str, rng: np.random.Generator, **changes: Any) -> Operator:
         """The operator ``name`` for one birth: as `operator`, but what the recipe gives ranges of
         is drawn by ``rng``, which is not drawn from without a range."""
-        return drawn_of(name, self.parameters(name), self.genome.coding, rng, **changes)
+        return self.drawing(name)(rng, **changes)
+
+    def drawing(self, name: str) -> Callable[..., Operator]:
+        """`operator_drawn` of one ``name``, for many births: takes a generator, and ``changes``."""
+        return drawing_of(name, self.parameters(name), self.genome.coding)
 
     def takes(self, name: str, key: str) -> bool:
         """Whether the operator ``name`` has a parameter ``key``."""
