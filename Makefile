@@ -9,6 +9,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py)))
 
 .DEFAULT_GOAL := help
+# Tests start hundreds of processes: without bytecode each would compile what it imports.
+unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help demo test test-long soak bench docs format clean
 
 help:  ## list these targets

@@ -1,14 +1,17 @@
 """Births as maps: decoded, and as small pictures on one scale of heights."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from PIL import Image
 
 from evocity.analysis.births import Told
 from evocity.citymap import CityMap
+from evocity.coding.matching import available_cores
 from evocity.pictures import render
 from evocity.pictures.picture import scale_end
 from evocity.store import Birth
@@ -63,8 +66,7 @@ class Thumbnails:
         a picture."""
         missing = [one for one in ids if (one, side) not in self._kept]
         lacking = {}
-        for birth in self._told.run.individuals(missing, rebred=False, stones=False):
-            found = self._made(birth, side)
+        for birth, found in self._made(missing, side):
             if isinstance(found, str):
                 lacking[birth.id] = found
             else:
@@ -79,7 +81,19 @@ class Thumbnails:
             self._bytes -= self._kept.popitem(last=False)[1].nbytes
         return pictures, lacking
 
-    def _made(self, birth: Birth, side: int) -> np.ndarray | str:
+    def _made(self, ids: Sequence[int], side: int) -> Iterator[tuple[Birth, np.ndarray | str]]:
+        """Births, each with a picture or why there is none: made in threads, while the next
+        generation is read."""
+        run, coming = self._told.run, []
+        _ = self.highest  # before threads ask for it
+        by_generation = sorted(ids, key=lambda one: one // run.header.population)
+        with ThreadPoolExecutor(available_cores()) as pool:
+            for _, some in groupby(by_generation, lambda one: one // run.header.population):
+                for birth in run.individuals(list(some), rebred=False, stones=False):
+                    coming.append((birth, pool.submit(self._made_of, birth, side)))
+        return ((birth, found.result()) for birth, found in coming)
+
+    def _made_of(self, birth: Birth, side: int) -> np.ndarray | str:
         """A picture, or why there is none."""
         if birth.left_out:
             return f"the log leaves its genome out; run[{birth.id}].picture() breeds it again"

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 #: Pictures that one request may name, and the sides that it may ask for, px.
-MOST, SIDES = 64, (96, 192)
+MOST, SIDES = 96, (96, 192)
 # In a row.
 _ACROSS = 8
 

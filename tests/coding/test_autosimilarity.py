@@ -274,6 +274,7 @@ def test_same_as_trying_everything_for_other_blocks(block, domain):
     assert_like(found, naive.autosimilarity_maps(heights, block, [domain]))
 
 
+@pytest.mark.long
 def test_same_as_trying_everything_at_48():
     heights = town_heights(11, side=48)
     found = autosimilarity_maps(city_of(heights), block=8, domains=20)

@@ -285,6 +285,7 @@ def test_bands_of_domains_do_not_change_the_matches(town, memory):
             assert np.array_equal(getattr(banded, name), getattr(whole, name))
 
 
+@pytest.mark.long  # a size of its own is compiled
 def test_large_blocks_are_summed_in_runs(town):
     """Above B = 16 the sums are loops of the compiled code, not written out."""
     heights = np.tile(town.heights, (2, 2))[:50, :46]

@@ -360,3 +360,27 @@ ENDS = {
 }
 #: Those whose value is what it would be without the bad deed.
 KINDS = {name: status for status, names in ENDS.items() for name in names.split()}
+#: One of each sort.
+FEW = [
+    "starts_a_leader",
+    "leaks",
+    "prints_much_and_ends",
+    "moves",
+    "changes_environment",
+    "handles_signals",
+    "uses_processes",
+    "leaves_files",
+    "raises_all_errors",
+    "raises",
+    "unpicklable",
+    "nan",
+    "hangs_in_c",
+    "prints_in_c",
+    "stops_itself",
+    "exits_1",
+    "crashes",
+    "kills_itself",
+    "closes_all_files",
+    "allocates",
+    "grows",
+]

@@ -429,6 +429,7 @@ def test_what_came_before_a_scheduler_was_lost_is_kept(
     assert sum("is gone" in text for text in told) == 2
 
 
+@pytest.mark.long
 def test_a_scheduler_that_does_not_come_back_ends_the_run(
     cluster, tmp_path, genome, told, monkeypatch
 ):

@@ -166,7 +166,8 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
 @pytest.mark.parametrize(
     ("kills", "workers", "generations"),
     [
-        (6, 0, 12),
+        (3, 0, 8),
+        pytest.param(6, 0, 12, marks=LONG),
         pytest.param(2, 2, 20, marks=[*LONG, linux]),
         pytest.param(30, 0, 60, marks=LONG),
         pytest.param(30, 2, 150, marks=[*LONG, linux]),
@@ -200,7 +201,7 @@ def killed_before_each(host, folder, recipe, deeds) -> set[int]:
     return beyond
 
 
-@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 16])
+@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 31])
 def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
     host, tmp_path, uninterrupted, share
 ):
@@ -216,6 +217,7 @@ def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
 
 
 @linux
+@pytest.mark.long
 def test_workers_killed_or_stopped_in_a_run_cost_no_birth(host, tmp_path, uninterrupted):
     """One, all and what starts them killed; then one stopped beyond its deadline, then all."""
     recipe, out = write_toy(tmp_path, SLOW, generations=22, timeout=1.0), tmp_path / "run"
@@ -363,13 +365,16 @@ def size_of(folder: Path) -> int:
 
 
 @linux
-def test_a_full_disk_at_ten_sizes_loses_nothing_that_was_whole(tmp_path, small_disk, uninterrupted):
+@pytest.mark.parametrize("count", [5, pytest.param(10, marks=LONG)])
+def test_a_full_disk_at_many_sizes_loses_nothing_that_was_whole(
+    tmp_path, small_disk, uninterrupted, count
+):
     expected = uninterrupted(6)
     recipe = read_recipe(write_toy(tmp_path, generations=6))
     probe, sizes = tmp_path / "probe", []
     search = Search(recipe, out=probe, workers=0)
     disturbed(search, 0, lambda: sizes.append(size_of(probe) // 1024))
-    sizes, reached = np.linspace(sizes[0] * 0.5, size_of(probe) // 1024, 10), set()
+    sizes, reached = np.linspace(sizes[0] * 0.5, size_of(probe) // 1024, count), set()
     for number, size in enumerate(sizes.astype(int)):
         place = small_disk(int(size))
         out = place / f"run-{number}"
@@ -386,7 +391,7 @@ def test_a_full_disk_at_ten_sizes_loses_nothing_that_was_whole(tmp_path, small_d
         for one in sorted(out.rglob("*"), reverse=True):
             one.rmdir() if one.is_dir() else one.unlink()
         out.rmdir()
-    assert len(reached) > 3
+    assert len(reached) > count / 3
 
 
 def test_a_limit_of_file_size_is_told_and_gone_on_from(tmp_path, uninterrupted):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from codes import uniformly
-from faults_kinds import KINDS, SOURCE
+from faults_kinds import FEW, KINDS, SOURCE
 
 from evocity import fitness
 from evocity.coding import decode
@@ -117,15 +117,18 @@ def noted(folder, what="") -> list[int]:
 
 
 @linux
+@pytest.mark.parametrize(
+    "kinds", [FEW, pytest.param(list(KINDS), marks=pytest.mark.long)], ids=["few", "all"]
+)
 def test_forty_kinds_of_bad_measure_cost_their_own_births(
-    pool, genome, tmp_path, own_temporary, town, capfd, told
+    pool, genome, tmp_path, own_temporary, capfd, told, kinds
 ):
     notes = tmp_path / "notes"
     notes.mkdir()
     source, limits = SOURCE.replace("NOTES_FOLDER", repr(str(notes))), {"memory": 400 * 10**6}
     bad = pool(source, timeout=6.0, **limits)
     # many calm births, so that each worker has some after each bad one
-    names = [one for i, kind in enumerate(KINDS) for one in (kind, *[f"calm-{i}"] * 3)]
+    names = [one for i, kind in enumerate(kinds) for one in (kind, *[f"calm-{i}"] * 3)]
     outcomes = bad.run("evaluate", named(genome, *names))
     nursery = bad._starter._nursery.pid
     assert len(processes.descendants(nursery)) <= 2
@@ -151,7 +154,7 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
     assert all(len(text) <= 2000 for text in errors.values())
     assert "SIGSEGV" in errors["crashes"]
     assert "30.0 GB" in errors["allocates"] or "27.9 GiB" in errors["allocates"]
-    assert all("allowed: 400 MB" in errors[k] for k, ends in KINDS.items() if ends == "memory")
+    assert all("allowed: 400 MB" in errors[k] for k in kinds if KINDS[k] == "memory")
     # the births that killed and that stopped themselves were tried twice
     assert 2 <= len(told) <= 2 + len(late)
     # of 1 GB that was printed, a little is shown, and nothing that moves a cursor

@@ -271,7 +271,7 @@ def laid_one_by_one(code, monkeypatch, **options):
     return laid
 
 
-@pytest.mark.parametrize("tolerance", [2.0, 6.0])
+@pytest.mark.parametrize("tolerance", [2.0, pytest.param(6.0, marks=pytest.mark.long)])
 def test_outlines_step_by_no_more_than_the_tolerance(code, monkeypatch, tolerance):
     heights = decode(code).city.heights
     laid = laid_one_by_one(code, monkeypatch, tolerance=tolerance)
@@ -391,9 +391,10 @@ DRAWN = {
     ("name", "options"),
     [
         *((name, {}) for name in ("town", "oblong", "small", "flat")),
-        *((name, {"turned": False, "candidates": 100}) for name in ("town", "oblong")),
-        ("town", {"cell": 2}),
+        ("oblong", {"turned": False, "candidates": 100}),
         ("town", {"cell": 8}),
+        pytest.param("town", {"turned": False, "candidates": 100}, marks=pytest.mark.long),
+        pytest.param("town", {"cell": 2}, marks=pytest.mark.long),
     ],
 )
 def test_drawn_towns_do_not_repeat(name, options):
@@ -565,7 +566,7 @@ def test_windows_that_cannot_be_are_refused(fabric, box, says):
 def test_too_small_originals_are_refused():
     for side, block in ((20, 4), (221, 13)):
         city = CityMap(RNG(0).random((side, side)) * 9, 2)
-        code = uniformly(city, block=block).genome
+        code = uniformly(city, block=block, reach=8).genome
         with pytest.raises(OperatorError, match="6 × 6 cells or more of 2 to 11 px"):
             grow(
                 code.replace()

@@ -469,7 +469,7 @@ def changing(tmp_path):
 LONG = [pytest.mark.long, pytest.mark.timeout(3600)]
 
 
-@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 13])
+@pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 23])
 def test_killed_before_any_deed_on_files_a_run_is_the_old_one_or_the_new_one(changing, share):
     """Read at once, gone on with by its own recipe, and by the other one once more."""
     folder, recipe, found = changing

@@ -199,8 +199,18 @@ def resumed(path, **more):
     return rows(path)
 
 
-@pytest.mark.parametrize("window", [2, 6, 13])
-@pytest.mark.parametrize("adapt", ["", "adapt = true\n"])
+ADAPT = "adapt = true\n"
+KILLED_TOO = [(2, ""), (2, ADAPT), (6, ADAPT), (13, "")]
+
+
+@pytest.mark.parametrize(
+    ("window", "adapt"),
+    [
+        (6, ""),
+        (13, ADAPT),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in KILLED_TOO),
+    ],
+)
 def test_a_run_that_was_killed_goes_on_to_the_same_births(toy, tmp_path, window, adapt):
     recipe = windowed(toy, window, adapt, generations=5)
     expected = bred(recipe, tmp_path / "whole")

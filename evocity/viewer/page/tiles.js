@@ -1,7 +1,7 @@
 /** Small pictures, asked for as they come into view, a sheet at a time. */
 
-/** So many pictures a request; so many are kept. */
-const AT_ONCE = 48, KEPT = 2000;
+/** So many pictures a request, a window full: births of one generation are read together. So many are kept. */
+const AT_ONCE = 72, KEPT = 2000;
 
 export class Tiles {
   /** `ask(ids, side)`: a promise of {tiles, image, across, width, height, lacking}; `arrived` is
