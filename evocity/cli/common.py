@@ -49,9 +49,9 @@ class Commands(click.Group):
         except EvocityError as error:
             command = self.commands[ctx.invoked_subcommand]
             raise InputFault(told(error, command)) from error
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:  # or another signal, which knows its exit code
             echo("\nStopped.", err=True)
-            ctx.exit(130)
+            ctx.exit(getattr(error, "exit_code", 130))
 
 
 def told(error: EvocityError, command: click.Command) -> str:

@@ -232,6 +232,8 @@ class Notifier(Observer):
         told = {key: getattr(generation, key) for key in ("births", "hypervolume", "best")}
         self._is_at(told | {"generation": generation.number})
         now, before = progress_of(generation.hypervolume, generation.algorithm), self._best
+        if math.isnan(now):  # nothing is known of this generation
+            return
         self._best = now if before is None else max(before, now)
         if before is not None and now > before:
             reason = f"{now:.6g} reached, before {before:.6g}"

@@ -6,8 +6,9 @@ It changes no birth: a run that goes on later has those of one that was never st
 import contextlib
 import math
 import os
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
@@ -81,14 +82,18 @@ class Stagnation:
     best: float = 0.0
     at: int | None = None
     since: int = 0
+    _no_better: list[int] = field(default_factory=list)  # generations after the best, in order
 
     def see(self, generation: int, progress: float) -> None:
         if progress > self.best:
-            self.best, self.at = progress, generation
+            self.best, self.at, self._no_better = progress, generation, []
+        elif self.at is not None and not math.isnan(progress):
+            self._no_better.append(generation)
 
-    def without(self, generation: int) -> int:
-        """Generations without progress up to ``generation``."""
-        return 0 if self.at is None else generation - max(self.at, self.since)
+    @property
+    def without(self) -> int:
+        """Generations without progress, of those that were seen."""
+        return len(self._no_better) - bisect_right(self._no_better, self.since)
 
 
 class Stopping:
@@ -174,12 +179,7 @@ class Stopping:
 
     def _why(self, generation: int, living: Sequence[Individual], grown: int) -> Reason | None:
         """``grown``: bytes of the last generation; another such must fit."""
-        return (
-            self._reached(living)
-            or self._stagnated(generation)
-            or self._filled(grown)
-            or self._passed()
-        )
+        return self._reached(living) or self._stagnated() or self._filled(grown) or self._passed()
 
     def _reached(self, living: Sequence[Individual]) -> Reason | None:
         wanted = self.section.target
@@ -193,8 +193,8 @@ class Stopping:
         ]
         return Reason("target", f"target reached by {min(reached)}") if reached else None
 
-    def _stagnated(self, generation: int) -> Reason | None:
-        count = self._stagnation.without(generation)
+    def _stagnated(self) -> Reason | None:
+        count = self._stagnation.without
         if self.section.stagnation is None or count < self.section.stagnation:
             return None
         best = f"the best is of generation {self._stagnation.at}"

@@ -13,6 +13,7 @@ from typing import Any
 
 from evocity.errors import EvocityError, RunError, plain_text, told_bytes
 from evocity.search.evaluation import processes
+from evocity.store.parts import open_to_append
 
 #: Seconds between two looks at what an errand takes, and that it has to end; bytes of a line that
 #: it tells.
@@ -125,7 +126,7 @@ class Carried:
                 raise RunError(f"{run}: a process is at it", "one a run", "wait for it, or stop it")
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)
-                with open(log, "ab") as file:
+                with open_to_append(log) as file:
                     process = subprocess.Popen(
                         [*_command(program), *words],
                         stdin=subprocess.DEVNULL,

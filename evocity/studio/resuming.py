@@ -9,7 +9,7 @@ from pydantic import Field
 from evocity.errors import RunError
 from evocity.search import commands
 from evocity.search.opening import open_run
-from evocity.search.trust import refuse_untrusted, state_folder
+from evocity.search.trust import is_ours, refuse_untrusted, state_folder
 from evocity.store.lock import is_held
 from evocity.studio.apart import Carried
 from evocity.studio.asked import Body
@@ -23,9 +23,11 @@ class Resume(Body):
 
 def log_of(run: Path) -> Path:
     """The file for what a process says that carries out a ``run``: with its recipe, where it was
-    begun at the desk, else with what evocity remembers for this user; never in the run."""
+    begun at the desk, else with what evocity remembers for this user; never in the run, and never
+    beside a stranger's."""
     beside = run.with_name(f"{run.name}-recipe")
-    if (beside / "recipe.toml").is_file():
+    own = not beside.is_symlink() and (beside / "recipe.toml").is_file()
+    if own and (not run.exists() or is_ours(open_run(run))):
         return beside / "run.log"
     called = hashlib.blake2b(str(run).encode(errors="replace"), digest_size=8).hexdigest()
     return state_folder() / "logs" / f"{called}.log"

@@ -9,6 +9,7 @@ from pathlib import Path
 import uvicorn
 
 from evocity.errors import EvocityError, setting
+from evocity.search.signals import signals_raise
 from evocity.studio.answers import Studio
 from evocity.studio.begins import Begins
 from evocity.studio.guard import MOST_HEAD, MOST_QUERY, Guard
@@ -86,10 +87,12 @@ def serve(
     began: Callable[[str], None],
     begins: Begins | None = None,
 ) -> None:
-    """A `Server` until Ctrl-C; ``began`` is told the address once it can be opened."""
-    server = Server(paths, port, folder, begins)
-    began(server.url)
-    server.run_until_stopped()
+    """A `Server` until Ctrl-C; ``began`` is told the address once it can be opened. SIGTERM and
+    SIGHUP end it as well, and raise `Signalled` then."""
+    with signals_raise():
+        server = Server(paths, port, folder, begins)
+        began(server.url)
+        server.run_until_stopped()
 
 
 def _bound(port: int) -> socket.socket:

@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,8 @@ from test_search_recipe import faults
 from test_search_run import rows, run
 
 from evocity.errors import RunError
-from evocity.search import Observer, Search, read_recipe
-from evocity.search.notifying import Errand, Runner, missing
+from evocity.search import Generation, Observer, Search, read_recipe
+from evocity.search.notifying import Errand, Notifier, Runner, missing
 from evocity.search.overnight import NotifySection, words_of
 from evocity.store import open_run
 
@@ -77,6 +78,16 @@ def test_what_got_better_and_the_end_are_told(telling, tmp_path):
     assert {one["code"] for one in events} == {0}
     assert {one["output"] for one in events} == {"said improvement", "said finish"}
     assert open_run(out).status()["finished"]
+
+
+def test_a_generation_of_which_nothing_is_known_hides_no_improvement(monkeypatch):
+    asked = []
+    monkeypatch.setattr(Notifier, "_ask", lambda self, key, **told: asked.append(told["reason"]))
+    notifier = Notifier(NotifySection(), None, None, lambda *a, **k: None)
+    for number, progress in enumerate([nan, 1.0, nan, 2.0, nan, 2.0, 3.0]):
+        told = Generation(number, 8, 0, progress, {}, 1.0, 0.0, [], 0)
+        notifier.generation(told, [], [])
+    assert asked == ["2 reached, before 1", "3 reached, before 2"]
 
 
 def test_it_changes_no_birth_and_goes_on_when_it_is_resumed(telling, tmp_path):

@@ -2,7 +2,7 @@
 
 import json
 from datetime import UTC, datetime, timedelta, timezone
-from math import isnan
+from math import isnan, nan
 
 import pytest
 from hypothesis import given
@@ -216,15 +216,16 @@ def test_a_target_goes_by_each_measures_own_direction():
 # -- stagnation ----------------------------------------------------------------------------------
 
 
-@given(st.lists(st.floats(0, 10)), st.integers(0, 5))
+@given(st.lists(st.floats(0, 10) | st.just(nan)), st.integers(0, 5))
 def test_stagnation_is_told_as_by_counting(values, since):
+    """Where nothing was measured (NaN) nobody can tell whether it got better."""
     found = Stagnation(since=since)
     for number, value in enumerate(values):
         found.see(number, value)
         seen = values[: number + 1]
-        best = max(seen)
-        expected = 0 if best == 0 else number - max(since, seen.index(best))
-        assert found.without(number) == expected
+        best = max((one for one in seen if one > 0), default=None)
+        after = [] if best is None else range(max(since, seen.index(best)) + 1, number + 1)
+        assert found.without == sum(not isnan(values[one]) for one in after)
 
 
 def test_progress_is_the_qd_score_where_there_is_one():

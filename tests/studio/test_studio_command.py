@@ -1,15 +1,19 @@
 """`evocity studio` as it is typed: what is printed, how it ends, what it needs."""
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import urllib.parse
 import urllib.request
 from http.cookiejar import CookieJar
+from types import SimpleNamespace
 
 import pytest
-from asking import contents
+from asking import Client, contents
+from brought import bring, footprints
 from click.testing import CliRunner
 
 from evocity.cli import main
@@ -19,14 +23,21 @@ EVOCITY = (sys.executable, "-m", "evocity")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
-def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind):
+@pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_path):
     before = contents(night)
     words = [*EVOCITY, "studio", str(night), "--no-browser", "--json"]
     running = subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        preexec_fn=lambda: signal.signal(getattr(signal, kind), signal.SIG_DFL),  # under nohup too
     )
-    with running:
+    with running, contextlib.ExitStack() as ended:
+        ended.callback(running.kill)
         line = running.stdout.readline()
         told = json.loads(line)
         assert list(told) == ["url"]
@@ -36,11 +47,17 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind):
         assert (answer.status, page) == (200, files()["/"][1])
         with browser.open(told["url"].partition("?")[0] + "api/0/births", timeout=20) as answer:
             assert answer.status == 200
+        address = urllib.parse.urlsplit(told["url"])
+        client = Client(SimpleNamespace(url=told["url"], port=address.port))
+        client.open()
+        bring(client, "own.geojson", footprints(tmp_path / "own.geojson", 1).read_bytes())
+        assert list(tmp_path.glob("evocity-desk-*"))
         os.killpg(running.pid, getattr(signal, kind))
         out, err = running.communicate(timeout=30)
     assert out == ""  # one line was all
     assert "Traceback" not in err
-    assert running.returncode == (130 if kind == "SIGINT" else -signal.SIGTERM)
+    assert running.returncode == 128 + getattr(signal, kind)
+    assert list(tmp_path.glob("evocity-desk-*")) == []
     assert contents(night) == before
 
 

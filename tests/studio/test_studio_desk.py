@@ -15,11 +15,12 @@ from brought import bring, chosen, desk, ending, footprints, is_read, wait
 from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, RunError
 from evocity.search.calibration import GUARD
 from evocity.studio import guard, maps
-from evocity.studio.apart import Errand
+from evocity.studio.apart import Carried, Errand
 from evocity.studio.begins import Begins
+from evocity.studio.resuming import log_of
 from evocity.studio.serving import served
 
 CITIES = ("cape-town-salt-river", "lyon-1er")
@@ -317,6 +318,33 @@ def test_a_strangers_run_is_not_taken_up_where_it_brings_measures(tmp_path):
         assert "--trust" in told.json["error"]["remedy"]
         assert desk(client)["home"] == str(tmp_path)  # beside the run that was named
     assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("linked", ["folder", "log"])
+def test_what_lies_beside_a_strangers_run_is_not_written_to(tmp_path, monkeypatch, linked):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    run, beside = tmp_path / "run", tmp_path / "run-recipe"
+    path = write_toy(tmp_path, generations=1, workers=0)
+    with evocity.Search(evocity.read_recipe(path), out=run) as search:
+        list(search)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "recipe.toml").touch()
+    victim = tmp_path / "elsewhere" / "run.log"
+    victim.write_text("mine")
+    if linked == "folder":
+        beside.symlink_to(tmp_path / "elsewhere")
+        assert tmp_path / "state" in log_of(run).parents
+    else:
+        beside.mkdir()
+        (beside / "recipe.toml").touch()
+        assert log_of(run) == beside / "run.log"  # begun here
+        (beside / "run.log").symlink_to(victim)
+        with pytest.raises(RunError, match=r"run.log"):
+            Carried().begin(run, ["--version"], log_of(run))
+        provenance = run / "provenance.json"
+        provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
+        assert tmp_path / "state" in log_of(run).parents
+    assert victim.read_text() == "mine"
 
 
 def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
