@@ -148,6 +148,7 @@ def test_colours_are_those_of_maps_and_walls_those_of_scenes(opened, tinted):
         assert (picture[..., 3] == 255).all()
 
 
+@pytest.mark.long
 def test_the_scale_of_heights_is_that_of_maps(opened):
     heights = np.round(np.linspace(0, 70, 64 * 64), 2).astype(np.float32)
     page = opened(town())
@@ -276,6 +277,7 @@ def test_a_canvas_shows_the_city_with_north_and_scale(opened):
     assert (shown(page) == found).all()  # what is hidden stays as it was
 
 
+@pytest.mark.long
 def test_a_screen_of_finer_pixels_is_drawn_finer(opened):
     page = opened(draw_town(3, side=48), device_scale_factor=2)
     canvases(page)

@@ -31,6 +31,8 @@ from evocity.studio.watched import FRESH
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 COUNT = 120
+#: Of windows, px.
+SIZES = [(1400, 900), (768, 1024), (512, 700)]
 GENERATIONS = 50
 NODE = Path(__file__).parents[2] / ".venv" / "node" / "node_modules"
 AXE = NODE / "axe-core" / "axe.min.js"
@@ -242,6 +244,7 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert page.locator("main script, img[src=x]").count() == 0
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there")
 def test_who_cannot_see_it_can_use_it(opened, tmp_path):
     """axe-core finds nothing, in every pane."""
@@ -295,7 +298,8 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
 
 
 @pytest.mark.parametrize(("button", "kind", "key"), [
-    ("in space", "columns", "ArrowRight"), ("walk", "walk", "q"),
+    ("in space", "columns", "ArrowRight"),
+    pytest.param("walk", "walk", "q", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, button, kind, key):
     opened.lost += ("GL Driver Message",)  # of a machine without a graphics card
@@ -337,6 +341,7 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
         )
 
 
+@pytest.mark.long
 def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
     """Both from one place, in numbers, as a difference; and the address tells it."""
     with served(folder) as server:
@@ -384,6 +389,7 @@ def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
         assert state_of(page)["pinned"] is None
 
 
+@pytest.mark.long
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
     with served(folder) as server:
         page = opened(server)
@@ -493,6 +499,7 @@ def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
     assert logs[0].equals(logs[1])
 
 
+@pytest.mark.long
 def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
     with served(folder) as server:
         page = opened(server)
@@ -661,6 +668,7 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         assert np.array_equal(np.load(recipe.parent / "locked.npy").astype(bool), mask)
 
 
+@pytest.mark.long
 def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_path):
     """Of leaves of many sides; the mask comes from a picture."""
     night = shutil.copytree(OLD / "run-6", tmp_path / "night")
@@ -727,6 +735,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         assert [float(one) for one in row] == pytest.approx(right, rel=1e-3)
 
 
+@pytest.mark.long
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
     other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path
     with served(folder, other) as server:
@@ -880,7 +889,10 @@ def test_a_run_that_is_gone_is_told(opened, folder):
         assert len(shown_ids(page)) > 5
 
 
-@pytest.mark.parametrize(("width", "height"), [(1024, 700), (1400, 900), (768, 1024), (512, 700)])
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [(1024, 700), *(pytest.param(*one, marks=pytest.mark.long) for one in SIZES)],
+)
 def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
     with served(folder) as server:
         page = opened(server, width, height)

@@ -103,7 +103,12 @@ def test_what_is_seen_is_what_lines_meet(opened, camera):
     assert (nearest == wanted[0])[clear].mean() > 0.998
 
 
-@pytest.mark.parametrize("sun", [(250, 40), (90, 25), (178, 60), (330, 15)])
+SUNS = [(178, 60), (330, 15)]
+
+
+@pytest.mark.parametrize(
+    "sun", [(250, 40), (90, 25), *(pytest.param(one, marks=pytest.mark.long) for one in SUNS)]
+)
 def test_shadows_lie_where_lines_to_the_sun_are_barred(opened, sun):
     city = town()
     heights = np.where(city.site, city.heights, np.nan)
@@ -279,6 +284,7 @@ def test_a_lost_context_comes_back_and_a_city_gives_way_to_another(opened):
     assert page.evaluate("view.gl.isContextLost()")
 
 
+@pytest.mark.long
 def test_many_walks_one_after_another_leave_nothing(opened):
     page = opened(town())
     for _ in range(17):  # browsers hold sixteen
