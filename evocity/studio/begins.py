@@ -13,7 +13,8 @@ from evocity.errors import EvocityError, MapError
 from evocity.fitness import Measure
 from evocity.studio.apart import Carried
 from evocity.studio.asked import Body, Faulty, body_of, number
-from evocity.studio.desk import Begin, Desk, Draft, Which
+from evocity.studio.desk import Desk
+from evocity.studio.draft import Begin, Draft, Which
 from evocity.studio.guard import TooLong
 from evocity.studio.one import fault_of
 from evocity.studio.resuming import Resume, resume, stop

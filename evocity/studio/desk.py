@@ -13,9 +13,6 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import AfterValidator, Field
 
 from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
@@ -24,65 +21,16 @@ from evocity.search.calibration import USUAL_GOALS
 from evocity.search.opening import open_run
 from evocity.search.reading import read_recipe
 from evocity.search.recipe_text import duration
-from evocity.search.values import Title
 from evocity.studio.apart import Carried, Errand
-from evocity.studio.asked import Body, Faulty
-from evocity.studio.maps import MEMORY, Maps, Placed, Window
+from evocity.studio.asked import Faulty
+from evocity.studio.draft import MOST_NAME, Begin, Draft, Wanted, Which
+from evocity.studio.maps import MEMORY, Maps, Placed
 from evocity.studio.one import fault_of
 from evocity.studio.resuming import log_of
 
-#: Parents and goals, at most; lines of what calibrating says that are kept.
-MOST_PARENTS, MOST_GOALS, _MOST_SAID = 8, 12, 200
+#: Parents, at most; lines of what calibrating says that are kept.
+MOST_PARENTS, _MOST_SAID = 8, 200
 _MOST_NAMES = 10_000
-_BYTES = 200  # of a name, so that a folder can have it
-
-
-def _short(name: str) -> str:
-    if len(name.encode()) > _BYTES or not name.isprintable():
-        raise ValueError(f"a name of {_BYTES} bytes at most that can be printed")
-    return name
-
-
-class Wanted(Body):
-    """A measure to search by: the lowest or highest value, a ``target``, or what the first parent
-    has of it."""
-
-    measure: Annotated[str, Field(max_length=200)]
-    want: Literal["max", "min", "target", "first"]
-    target: float | None = None
-
-
-class Draft(Body):
-    """All that is chosen at the desk. ``name``: of the run, "" for one made of its parents'.
-    ``minutes`` count in place of ``generations`` where they are told."""
-
-    name: Annotated[Title, AfterValidator(_short)] | Literal[""] = ""
-    seed: Annotated[int, Field(ge=0, lt=2**53)] = 7
-    population: Annotated[int, Field(ge=2, le=1_000_000)] = 48
-    generations: Annotated[int, Field(ge=1, le=1_000_000)] = 100
-    minutes: Annotated[float, Field(ge=1, le=60 * 24 * 365)] | None = None
-    window: Window = Window()
-    maps: Annotated[tuple[Placed, ...], Field(max_length=64)] = ()
-    goals: Annotated[tuple[Wanted, ...], Field(max_length=MOST_GOALS)] = tuple(
-        Wanted(measure=name, want=fitness.get(name).goal or "first") for name in USUAL_GOALS
-    )
-
-    @property
-    def parents(self) -> list[Placed]:
-        """In their order."""
-        return [one for one in self.maps if one.chosen]
-
-
-class Which(Body):
-    """One map on the desk."""
-
-    map: Annotated[int, Field(ge=0, lt=2**31)]
-
-
-class Begin(Body):
-    """Which recipe a run is begun by: that of the desk, or the one ``given`` at the terminal."""
-
-    given: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,7 +105,6 @@ class Desk:
         self._said: list[str] = []
         self._fault: EvocityError | None = None
         self._found: dict | None = None
-        self._folder: Path | None = None
         self._started: list[Started] = []
 
     # -- told --------------------------------------------------------------------------------------
@@ -252,7 +199,7 @@ class Desk:
     def _usual_name(self, draft: Draft) -> str:
         titles = [self.maps[one.map].title for one in draft.parents]
         name = "-x-".join(title.replace(" ", "-") for title in titles).lstrip(".")
-        while len(name.encode()) > _BYTES or len(name) > 100:
+        while len(name.encode()) > MOST_NAME or len(name) > 100:
             name = name[:-1]
         return name or "run"
 
@@ -275,7 +222,7 @@ class Desk:
             # the usual ones may lack where a parent does not have them; what is chosen may not
             is_usual = set(draft.goals) == set(Draft().goals)
             goals = [] if is_usual else [self._goal(one) for one in draft.goals]
-            self._folder = folder = self.maps.folder / f"recipe-{self._draft_turn}"
+            folder = self.maps.folder / f"recipe-{self._draft_turn}"
             self._draft_turn += 1
             folder.mkdir()
             parents = [self._parent(one, folder) for one in draft.parents]
@@ -424,4 +371,4 @@ def _unwritten(folder: Path, error: Exception) -> EvocityError:
     )
 
 
-__all__ = ["Begin", "Desk", "Draft", "Which"]
+__all__ = ["Desk"]
