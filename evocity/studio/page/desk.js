@@ -1,11 +1,10 @@
+import { Begun } from "./begun.js";
 import { counted, made, number } from "./made.js";
 import { asked, brought, told } from "./server.js";
 
 /** Milliseconds between two looks at what is under way. */
 const SOON = 400;
 const WANTS = [["max", "as high as can be"], ["min", "as low as can be"], ["target", "a target"], ["first", "as the first has it"]];
-/** Exit codes of a run that a signal ended. */
-const SIGNALS = [129, 130, 143];
 /** In words, of each rule by which a building got its height. */
 const RULES = { height: "told", levels: "by storeys", default: "not told" };
 
@@ -20,7 +19,6 @@ export class Desk {
     [this.parent, this.on] = [parent, on];
     this.cards = new Map();
     this.rows = new Map();
-    this.runs = new Map();
   }
 
   get isShown() { return !this.parent.hidden; }
@@ -102,8 +100,7 @@ export class Desk {
     this.stop.addEventListener("click", () => this.ask("desk-stop", {}));
     this.state = made(parent, "p", "", "", { role: "status" });
     this.found = made(parent, "section", "", "", { "aria-label": "the recipe" });
-    made(parent, "h3", "", "Runs begun here");
-    this.begun = made(parent, "ul", "begun", "", { "aria-label": "runs begun here" });
+    this.begun = new Begun(parent, { show: (run) => this.on.show(run), stop: (map) => this.ask("desk-end", { map }) });
   }
 
   field(parent, text, limits) { return made(made(parent, "label", "", `${text} `), "input", "", "", { type: "number", ...limits }); }
@@ -122,7 +119,7 @@ export class Desk {
     this.length.value = draft.minutes === null ? draft.generations : draft.minutes;
     this.tellGoals();
     const last = state.started.at(-1);
-    if (last && last.at && !last.has) this.waits = last.folder;
+    if (last && last.at && !last.has) this.begun.waits = last.folder;
     this.tell(state);
   }
 
@@ -143,7 +140,7 @@ export class Desk {
       this.state.classList.toggle("evocity-lack", Boolean(state.fault));
       this.tellFound(state.found);
       this.tellGiven(state.given);
-      this.tellBegun(state.started);
+      this.begun.tell(state.started);
     }
     clearTimeout(this.timer);
     const isUnderWay = state.busy || state.maps.some((one) => one.reading) || state.started.some((one) => one.at && !one.has);
@@ -375,7 +372,7 @@ export class Desk {
       await this.ask("desk-begin", body);
       go.disabled = false;
       const last = JSON.parse(this.told).started.at(-1);
-      this.waits = last && last.folder;
+      this.begun.waits = last && last.folder;
     });
     const more = made(parent, "details");
     more.open = true;
@@ -392,40 +389,6 @@ export class Desk {
     if (!given) return;
     made(this.given, "p", "", `The recipe ${given.path} is begun as it is. Or make another below.`);
     this.recipe(this.given, given.text, "as it is", { given: true });
-  }
-
-  tellBegun(started) {
-    for (const [place, one] of started.entries()) {
-      const { folder, has, at, code } = one;
-      if (!this.runs.has(folder)) this.runs.set(folder, this.start(one, place));
-      const item = this.runs.get(folder), isFailed = !at && code > 0 && !SIGNALS.includes(code);
-      item.how.textContent = ` ${at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended"} `;
-      item.how.classList.toggle("evocity-lack", isFailed);
-      item.run = one.run;
-      item.show.hidden = !has;
-      item.stop.hidden = has || !at;
-      item.said.hidden = has && !isFailed;
-      const text = isFailed ? one.said : one.said.split("\n").at(-1) || "…";
-      if (item.said.textContent !== text) item.said.textContent = text;
-    }
-    this.begun.previousSibling.hidden = !started.length;
-    const last = started.find((one) => one.folder === this.waits);
-    if (!last || !last.has) return;
-    this.waits = null;
-    this.on.show(last.run);
-  }
-
-  start({ name, folder, recipe }, place) {
-    const item = made(this.begun, "li"), found = {};
-    made(item, "b", "", name);
-    found.how = made(item, "span", "", "", { role: "status" });
-    found.show = made(item, "button", "", `show ${name}`, { type: "button" });
-    found.show.addEventListener("click", () => this.on.show(found.run));
-    found.stop = made(item, "button", "", `stop ${name}`, { type: "button" });
-    found.stop.addEventListener("click", () => this.ask("desk-end", { map: place }));
-    made(item, "p", "faint", `Its recipe is ${recipe}, its folder ${folder}.`);
-    found.said = made(item, "pre", "toml", "", { tabindex: "0", role: "group", "aria-label": `what ${name} says` });
-    return found;
   }
 }
 
