@@ -62,6 +62,19 @@ def write(page, label: str, text: str) -> None:
     page.keyboard.press("Tab")
 
 
+#: Tells the desk, which looks no more, of runs that were begun: folder, number, whether it has a
+#: generation, exit code. A recipe is offered too.
+TOLD = """(runs) => {
+  const { desk } = studio, given = { path: "/night.toml", text: "[run]" };
+  clearTimeout(desk.timer);
+  desk.look = () => {};
+  const started = runs.map(([folder, run, has, code]) => ({
+    name: folder, folder, recipe: "/night.toml", run, has, at: code === null, code, said: `first\\n${folder} says`,
+  }));
+  desk.tell({ ...JSON.parse(desk.told), given, started });
+}"""
+
+
 @contextlib.contextmanager
 def desk(tmp_path):
     """A page on which two files were brought and a measure was chosen, by keys, and its server."""
@@ -121,6 +134,14 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
         assert page.get_by_label("name of the run").input_value() == "a night"
         assert page.get_by_role("checkbox", checked=True).count() == 2
+
+        # a run that cannot begin shows no other, and why it cannot is told
+        page.evaluate("() => { window.shown = []; studio.desk.on.show = (run) => shown.push(run); }")
+        page.evaluate(TOLD, [["old", 3, True, None]])
+        press(page, "begin the run")
+        until(page, "document.getElementById('trouble').textContent.includes('no recipe')")
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
+        assert page.evaluate("shown") == []
 
 
 @pytest.mark.long

@@ -158,15 +158,16 @@ export class Desk {
     }
   }
 
-  /** Whether it was done. */
+  /** What the server tells once it is done; null where it is not. */
   async ask(name, body) {
     try {
-      this.tell(await told(name, body));
+      const state = await told(name, body);
+      this.tell(state);
       this.on.trouble(null, "desk");
-      return true;
+      return state;
     } catch (error) {
       this.on.trouble(error, "desk");
-      return false;
+      return null;
     }
   }
 
@@ -369,10 +370,9 @@ export class Desk {
     const go = made(parent, "button", "go", "begin the run", { type: "button" });
     go.addEventListener("click", async () => {
       go.disabled = true;
-      await this.ask("desk-begin", body);
+      const { started } = (await this.ask("desk-begin", body)) || {};
       go.disabled = false;
-      const last = JSON.parse(this.told).started.at(-1);
-      this.begun.waits = last && last.folder;
+      if (started && this.isShown) this.begun.waits = started.at(-1).folder;
     });
     const more = made(parent, "details");
     more.open = true;
