@@ -143,6 +143,12 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
         assert page.evaluate("shown") == []
 
+        # who left the desk is not taken away from what is looked at
+        page.evaluate("() => { studio.desk.begun.waits = 'new'; studio.desk.show(false); }")
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", 4, True, None]])
+        assert page.evaluate("[shown, studio.desk.begun.waits]") == [[], None]
+        page.evaluate("() => studio.desk.show(true)")
+
 
 @pytest.mark.long
 def test_two_files_become_a_night_by_keys(tmp_path):

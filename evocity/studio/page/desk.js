@@ -26,6 +26,7 @@ export class Desk {
   /** Show it, or no longer. */
   async show(isShown) {
     this.parent.hidden = !isShown;
+    if (!isShown && this.begun) this.begun.waits = null;
     if (!isShown) return;
     if (!this.form) this.build();
     try {
@@ -33,7 +34,8 @@ export class Desk {
         this.measures = (await asked("desk-measures")).measures;
         this.known = new Map(this.measures.map((one) => [one.name, one]));
       }
-      this.take(await asked("desk"));
+      const state = await asked("desk");
+      if (this.isShown) this.take(state);
     } catch (error) {
       this.on.trouble(error, "desk");
     }
