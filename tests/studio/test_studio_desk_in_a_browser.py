@@ -149,6 +149,28 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         assert page.evaluate("[shown, studio.desk.begun.waits]") == [[], None]
         page.evaluate("() => studio.desk.show(true)")
 
+        # what ended a run is told: a kill is no stop
+        codes = {"a": -9, "b": -11, "c": 137, "d": 1, "e": -2, "f": 143, "g": 130, "h": 0}
+        page.evaluate(TOLD, [[name, None, False, code] for name, code in codes.items()])
+        rows = page.locator(".evocity-begun li").all_inner_texts()
+        told = {row[0]: row for row in rows if row[0] in codes and row[1] in " \n"}
+        assert all("failed" in told[one] and "first" in told[one] for one in "abcd")
+        assert all("was stopped" in told[one] and "first" not in told[one] for one in "efg")
+        assert "has ended" in told["h"]
+        process = {"at": False, "said": "Error: x"}
+        told = page.evaluate(
+            """async ([codes, process]) => {
+              const { Going } = await import("/page/going.js");
+              return codes.map((code) => {
+                const one = new Going(document.createElement("div"), {}, {});
+                one.inform({ going: false, process: { ...process, code } });
+                return one.state.textContent;
+              });
+            }""",
+            [list(codes.values()), process],
+        )
+        assert told == ["Error: x"] * 4 + [""] * 4
+
 
 @pytest.mark.long
 def test_two_files_become_a_night_by_keys(tmp_path):

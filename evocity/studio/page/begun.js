@@ -1,7 +1,5 @@
+import { isFailed } from "./going.js";
 import { made } from "./made.js";
-
-/** Exit codes of a run that a signal ended. */
-const SIGNALS = [129, 130, 143];
 
 /** The runs that were begun at the desk. `waits`: the folder of the one that is shown as soon as it
  * has a generation. `on`: show(run); stop(place), of the list. */
@@ -18,14 +16,14 @@ export class Begun {
     for (const [place, one] of started.entries()) {
       const { folder, has, at, code } = one;
       if (!this.runs.has(folder)) this.runs.set(folder, this.start(one, place));
-      const item = this.runs.get(folder), isFailed = !at && code > 0 && !SIGNALS.includes(code);
-      item.how.textContent = ` ${at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended"} `;
-      item.how.classList.toggle("evocity-lack", isFailed);
+      const item = this.runs.get(folder), failed = isFailed(one);
+      item.how.textContent = ` ${at ? (has ? "goes on" : "begins …") : failed ? "failed" : code ? "was stopped" : "has ended"} `;
+      item.how.classList.toggle("evocity-lack", failed);
       item.run = one.run;
       item.show.hidden = !has;
       item.stop.hidden = has || !at;
-      item.said.hidden = has && !isFailed;
-      const text = isFailed ? one.said : one.said.split("\n").at(-1) || "…";
+      item.said.hidden = has && !failed;
+      const text = failed ? one.said : one.said.split("\n").at(-1) || "…";
       if (item.said.textContent !== text) item.said.textContent = text;
     }
     this.head.hidden = !started.length;
