@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from evocity.citymap import MAX_SIDE, PIXEL_SIDES
-from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown, told_bytes
+from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown, told, told_bytes
 from evocity.io.bundled import DISTRICTS
 from evocity.io.reading import READERS
 from evocity.studio.apart import Errand
@@ -118,10 +118,20 @@ class Maps:
 
     @property
     def folder(self) -> Path:
-        """A temporary one, made when it is first needed, and removed with the desk."""
+        """A temporary one, made when it is first needed, and removed with the desk. Raises
+        `MapError` where it cannot be made."""
         with self._changed:
             if self._home is None:
-                self._home = TemporaryDirectory(prefix="evocity-desk-", ignore_cleanup_errors=True)
+                try:
+                    self._home = TemporaryDirectory(
+                        prefix="evocity-desk-", ignore_cleanup_errors=True
+                    )
+                except OSError as error:
+                    raise MapError(
+                        f"no temporary folder can be made: {error.strerror or error}",
+                        "room for it",
+                        "free some, or set TMPDIR to a folder with room and start studio again",
+                    ) from error
             return Path(self._home.name)
 
     def told(self) -> list[dict]:
@@ -219,6 +229,7 @@ class Maps:
                 taken = sorted(self._unread(), key=lambda one: not one.is_own)
                 jobs = {one.number: dict(one.wanted) for one in taken}
                 self._errand = errand = Errand(MEMORY, SECONDS * len(taken), "reading a map")
+            try:
                 maps = [
                     {
                         "number": one.number,
@@ -228,20 +239,23 @@ class Maps:
                     }
                     for one in taken
                 ]
-            fault: EvocityError | None = None
-            try:
                 errand.run({"errand": "read", "maps": maps}, partial(self._told, jobs))
             except EvocityError as error:
-                fault = error
-            if fault is not None:
-                self._failed(fault, jobs)
+                self._failed(error, jobs)
+            except Exception as error:  # told on the page; those to come are read all the same
+                fault = f"it could not be read: {told(error)}"
+                remedy = "look whether memory or disk is full, then change how it is read"
+                self._failed(MapError(fault, "a process that reads it", remedy), jobs)
 
     def _failed(self, fault: EvocityError, jobs: dict[int, dict]) -> None:
-        """The first that was not told of is at fault; the others are read again."""
+        """The first that was not told of is at fault, unless it is gone; the others are read
+        again."""
         with self._changed:
             for number, job in jobs.items():
                 one = self._laid.get(number)
-                if one is not None and one.read != job:
+                if one is None:
+                    return
+                if one.read != job:
                     one.read, one.about, one.turn = job, None, one.turn + 1
                     one.fault = fault_of(fault)
                     return

@@ -2,6 +2,7 @@
 taken up."""
 
 import contextlib
+import errno
 import json
 import os
 import signal
@@ -20,6 +21,7 @@ from evocity.search.calibration import GUARD
 from evocity.studio import guard, maps
 from evocity.studio.apart import Errand
 from evocity.studio.begins import Begins
+from evocity.studio.maps import Maps, Window
 from evocity.studio.serving import served
 
 CITIES = ("cape-town-salt-river", "lyon-1er")
@@ -166,6 +168,76 @@ def test_reading_ends_where_it_takes_more_than_it_may(two, tmp_path, memory, sec
     with pytest.raises(EvocityError, match=said):
         Errand(memory, seconds, "reading").run({"errand": "read", "maps": [one]}, told.append)
     assert told == []
+
+
+class Scripted(Errand):
+    """An errand that does what `does` says in place of reading, for each time."""
+
+    does: list = []
+
+    def run(self, errand, told):
+        Scripted.does.pop(0)(errand, told)
+
+
+@pytest.fixture
+def laid(tmp_path, monkeypatch):
+    """Maps on no desk, of two files that a `Scripted` reads."""
+    monkeypatch.setattr(maps, "DISTRICTS", {})
+    monkeypatch.setattr(maps, "Errand", Scripted)
+    found = Maps()
+    for number in (1, 2):
+        path, suffix = found.begin(f"{number}.geojson")
+        path.write_bytes(b"{}")
+        found.add(path, f"{number}.geojson", suffix)
+    yield found
+    found.close()
+
+
+def read(laid) -> dict:
+    until(lambda: not any(one["reading"] for one in laid.told()))
+    return {one["title"]: one for one in laid.told()}
+
+
+def tell_all(errand, told):
+    for one in errand["maps"]:
+        told({"map": one["number"], "about": {}})
+
+
+def test_reading_goes_on_after_any_error(laid):
+    def fail(errand, told):
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    Scripted.does = [fail, tell_all, tell_all]
+    told = read(laid)
+    assert "Resource temporarily unavailable" in told["1"]["fault"]["found"]
+    assert told["2"]["fault"] is None
+    laid.place(Window(pixels=64), {})
+    assert read(laid)["1"]["fault"] is None
+
+
+def test_a_disk_without_room_is_told_at_each_map(laid):
+    def fail(*args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    Scripted.does = [tell_all]
+    with patch.object(maps, "TemporaryDirectory", fail):
+        found = Maps()
+        found._laid = dict(laid._laid)
+        told = read(found)
+        assert all("No space left" in one["fault"]["found"] for one in told.values())
+    found.place(Window(pixels=64), {})
+    assert all(one["fault"] is None for one in read(found).values())
+    found.close()
+
+
+def test_the_fault_of_a_map_that_was_taken_away_is_no_others(laid):
+    def fail(errand, told):
+        laid.drop(errand["maps"][0]["number"])
+        raise EvocityError("it died", "a map", "another")
+
+    Scripted.does = [fail, tell_all]
+    told = read(laid)
+    assert (list(told), told["2"]["fault"]) == (["2"], None)
 
 
 @pytest.mark.parametrize(
