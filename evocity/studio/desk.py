@@ -206,7 +206,8 @@ class Desk:
     # -- calibrating -------------------------------------------------------------------------------
 
     def calibrate(self) -> None:
-        """Have a recipe made of the draft. Raises `EvocityError` for what is no draft of a run."""
+        """Have a recipe made of the draft. Raises `EvocityError` for what is no draft of a run, and
+        where its maps cannot be laid out; then nothing is left."""
         with self._lock:
             if self.busy:
                 raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
@@ -222,10 +223,7 @@ class Desk:
             # the usual ones may lack where a parent does not have them; what is chosen may not
             is_usual = set(draft.goals) == set(Draft().goals)
             goals = [] if is_usual else [self._goal(one) for one in draft.goals]
-            folder = self.maps.folder / f"recipe-{self._draft_turn}"
-            self._draft_turn += 1
-            folder.mkdir()
-            parents = [self._parent(one, folder) for one in draft.parents]
+            folder, parents = self._gathered(draft)
             words = {
                 "name": draft.name or self._usual_name(draft),
                 "parents": parents,
@@ -266,6 +264,17 @@ class Desk:
             "target": one.target if one.want == "target" else None,
         }
 
+    def _gathered(self, draft: Draft) -> tuple[Path, list[dict]]:
+        """A new folder with the parents' maps, and each parent as a recipe in there has it."""
+        folder = self.maps.folder / f"recipe-{self._draft_turn}"
+        self._draft_turn += 1
+        try:
+            folder.mkdir()
+            return folder, [self._parent(one, folder) for one in draft.parents]
+        except (EvocityError, OSError) as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise _unwritten(folder, error) from error
+
     def _parent(self, placed: Placed, folder: Path) -> dict:
         one = self.maps[placed.map]
         named = {"name": one.title} if one.is_own else {}
@@ -301,18 +310,23 @@ class Desk:
         """Carry out the recipe, in a new folder. Raises `RunError` where there is none, and where
         nothing can be written; then nothing is left."""
         with self._lock:
+            made = None  # for this run alone
             if asked.given and self.given is not None:
                 run = read_recipe(self.given).run.name  # its measures were executed already
-                path = self._free(run, None)
-                recipe = self.given
+                path, recipe = self._free(run, None), self.given
             elif self._found is not None and not asked.given:
                 path, recipe = self._written(self._found["text"])
+                made = recipe.parent
             else:
                 raise RunError("no recipe", "one that was calibrated", "calibrate one first")
             started = Started(path.name, path, recipe.resolve())
-            self._carried.begin(
-                path, ["run", str(started.recipe), "--out", str(path)], log_of(path)
-            )
+            words = ["run", str(started.recipe), "--out", str(path)]
+            try:
+                self._carried.begin(path, words, log_of(path))
+            except EvocityError:
+                if made is not None:
+                    shutil.rmtree(made, ignore_errors=True)
+                raise
             self._started.append(started)
 
     def _written(self, text: str) -> tuple[Path, Path]:

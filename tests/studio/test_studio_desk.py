@@ -16,11 +16,13 @@ from brought import bring, chosen, desk, ending, footprints, is_read, wait
 from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, RunError
 from evocity.search.calibration import GUARD
+from evocity.studio import desk as rooms
 from evocity.studio import guard, maps
 from evocity.studio.apart import Errand
 from evocity.studio.begins import Begins
+from evocity.studio.draft import Begin
 from evocity.studio.maps import Maps, Window
 from evocity.studio.serving import served
 
@@ -426,3 +428,41 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         assert (first["file"], first["target"] > 0) == (str(file), True)
         assert second == {"name": "gsi", "target": 0.25}
         assert third == {"name": "crumbs", "goal": "max"}
+
+
+# -- a machine that has no room -------------------------------------------------------------------
+
+
+def full(*args, **kwargs):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_told_when_a_recipe_is_made_and_leaves_nothing(client, two):
+    number = bring(client, "full.geojson", two[0].read_bytes()).json["map"]
+    assert chosen(client, [number]).status == 200
+    folder = client.server.studio._begins.desk.maps.folder
+    with patch.object(maps.shutil, "copyfile", full):
+        told = client.post("/api/desk-calibrate", {})
+    assert told.status == 409
+    assert "No space left" in told.json["error"]["found"]
+    assert not [one for one in folder.iterdir() if one.is_dir()]
+    client.post("/api/desk-drop", {"map": number})
+
+
+@pytest.mark.parametrize(
+    ("place", "said"), [("subprocess.Popen", "process"), ("open", "run.log cannot be written")]
+)
+def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, place, said):
+    runs = tmp_path / "runs"
+    with at_desk(runs, CITIES) as client:
+        assert chosen(client, [0]).status == 200
+        found = client.server.studio._begins.desk
+        found._found = {"text": "x"}
+        with (
+            patch.object(rooms, "read_recipe"),
+            patch(f"evocity.studio.apart.{place}", full, create=True),
+            pytest.raises(RunError, match=said),
+        ):
+            found.begin(Begin())
+        assert list(runs.iterdir()) == []
+        found._found = None

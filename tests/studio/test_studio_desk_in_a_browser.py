@@ -136,7 +136,9 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         assert page.get_by_role("checkbox", checked=True).count() == 2
 
         # a run that cannot begin shows no other, and why it cannot is told
-        page.evaluate("() => { window.shown = []; studio.desk.on.show = (run) => shown.push(run); }")
+        page.evaluate(
+            "() => { window.shown = []; studio.desk.on.show = (run) => shown.push(run); }"
+        )
         page.evaluate(TOLD, [["old", 3, True, None]])
         press(page, "begin the run")
         until(page, "document.getElementById('trouble').textContent.includes('no recipe')")
