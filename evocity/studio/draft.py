@@ -7,11 +7,16 @@ from pydantic import AfterValidator, Field
 from evocity import fitness
 from evocity.search.calibration import USUAL_GOALS
 from evocity.search.values import Title
-from evocity.studio.asked import Body
+from evocity.studio.asked import Body, typed, whole
 from evocity.studio.maps import Placed, Window
 
 #: Goals, at most; bytes of a name, so that a folder can have it.
 MOST_GOALS, MOST_NAME = 12, 200
+_YEAR = 60 * 24 * 365  # minutes
+_NAME = (
+    f'a name of 100 letters and {MOST_NAME} bytes at most, without any of / \\ : * ? " < > | '
+    "and without a dot before it"
+)
 
 
 def _short(name: str) -> str:
@@ -26,18 +31,22 @@ class Wanted(Body):
 
     measure: Annotated[str, Field(max_length=200)]
     want: Literal["max", "min", "target", "first"]
-    target: float | None = None
+    target: Annotated[float | None, typed("target", "a number")] = None
 
 
 class Draft(Body):
     """All that is chosen at the desk. ``name``: of the run, "" for one made of its parents'.
     ``minutes`` count in place of ``generations`` where they are told."""
 
-    name: Annotated[Title, AfterValidator(_short)] | Literal[""] = ""
-    seed: Annotated[int, Field(ge=0, lt=2**53)] = 7
-    population: Annotated[int, Field(ge=2, le=1_000_000)] = 48
-    generations: Annotated[int, Field(ge=1, le=1_000_000)] = 100
-    minutes: Annotated[float, Field(ge=1, le=60 * 24 * 365)] | None = None
+    name: Annotated[
+        Annotated[Title, AfterValidator(_short)] | Literal[""], typed("name of the run", _NAME)
+    ] = ""
+    seed: Annotated[int, whole("seed", 0, 2**53 - 1)] = 7
+    population: Annotated[int, whole("individuals alive", 2, 1_000_000)] = 48
+    generations: Annotated[int, whole("generations", 1, 1_000_000)] = 100
+    minutes: Annotated[
+        float | None, typed("minutes", f"a number from 1 to {_YEAR}", ge=1, le=_YEAR)
+    ] = None
     window: Window = Window()
     maps: Annotated[tuple[Placed, ...], Field(max_length=64)] = ()
     goals: Annotated[tuple[Wanted, ...], Field(max_length=MOST_GOALS)] = tuple(

@@ -17,7 +17,7 @@ from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown,
 from evocity.io.bundled import DISTRICTS
 from evocity.io.reading import READERS
 from evocity.studio.apart import Errand
-from evocity.studio.asked import Body, Faulty
+from evocity.studio.asked import Body, Faulty, typed, whole
 from evocity.studio.one import fault_of
 
 #: Bytes of all files that are brought; how many are on the desk at a time.
@@ -29,14 +29,18 @@ SUFFIXES = tuple(sorted((one for one in READERS if one != ".shp"), key=len, reve
 _LETTERS = 80  # bytes of a title
 
 Number = Annotated[int, Field(ge=0, lt=2**31)]
-_Metres = Annotated[float, Field(ge=PIXEL_SIDES[0], le=PIXEL_SIDES[1])]
+_METRES = "a number of metres from {:f} to {:.0f}".format(*PIXEL_SIDES)
+
+
+def _metres(name: str) -> Any:
+    return typed(name, _METRES, ge=PIXEL_SIDES[0], le=PIXEL_SIDES[1])
 
 
 class Window(Body):
     """The window that all maps are read at."""
 
-    pixels: Annotated[int, Field(ge=8, le=MAX_SIDE)] = 256
-    metres_per_pixel: _Metres = 2.0
+    pixels: Annotated[int, whole("window, pixels a side", 8, MAX_SIDE)] = 256
+    metres_per_pixel: Annotated[float, _metres("metres a pixel")] = 2.0
 
 
 class Placed(Body):
@@ -44,13 +48,17 @@ class Placed(Body):
 
     map: Number
     chosen: bool = False
-    center: (
+    center: Annotated[
         tuple[Annotated[float, Field(ge=-180, le=180)], Annotated[float, Field(gt=-90, lt=90)]]
-        | None
-    ) = None
-    layer: Annotated[str, Field(min_length=1, max_length=100)] | None = None
-    default_height: _Metres | None = None
-    height_scale: _Metres | None = None
+        | None,
+        typed("centre", "longitude from -180 to 180, latitude between -90 and 90"),
+    ] = None
+    layer: Annotated[
+        str | None,
+        typed("layer of the buildings", "1 to 100 letters", min_length=1, max_length=100),
+    ] = None
+    default_height: Annotated[float | None, _metres("height where none is told")] = None
+    height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
 
     @property
     def options(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import os
 import signal
 import time
 import tomllib
+from typing import ClassVar
 from unittest.mock import patch
 
 import pytest
@@ -21,9 +22,11 @@ from evocity.search.calibration import GUARD
 from evocity.studio import desk as rooms
 from evocity.studio import guard, maps
 from evocity.studio.apart import Errand
+from evocity.studio.asked import Faulty, body_of
 from evocity.studio.begins import Begins
 from evocity.studio.draft import Begin
 from evocity.studio.maps import Maps, Window
+from evocity.studio.resuming import Resume
 from evocity.studio.serving import served
 
 CITIES = ("cape-town-salt-river", "lyon-1er")
@@ -175,7 +178,7 @@ def test_reading_ends_where_it_takes_more_than_it_may(two, tmp_path, memory, sec
 class Scripted(Errand):
     """An errand that does what `does` says in place of reading, for each time."""
 
-    does: list = []
+    does: ClassVar[list] = []
 
     def run(self, errand, told):
         Scripted.does.pop(0)(errand, told)
@@ -277,6 +280,39 @@ def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
     assert told.status == 400
     assert set(told.json["error"]) == {"found", "expected", "remedy"}
     assert desk(client)["draft"] == before
+
+
+@pytest.mark.parametrize(
+    ("wrong", "found", "expected"),
+    [
+        ({"name": "a/b"}, "name of the run = 'a/b'", "without any of / "),
+        ({"generations": 1.5}, "generations = 1.5", "a whole number from 1 to 1000000"),
+        ({"generations": None}, "generations: nothing was typed", "a whole number"),
+        ({"generations": "x" * 1000}, "generations = 'xxx", "a whole number"),
+        ({"minutes": 0}, "minutes = 0", "from 1 to 525600"),
+        ({"population": 1}, "individuals alive = 1", "from 2 to 1000000"),
+        ({"seed": -1}, "seed = -1", "from 0 to 9007199254740991"),
+        ({"window": {"pixels": 1, "metres_per_pixel": 2.0}}, "window, pixels a side = 1", "8 to"),
+        ({"maps": [{"map": 0, "center": [200, 0]}]}, "centre = 200", "longitude"),
+        ({"maps": [{"map": 0, "default_height": 0}]}, "height where none is told = 0", "metres"),
+        ({"goals": [{"measure": "gsi", "want": "target", "target": "a"}]}, "target = 'a'", "a num"),
+    ],
+    ids=str,
+)
+def test_a_field_at_fault_is_told_by_its_name_with_what_is_right(client, wrong, found, expected):
+    told = client.post("/api/desk-change", desk(client)["draft"] | wrong).json["error"]
+    assert told["found"].startswith(found)
+    assert expected in told["expected"]
+    assert told["remedy"].startswith("type another ")
+    assert len(told["found"]) < 100
+
+
+def test_a_body_that_no_page_sends_is_told_as_such(client):
+    before = desk(client)["draft"]
+    told = client.post("/api/desk-change", before | {"generation": 1})
+    assert told.json["error"]["remedy"] == "load the page again"
+    with pytest.raises(Faulty, match="to generation = 0"):
+        body_of(Resume, b'{"generations": 0}')
 
 
 def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):

@@ -69,7 +69,8 @@ TOLD = """(runs) => {
   clearTimeout(desk.timer);
   desk.look = () => {};
   const started = runs.map(([folder, run, has, code]) => ({
-    name: folder, folder, recipe: "/night.toml", run, has, at: code === null, code, said: `first\\n${folder} says`,
+    name: folder, folder, recipe: "/night.toml", run, has, at: code === null, code,
+    said: `first\\n${folder} says`,
   }));
   desk.tell({ ...JSON.parse(desk.told), given, started });
 }"""
@@ -106,9 +107,19 @@ def desk(tmp_path):
             ("so many", "90000"),
         ]:
             write(page, label, text)
-        until(page, "!document.getElementById('trouble').hidden")  # one lives: too few
+        invalid = "[...studio.desk.form.querySelectorAll('input:invalid')].map((one) => one.value)"
+        assert page.evaluate(invalid) == ["1"]  # one lives: too few, which no server is told
         write(page, "individuals alive", "4")
+        write(page, "name of the run", "a/night")
+        assert page.evaluate(invalid) == ["a/night"]
+        assert page.evaluate("document.activeElement === studio.desk.name")
         write(page, "name of the run", "a night")
+        write(page, "so many", "1.5")
+        assert page.evaluate(invalid) == ["1.5"]
+        page.get_by_label("generations or minutes").select_option("minutes")
+        assert page.evaluate(invalid) == []
+        page.get_by_label("generations or minutes").select_option("generations")
+        write(page, "so many", "90000")
         for name in ("autosimilarity", "alignment", "salingaros buildings"):
             press(page, f"leave {name} out")
         page.get_by_label("another measure").select_option("gsi")
@@ -121,8 +132,8 @@ def desk(tmp_path):
         yield page, server
         assert page.evaluate("window.hacked") is None
         page.close()
-    # of the Shapefile, and of the draft that was none
-    assert {one.split("status of ")[1][:3] for one in said} == {"409", "400"}
+    # of the Shapefile, and of the run that could not begin
+    assert {one.split("status of ")[1][:3] for one in said} == {"409"}
     assert all(one.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:")) for one in asked)
 
 

@@ -5,6 +5,12 @@ import { asked, brought, told } from "./server.js";
 /** Milliseconds between two looks at what is under way. */
 const SOON = 400;
 const WANTS = [["max", "as high as can be"], ["min", "as low as can be"], ["target", "a target"], ["first", "as the first has it"]];
+/** What may be typed for how long a run goes, of generations and of minutes. */
+const LENGTHS = { generations: { max: 1000000, step: 1 }, minutes: { max: 525600, step: "any" } };
+/** Of a name, as a folder can have it. */
+const NAME = { pattern: '[^.\\/\\\\:*?"<>\\|][^\\/\\\\:*?"<>\\|]*', title: 'no / \\ : * ? " < > | in it, and no dot before it' };
+/** Metres. */
+const LENGTH = { min: 0.000001, max: 1000000 };
 /** In words, of each rule by which a building got its height. */
 const RULES = { height: "told", levels: "by storeys", default: "not told" };
 
@@ -69,7 +75,7 @@ export class Desk {
     }
     const window = made(this.fields, "div", "row");
     this.pixels = this.field(window, "window, pixels a side", { min: 8, max: 32767, step: 1, required: "" });
-    this.metres = this.field(window, "metres a pixel", { min: 0.000001, step: "any", required: "" });
+    this.metres = this.field(window, "metres a pixel", { ...LENGTH, step: "any", required: "" });
     this.side = made(window, "span", "faint");
 
     made(this.fields, "h3", "", "2. What is wanted of them");
@@ -84,11 +90,12 @@ export class Desk {
     made(this.fields, "h3", "", "3. How long, and how it is called");
     const long = made(this.fields, "div", "row");
     this.population = this.field(long, "individuals alive", { min: 2, max: 1000000, step: 1, required: "" });
-    this.length = this.field(long, "so many", { min: 1, max: 1000000, step: "any", required: "" });
+    this.length = this.field(long, "so many", { min: 1, required: "" });
     this.unit = made(made(long, "label", "", ""), "select", "", "", { "aria-label": "generations or minutes" });
     for (const text of ["generations", "minutes"]) made(this.unit, "option", "", text);
+    this.unit.addEventListener("change", () => this.limit());
     this.seed = this.field(long, "seed", { min: 0, max: 9007199254740991, step: 1, required: "" });
-    this.name = made(made(long, "label", "", "name of the run "), "input", "", "", { type: "text", maxlength: 100, spellcheck: "false" });
+    this.name = made(made(long, "label", "", "name of the run "), "input", "", "", { type: "text", maxlength: 100, spellcheck: "false", ...NAME });
     this.fields.addEventListener("change", ({ target }) => target !== file && target !== this.other && this.change());
 
     made(parent, "h3", "", "4. The recipe");
@@ -107,6 +114,9 @@ export class Desk {
 
   field(parent, text, limits) { return made(made(parent, "label", "", `${text} `), "input", "", "", { type: "number", ...limits }); }
 
+  /** As the unit has it. */
+  limit() { Object.assign(this.length, LENGTHS[this.unit.value]); }
+
   // -- what the server tells -----------------------------------------------------------------------
 
   /** All that it holds, also what is in the fields. */
@@ -119,6 +129,7 @@ export class Desk {
     [this.population.value, this.seed.value, this.name.value] = [draft.population, draft.seed, draft.name];
     this.unit.value = draft.minutes === null ? "generations" : "minutes";
     this.length.value = draft.minutes === null ? draft.generations : draft.minutes;
+    this.limit();
     this.tellGoals();
     const last = state.started.at(-1);
     if (last && last.at && !last.has) this.begun.waits = last.folder;
@@ -218,16 +229,16 @@ export class Desk {
     made(card.more, "summary", "", "how it is read");
     const options = this.placed.get(map) || {};
     const option = (text, name, limits) => {
-      const found = made(made(card.more, "label", "", `${text} `), "input", "", "", limits ? { type: "number", step: "any", ...limits } : { type: "text" });
+      const found = made(made(card.more, "label", "", `${text} `), "input", "", "", limits ? { type: "number", step: "any", ...limits } : { type: "text", maxlength: 100 });
       const value = name === "lon" || name === "lat" ? (options.center || [])[Number(name === "lat")] : options[name];
       found.value = value ?? "";
       return (card[name] = found);
     };
     option("centre, longitude", "lon", { min: -180, max: 180 });
-    option("latitude", "lat", { min: -90, max: 90 });
-    option("height where none is told, m", "default_height", { min: 0.000001 }).placeholder = 6;
+    option("latitude", "lat", { min: -89.999999, max: 89.999999 });
+    option("height where none is told, m", "default_height", LENGTH).placeholder = 6;
     if (takes.includes("layer")) option("layer of the buildings", "layer");
-    if (takes.includes("height_scale")) option("metres of a grey level or unit", "height_scale", { min: 0.000001 });
+    if (takes.includes("height_scale")) option("metres of a grey level or unit", "height_scale", LENGTH);
     if (own) {
       const gone = made(item, "button", "", `take ${title} away`, { type: "button" });
       gone.addEventListener("click", async () => {
@@ -246,7 +257,7 @@ export class Desk {
       this.brought.textContent = `bringing ${file.name}, ${place + 1} of ${files.length} …`;
       try {
         this.chosen.push((await brought("desk-file", file)).map);
-        await this.change(); // it is chosen at once
+        if (!(await this.change())) await this.look(); // it is chosen at once
       } catch (error) {
         lacks.push(error.message);
       }
@@ -277,10 +288,9 @@ export class Desk {
     select.value = want;
     const field = made(item, "input", "", "", { type: "number", step: "any", "aria-label": `target of ${title}` });
     field.value = target ?? "";
-    field.hidden = want !== "target";
-    select.addEventListener("change", () => {
-      field.hidden = select.value !== "target";
-    });
+    const turn = () => { field.hidden = field.disabled = select.value !== "target"; };
+    turn();
+    select.addEventListener("change", turn);
     const gone = made(item, "button", "", `leave ${title} out`, { type: "button" });
     gone.addEventListener("click", () => {
       this.read();
@@ -331,8 +341,11 @@ export class Desk {
     };
   }
 
-  /** Tell the server what is chosen; one telling after another. */
+  /** Tell the server what is chosen, one telling after another; nothing where a field is at fault,
+   * which is shown. */
   change() {
+    for (const one of this.form.querySelectorAll("details:not([open]) input:invalid")) one.closest("details").open = true;
+    if (!this.form.reportValidity()) return Promise.resolve(null);
     const draft = this.read();
     this.saving = (this.saving || Promise.resolve()).then(() => this.ask("desk-change", draft));
     return this.saving;

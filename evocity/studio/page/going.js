@@ -16,11 +16,12 @@ export class Going {
     this.stop.addEventListener("click", () => this.ask("stop-run", {}, "It stops after this generation."));
     this.resume = made(row, "button", "", "go on with the run", { type: "button" });
     this.resume.addEventListener("click", () => {
+      if (!this.count.reportValidity()) return;
       const generations = this.count.value.trim() === "" ? null : Number(this.count.value);
       this.ask("resume", { generations }, "It is taken up …");
     });
     const label = this.label = made(row, "label", "", "to generation ");
-    this.count = made(label, "input", "", "", { type: "number", min: 1, step: 1, placeholder: "all" });
+    this.count = made(label, "input", "", "", { type: "number", min: 1, max: 99999999, step: 1, placeholder: "all" });
     this.state = made(parent, "p", "faint", "", { role: "status" });
     this.inform({ going: false });
   }
