@@ -157,7 +157,11 @@ def test_a_file_that_is_too_long_leaves_nothing(client, two, monkeypatch):
     headers = [("Content-Type", guard.FILE_KIND), guard.HEADER]
     told = bring(client, "a.geojson", chunk * 5, [*headers, ("Transfer-Encoding", "chunked")])
     assert told.status == 413
-    assert bring(client, "a.geojson", b" " * 200_000).status == 413
+    assert told.json["error"]["expected"] == "131 kB at most"
+    told = bring(client, "a.geojson", b" " * 200_000)
+    assert told.status == 413
+    assert told.json["error"]["expected"] == "131 kB at most"
+    assert desk(client)["longest"] == 1 << 17
     assert contents(folder) == before
     monkeypatch.setattr(maps, "MOST_MAPS", 0)
     assert bring(client, "a.geojson", two[0].read_bytes()).status == 409

@@ -100,6 +100,9 @@ def desk(tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
         page.evaluate(DROPPED, ["third.shp", "x"])
         until(page, "studio.desk.brought.textContent.includes('Shapefile')")
+        page.evaluate("() => { studio.desk.longest = 2000; }")
+        page.evaluate(DROPPED, ["long.geojson", " " * 2001])  # which is not even sent
+        until(page, "studio.desk.brought.textContent.includes('2 kB at most')")
         for label, text in [
             ("window, pixels a side", "32"),
             ("metres a pixel", "4"),

@@ -1,6 +1,6 @@
 import { Begun } from "./begun.js";
 import { counted, made, number } from "./made.js";
-import { asked, brought, told } from "./server.js";
+import { Fault, asked, brought, told } from "./server.js";
 
 /** Milliseconds between two looks at what is under way. */
 const SOON = 400;
@@ -122,6 +122,7 @@ export class Desk {
   /** All that it holds, also what is in the fields. */
   take(state) {
     const { draft } = state;
+    this.longest = state.longest;
     this.placed = new Map(draft.maps.map((one) => [one.map, one]));
     this.chosen = draft.maps.filter((one) => one.chosen).map((one) => one.map);
     this.wanted = draft.goals;
@@ -256,6 +257,7 @@ export class Desk {
     for (const [place, file] of files.entries()) {
       this.brought.textContent = `bringing ${file.name}, ${place + 1} of ${files.length} …`;
       try {
+        if (file.size > this.longest) throw new Fault({ found: `${file.name} has ${bytes(file.size)}`, expected: `${bytes(this.longest)} at most`, remedy: "cut a part out of it, or save it as GeoPackage" });
         this.chosen.push((await brought("desk-file", file)).map);
         if (!(await this.change())) await this.look(); // it is chosen at once
       } catch (error) {
