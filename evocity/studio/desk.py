@@ -90,7 +90,7 @@ class Desk:
     ):
         self.home, self.given = home.absolute(), recipe
         self._carried, self._runs = carried, runs
-        self._lock = threading.RLock()
+        self._lock = threading.RLock()  # that of the maps is taken within it, never around it
         self.maps = Maps()
         own = [one for one in fitness.measures() if one.origin == "evocity"]
         offered = [Offered(one) for one in own]
@@ -112,13 +112,12 @@ class Desk:
     def told(self) -> dict:
         """Plain values: the draft, the maps, how far calibrating is, what it found, and the runs
         that were begun here."""
-        maps = self.maps.told()
         with self._lock:
             return {
                 "draft": self.draft.model_dump(mode="json"),
                 "usual": self._usual_name(self.draft),
                 "home": str(self.home),
-                "maps": maps,
+                "maps": self.maps.told(),
                 "busy": self.busy,
                 "said": self._said,
                 "fault": None if self._fault is None else fault_of(self._fault),
@@ -174,20 +173,20 @@ class Desk:
     def change(self, draft: Draft) -> None:
         """Take a draft in place of the one before; a recipe that was calibrated for another is
         none of it. Raises `Faulty` for maps and measures that there are not."""
-        for one in draft.maps:
-            _ = self.maps[one.map]
-        if len({one.map for one in draft.maps}) < len(draft.maps):
-            raise Faulty("a map twice", "each once", "load the page again")
-        names = [one.measure for one in draft.goals]
-        for one in draft.goals:
-            if one.measure not in self._offered or names.count(one.measure) > 1:
-                raise Faulty(f"{one.measure!r} as goal", "a measure of the list, once", "choose it")
         with self._lock:
+            for one in draft.maps:
+                _ = self.maps[one.map]
+            if len({one.map for one in draft.maps}) < len(draft.maps):
+                raise Faulty("a map twice", "each once", "load the page again")
+            names = [one.measure for one in draft.goals]
+            for name in names:
+                if name not in self._offered or names.count(name) > 1:
+                    raise Faulty(f"{name!r} as goal", "a measure of the list, once", "choose it")
             if self.busy:
                 raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
             if draft != self.draft:
                 self.draft, self._found, self._fault, self._said = draft, None, None, []
-        self.maps.place(draft.window, {one.map: one for one in draft.maps})
+            self.maps.place(draft.window, {one.map: one for one in draft.maps})
 
     def drop(self, asked: Which) -> None:
         """Take a user's map from the desk."""
@@ -197,7 +196,7 @@ class Desk:
             self.maps.drop(asked.map)
 
     def _usual_name(self, draft: Draft) -> str:
-        titles = [self.maps[one.map].title for one in draft.parents]
+        titles = [self.maps[one.map].title for one in draft.parents if one.map in self.maps]
         name = "-x-".join(title.replace(" ", "-") for title in titles).lstrip(".")
         while len(name.encode()) > MOST_NAME or len(name) > 100:
             name = name[:-1]

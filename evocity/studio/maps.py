@@ -124,6 +124,10 @@ class Maps:
                 raise Faulty(f"no map {number}", "one on the desk", "load the page again")
             return self._laid[number]
 
+    def __contains__(self, number: int) -> bool:
+        with self._changed:
+            return number in self._laid
+
     @property
     def folder(self) -> Path:
         """A temporary one, made when it is first needed, and removed with the desk. Raises

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import signal
+import threading
 import time
 import tomllib
 from typing import ClassVar
@@ -24,8 +25,8 @@ from evocity.studio import guard, maps
 from evocity.studio.apart import Errand
 from evocity.studio.asked import Faulty, body_of
 from evocity.studio.begins import Begins
-from evocity.studio.draft import Begin
-from evocity.studio.maps import Maps, Window
+from evocity.studio.draft import Begin, Draft, Which
+from evocity.studio.maps import Maps, Placed, Window
 from evocity.studio.resuming import Resume
 from evocity.studio.serving import served
 
@@ -329,6 +330,29 @@ def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
     assert chosen(client, [0], goals=[{"measure": "gsi", "want": "target"}]).status == 200
     assert client.post("/api/desk-calibrate", {}).status == 409
     assert client.post("/api/desk-end", {"map": 0}).status == 400
+
+
+def test_a_map_that_is_taken_away_meanwhile_stays_in_no_draft(client, two, monkeypatch):
+    number = bring(client, "gone.geojson", two[0].read_bytes()).json["map"]
+    found, of_number = client.server.studio._begins.desk, Maps.__getitem__
+    dropping = threading.Thread(target=found.drop, args=(Which(map=number),))
+
+    def looked(self, number):
+        laid = of_number(self, number)
+        if not dropping.ident:  # a second tab, as soon as the map is seen to be there
+            dropping.start()
+            dropping.join(0.5)
+        return laid
+
+    monkeypatch.setattr(Maps, "__getitem__", looked)
+    found.change(Draft(maps=(Placed(map=number, chosen=True),)))
+    dropping.join()
+    told = desk(client)
+    assert number not in [one["map"] for one in told["maps"]]
+    assert number not in [one["map"] for one in told["draft"]["maps"]]
+    found.draft = Draft(maps=(Placed(map=number, chosen=True),))
+    assert desk(client)["usual"] == "run"
+    found.draft = Draft()
 
 
 def test_calibrating_is_stopped(client):
