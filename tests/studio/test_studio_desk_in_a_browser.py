@@ -173,6 +173,19 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         assert all("failed" in told[one] and "first" in told[one] for one in "abcd")
         assert all("was stopped" in told[one] and "first" not in told[one] for one in "efg")
         assert "has ended" in told["h"]
+
+        # how a map is read is opened for a new fault, and stays as it is left
+        faulty = """(found) => {
+          const { desk } = studio, state = JSON.parse(desk.told), at = state.maps[0];
+          at.fault = found && { found, expected: "a map", remedy: "another" };
+          desk.tell({ ...state, usual: `${state.usual}x` }); // something else is new too
+          const { more } = desk.cards.get(at.map), isOpen = more.open;
+          more.open = false;
+          return isOpen;
+        }"""
+        told = [page.evaluate(faulty, found) for found in ("a", "a", None, "a", "b")]
+        assert told == [True, False, False, True, True]
+
         process = {"at": False, "said": "Error: x"}
         told = page.evaluate(
             """async ([codes, process]) => {

@@ -204,10 +204,12 @@ export class Desk {
         card.turn = one.turn;
       }
       card.image.hidden = !one.about;
-      card.text.textContent = one.reading ? "being read …" : one.fault ? said(one.fault) : aboutOf(one.about);
+      const fault = one.fault && said(one.fault);
+      card.text.textContent = one.reading ? "being read …" : fault || aboutOf(one.about);
       card.text.classList.toggle("evocity-lack", Boolean(one.fault) && !one.reading);
       card.thanks.textContent = one.about ? one.about.attribution || "whom to thank: not told in the file" : "";
-      if (one.fault) card.more.open = true;
+      if (fault && fault !== card.fault) card.more.open = true;
+      card.fault = fault;
     }
   }
 
