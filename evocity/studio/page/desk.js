@@ -1,4 +1,5 @@
 import { Begun } from "./begun.js";
+import { bytes, tellFound } from "./found.js";
 import { counted, made, number } from "./made.js";
 import { Fault, asked, brought, told } from "./server.js";
 
@@ -14,7 +15,6 @@ const LENGTH = { min: 0.000001, max: 1000000 };
 /** In words, of each rule by which a building got its height. */
 const RULES = { height: "told", levels: "by storeys", default: "not told" };
 
-const bytes = (count) => (count >= 1e9 ? `${number(count / 1e9)} GB` : count >= 1e6 ? `${number(count / 1e6)} MB` : `${number(count / 1e3)} kB`);
 const said = ({ found, expected, remedy }) => `${found} (expected: ${expected}; what to do: ${remedy})`;
 const numeral = ({ value }) => (value.trim() === "" ? null : Number(value));
 
@@ -364,24 +364,7 @@ export class Desk {
     this.found.replaceChildren();
     this.found.hidden = !found;
     if (!found) return;
-    const { estimate, values, bounds } = found;
-    made(this.found, "p", "", `${counted(estimate.births)} births, ${counted(found.generations)} generations: about ${estimate.time} on ${found.workers} cores, ` +
-      `at most ${bytes(estimate.size)} of the disk (${bytes(estimate.free)} free).`);
-    if (!estimate.fits) made(this.found, "p", "lack", "The disk will not hold this run: free some, or breed fewer generations.");
-    if (found.failing) made(this.found, "p", "lack", found.failing);
-    const notes = made(this.found, "ul", "notes");
-    for (const text of found.notes) made(notes, "li", "", text);
-    const parents = Object.keys(Object.values(values)[0] || {});
-    const table = made(made(this.found, "div", "wide", "", { tabindex: "0", role: "group", "aria-label": "what the parents have" }), "table", "values");
-    made(table, "caption", "", "What the parents have: map, code");
-    const head = made(table, "tr");
-    for (const text of ["measure", ...parents, "bound"]) made(head, "th", parents.includes(text) ? "number" : "", text, { scope: "col" });
-    for (const [name, of] of Object.entries(values)) {
-      const row = made(table, "tr");
-      made(row, "th", "", name.replaceAll("_", " "), { scope: "row" });
-      for (const parent of parents) made(row, "td", "number", of[parent].map((value) => number(value ?? NaN)).join(", "));
-      made(row, "td", "", Object.entries(bounds[name] || {}).map(([side, value]) => `${side === "min" ? "≥" : "≤"} ${number(value)}`).join(" "));
-    }
+    tellFound(this.found, found);
     this.recipe(this.found, found.text, "as it is written", { given: false });
   }
 
