@@ -70,9 +70,8 @@ def body_of(kind: type[Kind], content: bytes) -> Kind:
         first = error.errors(include_url=False)[0]
         field = None if first["type"] == "missing" else _typed(kind, first["loc"])
         if field is not None:
-            came = (
-                ": nothing was typed" if first["input"] is None else f" = {shown(first['input'])}"
-            )
+            value = first["input"]
+            came = ": nothing was typed" if value is None else f" = {shown(value)}"
             remedy = f"type another at {field.title!r}"
             raise Faulty(f"{field.title}{came}", field.description or "", remedy) from None
         reason = f"{'.'.join(map(str, first['loc'])) or 'body'}: {first['msg']}"

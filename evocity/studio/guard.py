@@ -74,6 +74,7 @@ class TooLong(MapError):
 
     @property
     def answer(self) -> Response:
+        """What is answered, in three parts as any fault."""
         # as in `_no`, the rest of the file is not read
         return JSONResponse({"error": fault_of(self)}, 413, {"connection": "close"})
 
