@@ -92,7 +92,12 @@ class DeskAnswers:
         try:
             if not 0 < len(name) <= _LONGEST_NAME:
                 raise Faulty("a file without a name", "its name", "load the page again")
-            path, suffix = self.desk.maps.begin(name)
+            try:
+                path, suffix = self.desk.maps.begin(name)
+            except EvocityError:  # a browser sees the answer only once all is sent
+                async for _ in request.stream():
+                    pass
+                raise
             with open(path, "xb") as file:
                 async for part in request.stream():
                     file.write(part)

@@ -3,6 +3,7 @@ taken up."""
 
 import contextlib
 import errno
+import http.client
 import json
 import os
 import signal
@@ -14,7 +15,7 @@ from unittest.mock import patch
 
 import pytest
 from asking import HOSTILE, Client, contents
-from brought import bring, chosen, desk, ending, footprints, is_read, wait
+from brought import KIND, bring, chosen, desk, ending, footprints, is_read, wait
 from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
@@ -127,6 +128,22 @@ def test_what_is_no_map_by_its_name_is_refused(client, name, said):
     told = bring(client, name, b"{}")
     assert told.status == 409
     assert said in json.dumps(told.json["error"])
+
+
+def test_a_file_that_is_refused_by_its_name_is_heard_out(client):
+    # else a browser that still sends it is cut off, and does not see the answer
+    connection = http.client.HTTPConnection("127.0.0.1", client.server.port, timeout=20)
+    connection.putrequest("POST", f"{guard.FILE}?name=a.shp")
+    said = [("Cookie", client.cookie), KIND, guard.HEADER, ("Content-Length", str(20 << 16))]
+    for one in said:
+        connection.putheader(*one)
+    connection.endheaders()
+    for _ in range(20):
+        time.sleep(0.02)
+        connection.send(b" " * (1 << 16))
+    answer = connection.getresponse()
+    assert (answer.status, "Shapefile" in answer.read().decode()) == (409, True)
+    connection.close()
 
 
 def test_what_a_file_holds_is_told_as_its_reader_says(client, two):
