@@ -113,5 +113,5 @@ def _measures(file: str) -> list:
     raise FitnessError(
         f"--fitness {file}",
         "a Python file of measures, or a table of building types in TOML",
-        "leave it out: the desk offers all measures that `evocity fitness list` names",
+        "leave it out: the desk offers evocity's own measures without any file",
     )

@@ -117,7 +117,8 @@ class Carried:
 
     def begin(self, run: Path, words: Sequence[str], log: Path) -> None:
         """Have `evocity` do what ``words`` say, at the ``run``; what it says goes to the file
-        ``log``. Raises `RunError` while another does, and where the log cannot be written."""
+        ``log``. Raises `RunError` while another does, where the log cannot be written, and where
+        no process can be started."""
         program = (
             "sys.argv[:1] = ['evocity']; from evocity.cli import main; main(prog_name='evocity')"
         )
@@ -126,7 +127,15 @@ class Carried:
                 raise RunError(f"{run}: a process is at it", "one a run", "wait for it, or stop it")
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)
-                with open_to_append(log) as file:
+                file = open_to_append(log)
+            except OSError as error:
+                raise RunError(
+                    f"{log} cannot be written: {error.strerror or error}",
+                    "a folder that this user may write to, with room left",
+                    "check its owner, and the space left",
+                ) from error
+            with file:
+                try:
                     process = subprocess.Popen(
                         [*_command(program), *words],
                         stdin=subprocess.DEVNULL,
@@ -134,12 +143,14 @@ class Carried:
                         stderr=file,
                         start_new_session=True,
                     )
-            except OSError as error:
-                raise RunError(
-                    f"{log} cannot be written: {error.strerror or error}",
-                    "a folder that this user may write to, with room left",
-                    "check its owner, and the space left",
-                ) from error
+                except OSError as error:
+                    if not file.tell():
+                        log.unlink(missing_ok=True)
+                    raise RunError(
+                        f"no process can be started: {error.strerror or error}",
+                        "room for one more",
+                        "end others, or free memory, then try again",
+                    ) from error
             self._of[run] = process, log
         threading.Thread(target=process.wait, daemon=True).start()  # it leaves nothing behind
 

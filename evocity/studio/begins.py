@@ -11,10 +11,11 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 
 from evocity.errors import EvocityError, MapError
 from evocity.fitness import Measure
+from evocity.studio import guard
 from evocity.studio.apart import Carried
 from evocity.studio.asked import Body, Faulty, body_of, number
-from evocity.studio.desk import Begin, Desk, Draft, Which
-from evocity.studio.guard import TooLong
+from evocity.studio.desk import Desk
+from evocity.studio.draft import Begin, Draft, Which
 from evocity.studio.one import fault_of
 from evocity.studio.resuming import Resume, resume, stop
 from evocity.studio.runs import Opened, Runs
@@ -71,7 +72,7 @@ class DeskAnswers:
         return {"stop-run": self.stop_run, "resume": self.resume}
 
     def _told(self) -> Response:
-        return JSONResponse(self.desk.told())
+        return JSONResponse(self.desk.told() | {"longest": guard.MOST_FILE})
 
     def _then(self, kind: type[Body], change: Callable[[Body], None]):
         def answered(request: Request) -> Response:
@@ -91,19 +92,24 @@ class DeskAnswers:
         try:
             if not 0 < len(name) <= _LONGEST_NAME:
                 raise Faulty("a file without a name", "its name", "load the page again")
-            path, suffix = self.desk.maps.begin(name)
+            try:
+                path, suffix = self.desk.maps.begin(name)
+            except EvocityError:  # a browser sees the answer only once all is sent
+                async for _ in request.stream():
+                    pass
+                raise
             with open(path, "xb") as file:
                 async for part in request.stream():
                     file.write(part)
             laid = await run_in_threadpool(self.desk.maps.add, path, name, suffix)
             return JSONResponse({"map": laid})
+        except guard.TooLong as error:
+            _removed(path)
+            return error.answer
         except EvocityError as error:
             _removed(path)
             status = 400 if isinstance(error, Faulty) else 409
             return JSONResponse({"error": fault_of(error)}, status, {"connection": "close"})
-        except TooLong:
-            _removed(path)
-            return PlainTextResponse("the file is too long\n", 413, {"connection": "close"})
         except ClientDisconnect:  # nobody waits for an answer
             _removed(path)
             return PlainTextResponse("the file was cut off\n", 400)

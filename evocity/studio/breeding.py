@@ -197,7 +197,7 @@ class Breeding:
             "children": [one.told for one in self.children],
             "marked": None
             if self.part is None
-            else {one: _finite(values) for one, values in self.marked.items()},
+            else {one: _finite(values) for one, values in dict(self.marked).items()},
         }
 
     def ready(self, moment: Moment, parents: Sequence[int]) -> None:

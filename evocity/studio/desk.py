@@ -13,9 +13,6 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import AfterValidator, Field
 
 from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
@@ -24,65 +21,16 @@ from evocity.search.calibration import USUAL_GOALS
 from evocity.search.opening import open_run
 from evocity.search.reading import read_recipe
 from evocity.search.recipe_text import duration
-from evocity.search.values import Title
 from evocity.studio.apart import Carried, Errand
-from evocity.studio.asked import Body, Faulty
-from evocity.studio.maps import MEMORY, Maps, Placed, Window
+from evocity.studio.asked import Faulty
+from evocity.studio.draft import MOST_NAME, Begin, Draft, Wanted, Which
+from evocity.studio.maps import MEMORY, Maps, Placed
 from evocity.studio.one import fault_of
 from evocity.studio.resuming import log_of
 
-#: Parents and goals, at most; lines of what calibrating says that are kept.
-MOST_PARENTS, MOST_GOALS, _MOST_SAID = 8, 12, 200
+#: Parents, at most; lines of what calibrating says that are kept.
+MOST_PARENTS, _MOST_SAID = 8, 200
 _MOST_NAMES = 10_000
-_BYTES = 200  # of a name, so that a folder can have it
-
-
-def _short(name: str) -> str:
-    if len(name.encode()) > _BYTES or not name.isprintable():
-        raise ValueError(f"a name of {_BYTES} bytes at most that can be printed")
-    return name
-
-
-class Wanted(Body):
-    """A measure to search by: the lowest or highest value, a ``target``, or what the first parent
-    has of it."""
-
-    measure: Annotated[str, Field(max_length=200)]
-    want: Literal["max", "min", "target", "first"]
-    target: float | None = None
-
-
-class Draft(Body):
-    """All that is chosen at the desk. ``name``: of the run, "" for one made of its parents'.
-    ``minutes`` count in place of ``generations`` where they are told."""
-
-    name: Annotated[Title, AfterValidator(_short)] | Literal[""] = ""
-    seed: Annotated[int, Field(ge=0, lt=2**53)] = 7
-    population: Annotated[int, Field(ge=2, le=1_000_000)] = 48
-    generations: Annotated[int, Field(ge=1, le=1_000_000)] = 100
-    minutes: Annotated[float, Field(ge=1, le=60 * 24 * 365)] | None = None
-    window: Window = Window()
-    maps: Annotated[tuple[Placed, ...], Field(max_length=64)] = ()
-    goals: Annotated[tuple[Wanted, ...], Field(max_length=MOST_GOALS)] = tuple(
-        Wanted(measure=name, want=fitness.get(name).goal or "first") for name in USUAL_GOALS
-    )
-
-    @property
-    def parents(self) -> list[Placed]:
-        """In their order."""
-        return [one for one in self.maps if one.chosen]
-
-
-class Which(Body):
-    """One map on the desk."""
-
-    map: Annotated[int, Field(ge=0, lt=2**31)]
-
-
-class Begin(Body):
-    """Which recipe a run is begun by: that of the desk, or the one ``given`` at the terminal."""
-
-    given: bool = False
 
 
 @dataclass(frozen=True)
@@ -142,7 +90,7 @@ class Desk:
     ):
         self.home, self.given = home.absolute(), recipe
         self._carried, self._runs = carried, runs
-        self._lock = threading.RLock()
+        self._lock = threading.RLock()  # that of the maps is taken within it, never around it
         self.maps = Maps()
         own = [one for one in fitness.measures() if one.origin == "evocity"]
         offered = [Offered(one) for one in own]
@@ -157,7 +105,6 @@ class Desk:
         self._said: list[str] = []
         self._fault: EvocityError | None = None
         self._found: dict | None = None
-        self._folder: Path | None = None
         self._started: list[Started] = []
 
     # -- told --------------------------------------------------------------------------------------
@@ -165,13 +112,12 @@ class Desk:
     def told(self) -> dict:
         """Plain values: the draft, the maps, how far calibrating is, what it found, and the runs
         that were begun here."""
-        maps = self.maps.told()
         with self._lock:
             return {
                 "draft": self.draft.model_dump(mode="json"),
                 "usual": self._usual_name(self.draft),
                 "home": str(self.home),
-                "maps": maps,
+                "maps": self.maps.told(),
                 "busy": self.busy,
                 "said": self._said,
                 "fault": None if self._fault is None else fault_of(self._fault),
@@ -227,20 +173,20 @@ class Desk:
     def change(self, draft: Draft) -> None:
         """Take a draft in place of the one before; a recipe that was calibrated for another is
         none of it. Raises `Faulty` for maps and measures that there are not."""
-        for one in draft.maps:
-            _ = self.maps[one.map]
-        if len({one.map for one in draft.maps}) < len(draft.maps):
-            raise Faulty("a map twice", "each once", "load the page again")
-        names = [one.measure for one in draft.goals]
-        for one in draft.goals:
-            if one.measure not in self._offered or names.count(one.measure) > 1:
-                raise Faulty(f"{one.measure!r} as goal", "a measure of the list, once", "choose it")
         with self._lock:
+            for one in draft.maps:
+                _ = self.maps[one.map]
+            if len({one.map for one in draft.maps}) < len(draft.maps):
+                raise Faulty("a map twice", "each once", "load the page again")
+            names = [one.measure for one in draft.goals]
+            for name in names:
+                if name not in self._offered or names.count(name) > 1:
+                    raise Faulty(f"{name!r} as goal", "a measure of the list, once", "choose it")
             if self.busy:
                 raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
             if draft != self.draft:
                 self.draft, self._found, self._fault, self._said = draft, None, None, []
-        self.maps.place(draft.window, {one.map: one for one in draft.maps})
+            self.maps.place(draft.window, {one.map: one for one in draft.maps})
 
     def drop(self, asked: Which) -> None:
         """Take a user's map from the desk."""
@@ -250,16 +196,17 @@ class Desk:
             self.maps.drop(asked.map)
 
     def _usual_name(self, draft: Draft) -> str:
-        titles = [self.maps[one.map].title for one in draft.parents]
+        titles = [self.maps[one.map].title for one in draft.parents if one.map in self.maps]
         name = "-x-".join(title.replace(" ", "-") for title in titles).lstrip(".")
-        while len(name.encode()) > _BYTES or len(name) > 100:
+        while len(name.encode()) > MOST_NAME or len(name) > 100:
             name = name[:-1]
         return name or "run"
 
     # -- calibrating -------------------------------------------------------------------------------
 
     def calibrate(self) -> None:
-        """Have a recipe made of the draft. Raises `EvocityError` for what is no draft of a run."""
+        """Have a recipe made of the draft. Raises `EvocityError` for what is no draft of a run, and
+        where its maps cannot be laid out; then nothing is left."""
         with self._lock:
             if self.busy:
                 raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
@@ -275,10 +222,7 @@ class Desk:
             # the usual ones may lack where a parent does not have them; what is chosen may not
             is_usual = set(draft.goals) == set(Draft().goals)
             goals = [] if is_usual else [self._goal(one) for one in draft.goals]
-            self._folder = folder = self.maps.folder / f"recipe-{self._draft_turn}"
-            self._draft_turn += 1
-            folder.mkdir()
-            parents = [self._parent(one, folder) for one in draft.parents]
+            folder, parents = self._gathered(draft)
             words = {
                 "name": draft.name or self._usual_name(draft),
                 "parents": parents,
@@ -319,6 +263,17 @@ class Desk:
             "target": one.target if one.want == "target" else None,
         }
 
+    def _gathered(self, draft: Draft) -> tuple[Path, list[dict]]:
+        """A new folder with the parents' maps, and each parent as a recipe in there has it."""
+        folder = self.maps.folder / f"recipe-{self._draft_turn}"
+        self._draft_turn += 1
+        try:
+            folder.mkdir()
+            return folder, [self._parent(one, folder) for one in draft.parents]
+        except (EvocityError, OSError) as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise _unwritten(folder, error) from error
+
     def _parent(self, placed: Placed, folder: Path) -> dict:
         one = self.maps[placed.map]
         named = {"name": one.title} if one.is_own else {}
@@ -354,18 +309,23 @@ class Desk:
         """Carry out the recipe, in a new folder. Raises `RunError` where there is none, and where
         nothing can be written; then nothing is left."""
         with self._lock:
+            made = None  # for this run alone
             if asked.given and self.given is not None:
                 run = read_recipe(self.given).run.name  # its measures were executed already
-                path = self._free(run, None)
-                recipe = self.given
+                path, recipe = self._free(run, None), self.given
             elif self._found is not None and not asked.given:
                 path, recipe = self._written(self._found["text"])
+                made = recipe.parent
             else:
                 raise RunError("no recipe", "one that was calibrated", "calibrate one first")
             started = Started(path.name, path, recipe.resolve())
-            self._carried.begin(
-                path, ["run", str(started.recipe), "--out", str(path)], log_of(path)
-            )
+            words = ["run", str(started.recipe), "--out", str(path)]
+            try:
+                self._carried.begin(path, words, log_of(path))
+            except EvocityError:
+                if made is not None:
+                    shutil.rmtree(made, ignore_errors=True)
+                raise
             self._started.append(started)
 
     def _written(self, text: str) -> tuple[Path, Path]:
@@ -424,4 +384,4 @@ def _unwritten(folder: Path, error: Exception) -> EvocityError:
     )
 
 
-__all__ = ["Begin", "Desk", "Draft", "Which"]
+__all__ = ["Desk"]

@@ -15,7 +15,10 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+
+from evocity.errors import MapError, told_bytes
+from evocity.studio.one import fault_of
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -59,8 +62,21 @@ _SAID = {
 _PLAIN = re.compile(rb"(?:/[a-z0-9][a-z0-9_-]*(?:\.[a-z0-9]+)*)+|/", re.ASCII)
 
 
-class TooLong(Exception):
+class TooLong(MapError):
     """A file has more bytes than it may, whatever its length was said to be."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            f"the file has more than {told_bytes(MOST_FILE)}",
+            f"{told_bytes(MOST_FILE)} at most",
+            "cut a part out of it, or save it as GeoPackage",
+        )
+
+    @property
+    def answer(self) -> Response:
+        """What is answered, in three parts as any fault."""
+        # as in `_no`, the rest of the file is not read
+        return JSONResponse({"error": fault_of(self)}, 413, {"connection": "close"})
 
 
 class Guard:
@@ -163,6 +179,8 @@ def _refused_change(headers: Headers, kind: str, most: int) -> Response | None:
         return _no(415, f"here a change is {kind}")
     length = headers.get("content-length", "0")
     if not length.isdecimal() or len(length) > 12 or int(length) > most:
+        if kind == FILE_KIND and length.isdecimal():
+            return TooLong().answer
         return _no(413, f"a body has {most} bytes at most")
     return None
 

@@ -13,11 +13,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from evocity.citymap import MAX_SIDE, PIXEL_SIDES
-from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown, told_bytes
+from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown, told, told_bytes
 from evocity.io.bundled import DISTRICTS
 from evocity.io.reading import READERS
 from evocity.studio.apart import Errand
-from evocity.studio.asked import Body, Faulty
+from evocity.studio.asked import Body, Faulty, typed, whole
 from evocity.studio.one import fault_of
 
 #: Bytes of all files that are brought; how many are on the desk at a time.
@@ -29,14 +29,18 @@ SUFFIXES = tuple(sorted((one for one in READERS if one != ".shp"), key=len, reve
 _LETTERS = 80  # bytes of a title
 
 Number = Annotated[int, Field(ge=0, lt=2**31)]
-_Metres = Annotated[float, Field(ge=PIXEL_SIDES[0], le=PIXEL_SIDES[1])]
+_METRES = "a number of metres from {:f} to {:.0f}".format(*PIXEL_SIDES)
+
+
+def _metres(name: str) -> Any:
+    return typed(name, _METRES, ge=PIXEL_SIDES[0], le=PIXEL_SIDES[1])
 
 
 class Window(Body):
     """The window that all maps are read at."""
 
-    pixels: Annotated[int, Field(ge=8, le=MAX_SIDE)] = 256
-    metres_per_pixel: _Metres = 2.0
+    pixels: Annotated[int, whole("window, pixels a side", 8, MAX_SIDE)] = 256
+    metres_per_pixel: Annotated[float, _metres("metres a pixel")] = 2.0
 
 
 class Placed(Body):
@@ -44,13 +48,17 @@ class Placed(Body):
 
     map: Number
     chosen: bool = False
-    center: (
+    center: Annotated[
         tuple[Annotated[float, Field(ge=-180, le=180)], Annotated[float, Field(gt=-90, lt=90)]]
-        | None
-    ) = None
-    layer: Annotated[str, Field(min_length=1, max_length=100)] | None = None
-    default_height: _Metres | None = None
-    height_scale: _Metres | None = None
+        | None,
+        typed("centre", "longitude from -180 to 180, latitude between -90 and 90"),
+    ] = None
+    layer: Annotated[
+        str | None,
+        typed("layer of the buildings", "1 to 100 letters", min_length=1, max_length=100),
+    ] = None
+    default_height: Annotated[float | None, _metres("height where none is told")] = None
+    height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -116,12 +124,26 @@ class Maps:
                 raise Faulty(f"no map {number}", "one on the desk", "load the page again")
             return self._laid[number]
 
+    def __contains__(self, number: int) -> bool:
+        with self._changed:
+            return number in self._laid
+
     @property
     def folder(self) -> Path:
-        """A temporary one, made when it is first needed, and removed with the desk."""
+        """A temporary one, made when it is first needed, and removed with the desk. Raises
+        `MapError` where it cannot be made."""
         with self._changed:
             if self._home is None:
-                self._home = TemporaryDirectory(prefix="evocity-desk-", ignore_cleanup_errors=True)
+                try:
+                    self._home = TemporaryDirectory(
+                        prefix="evocity-desk-", ignore_cleanup_errors=True
+                    )
+                except OSError as error:
+                    raise MapError(
+                        f"no temporary folder can be made: {error.strerror or error}",
+                        "room for it",
+                        "free some, or set TMPDIR to a folder with room and start studio again",
+                    ) from error
             return Path(self._home.name)
 
     def told(self) -> list[dict]:
@@ -219,6 +241,7 @@ class Maps:
                 taken = sorted(self._unread(), key=lambda one: not one.is_own)
                 jobs = {one.number: dict(one.wanted) for one in taken}
                 self._errand = errand = Errand(MEMORY, SECONDS * len(taken), "reading a map")
+            try:
                 maps = [
                     {
                         "number": one.number,
@@ -228,20 +251,23 @@ class Maps:
                     }
                     for one in taken
                 ]
-            fault: EvocityError | None = None
-            try:
                 errand.run({"errand": "read", "maps": maps}, partial(self._told, jobs))
             except EvocityError as error:
-                fault = error
-            if fault is not None:
-                self._failed(fault, jobs)
+                self._failed(error, jobs)
+            except Exception as error:  # told on the page; those to come are read all the same
+                fault = f"it could not be read: {told(error)}"
+                remedy = "look whether memory or disk is full, then change how it is read"
+                self._failed(MapError(fault, "a process that reads it", remedy), jobs)
 
     def _failed(self, fault: EvocityError, jobs: dict[int, dict]) -> None:
-        """The first that was not told of is at fault; the others are read again."""
+        """The first that was not told of is at fault, unless it is gone; the others are read
+        again."""
         with self._changed:
             for number, job in jobs.items():
                 one = self._laid.get(number)
-                if one is not None and one.read != job:
+                if one is None:
+                    return
+                if one.read != job:
                     one.read, one.about, one.turn = job, None, one.turn + 1
                     one.fault = fault_of(fault)
                     return

@@ -4,21 +4,19 @@ import hashlib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
-
 from evocity.errors import RunError
 from evocity.search import commands
 from evocity.search.opening import open_run
 from evocity.search.trust import is_ours, refuse_untrusted, state_folder
 from evocity.store.lock import is_held
 from evocity.studio.apart import Carried
-from evocity.studio.asked import Body
+from evocity.studio.asked import Body, whole
 
 
 class Resume(Body):
     """Go on; ``generations`` of the whole run, None for as many as it was begun with."""
 
-    generations: Annotated[int, Field(ge=1, le=99_999_999)] | None = None
+    generations: Annotated[int | None, whole("to generation", 1, 99_999_999)] = None
 
 
 def log_of(run: Path) -> Path:

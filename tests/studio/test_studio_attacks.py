@@ -10,6 +10,7 @@ from asking import OLD, Client, contents
 from evocity.studio.guard import FILE as ADDRESS
 from evocity.studio.guard import FILE_KIND, HEADER, MOST_BODY, MOST_FILE, POLICY
 from evocity.studio.serving import HOST, served
+from evocity.viewer.sheet import MOST
 
 JSON = ("Content-Type", "application/json")
 FILE = ("Content-Type", FILE_KIND)
@@ -477,7 +478,7 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/tiles?ids=../1&side=96",
         "/api/0/tiles?ids=1&side=100000",
         "/api/0/tiles?ids=1&side=97",
-        "/api/0/tiles?ids=" + ",".join(["1"] * 65) + "&side=96",
+        "/api/0/tiles?ids=" + ",".join(["1"] * (MOST + 1)) + "&side=96",
         "/api/0/changes?after=nan",
         "/api/0/changes",
         "/api/0/heights?id=x",

@@ -86,6 +86,18 @@ def test_the_same_picks_operators_and_seed_give_the_same_children(toy, here):
     breeding.close()
 
 
+def test_what_a_drawing_measures_is_told_while_it_is_measured(monkeypatch):
+    breeding = Breeding()
+    breeding.part, breeding.marked = object(), {0: {"gsi": 0.5}}
+
+    def finite(values):
+        breeding.marked[len(breeding.marked)] = {}  # as the thread that breeds does
+        return dict(values)
+
+    monkeypatch.setattr(rooms, "_finite", finite)
+    assert breeding.told()["marked"] == {0: {"gsi": 0.5}}
+
+
 def test_children_are_measured_as_the_run_measures(toy, here):
     moment, breeding = Watched(toy).moment, Breeding()
     children = bred(breeding, moment, **BROOD)

@@ -104,7 +104,9 @@ def test_what_is_no_run_is_refused(tmp_path):
     for words in ([tmp_path / "none"], ["--runs", tmp_path / "none"]):
         told = refused("studio", *words, "--no-browser")
         assert told.count("expected:") == told.count("what to do:") == 1
-    assert "--fitness gsi" in refused("studio", "--fitness", "gsi")
+    said = refused("studio", "--fitness", "gsi")
+    assert "--fitness gsi" in said
+    assert "evocity's own measures" in said  # and of no other package, which `fitness list` names
     assert "none.toml" in refused("studio", "--recipe", tmp_path / "none.toml")
 
 

@@ -2,25 +2,33 @@
 taken up."""
 
 import contextlib
+import errno
+import http.client
 import json
 import os
 import signal
+import threading
 import time
 import tomllib
+from typing import ClassVar
 from unittest.mock import patch
 
 import pytest
 from asking import HOSTILE, Client, contents
-from brought import bring, chosen, desk, ending, footprints, is_read, wait
+from brought import KIND, bring, chosen, desk, ending, footprints, is_read, wait
 from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
 from evocity.errors import EvocityError, RunError
 from evocity.search.calibration import GUARD
+from evocity.studio import desk as rooms
 from evocity.studio import guard, maps
 from evocity.studio.apart import Carried, Errand
+from evocity.studio.asked import Faulty, body_of
 from evocity.studio.begins import Begins
-from evocity.studio.resuming import log_of
+from evocity.studio.draft import Begin, Draft, Which
+from evocity.studio.maps import Maps, Placed, Window
+from evocity.studio.resuming import Resume, log_of
 from evocity.studio.serving import served
 
 CITIES = ("cape-town-salt-river", "lyon-1er")
@@ -122,6 +130,22 @@ def test_what_is_no_map_by_its_name_is_refused(client, name, said):
     assert said in json.dumps(told.json["error"])
 
 
+def test_a_file_that_is_refused_by_its_name_is_heard_out(client):
+    # else a browser that still sends it is cut off, and does not see the answer
+    connection = http.client.HTTPConnection("127.0.0.1", client.server.port, timeout=20)
+    connection.putrequest("POST", f"{guard.FILE}?name=a.shp")
+    said = [("Cookie", client.cookie), KIND, guard.HEADER, ("Content-Length", str(20 << 16))]
+    for one in said:
+        connection.putheader(*one)
+    connection.endheaders()
+    for _ in range(20):
+        time.sleep(0.02)
+        connection.send(b" " * (1 << 16))
+    answer = connection.getresponse()
+    assert (answer.status, "Shapefile" in answer.read().decode()) == (409, True)
+    connection.close()
+
+
 def test_what_a_file_holds_is_told_as_its_reader_says(client, two):
     content = two[0].read_bytes()
     wrong = {
@@ -151,7 +175,11 @@ def test_a_file_that_is_too_long_leaves_nothing(client, two, monkeypatch):
     headers = [("Content-Type", guard.FILE_KIND), guard.HEADER]
     told = bring(client, "a.geojson", chunk * 5, [*headers, ("Transfer-Encoding", "chunked")])
     assert told.status == 413
-    assert bring(client, "a.geojson", b" " * 200_000).status == 413
+    assert told.json["error"]["expected"] == "131 kB at most"
+    told = bring(client, "a.geojson", b" " * 200_000)
+    assert told.status == 413
+    assert told.json["error"]["expected"] == "131 kB at most"
+    assert desk(client)["longest"] == 1 << 17
     assert contents(folder) == before
     monkeypatch.setattr(maps, "MOST_MAPS", 0)
     assert bring(client, "a.geojson", two[0].read_bytes()).status == 409
@@ -167,6 +195,76 @@ def test_reading_ends_where_it_takes_more_than_it_may(two, tmp_path, memory, sec
     with pytest.raises(EvocityError, match=said):
         Errand(memory, seconds, "reading").run({"errand": "read", "maps": [one]}, told.append)
     assert told == []
+
+
+class Scripted(Errand):
+    """An errand that does what `does` says in place of reading, for each time."""
+
+    does: ClassVar[list] = []
+
+    def run(self, errand, told):
+        Scripted.does.pop(0)(errand, told)
+
+
+@pytest.fixture
+def laid(tmp_path, monkeypatch):
+    """Maps on no desk, of two files that a `Scripted` reads."""
+    monkeypatch.setattr(maps, "DISTRICTS", {})
+    monkeypatch.setattr(maps, "Errand", Scripted)
+    found = Maps()
+    for number in (1, 2):
+        path, suffix = found.begin(f"{number}.geojson")
+        path.write_bytes(b"{}")
+        found.add(path, f"{number}.geojson", suffix)
+    yield found
+    found.close()
+
+
+def read(laid) -> dict:
+    until(lambda: not any(one["reading"] for one in laid.told()))
+    return {one["title"]: one for one in laid.told()}
+
+
+def tell_all(errand, told):
+    for one in errand["maps"]:
+        told({"map": one["number"], "about": {}})
+
+
+def test_reading_goes_on_after_any_error(laid):
+    def fail(errand, told):
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    Scripted.does = [fail, tell_all, tell_all]
+    told = read(laid)
+    assert "Resource temporarily unavailable" in told["1"]["fault"]["found"]
+    assert told["2"]["fault"] is None
+    laid.place(Window(pixels=64), {})
+    assert read(laid)["1"]["fault"] is None
+
+
+def test_a_disk_without_room_is_told_at_each_map(laid):
+    def fail(*args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    Scripted.does = [tell_all]
+    with patch.object(maps, "TemporaryDirectory", fail):
+        found = Maps()
+        found._laid = dict(laid._laid)
+        told = read(found)
+        assert all("No space left" in one["fault"]["found"] for one in told.values())
+    found.place(Window(pixels=64), {})
+    assert all(one["fault"] is None for one in read(found).values())
+    found.close()
+
+
+def test_the_fault_of_a_map_that_was_taken_away_is_no_others(laid):
+    def fail(errand, told):
+        laid.drop(errand["maps"][0]["number"])
+        raise EvocityError("it died", "a map", "another")
+
+    Scripted.does = [fail, tell_all]
+    told = read(laid)
+    assert (list(told), told["2"]["fault"]) == (["2"], None)
 
 
 @pytest.mark.parametrize(
@@ -206,6 +304,39 @@ def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
     assert desk(client)["draft"] == before
 
 
+@pytest.mark.parametrize(
+    ("wrong", "found", "expected"),
+    [
+        ({"name": "a/b"}, "name of the run = 'a/b'", "without any of / "),
+        ({"generations": 1.5}, "generations = 1.5", "a whole number from 1 to 1000000"),
+        ({"generations": None}, "generations: nothing was typed", "a whole number"),
+        ({"generations": "x" * 1000}, "generations = 'xxx", "a whole number"),
+        ({"minutes": 0}, "minutes = 0", "from 1 to 525600"),
+        ({"population": 1}, "individuals alive = 1", "from 2 to 1000000"),
+        ({"seed": -1}, "seed = -1", "from 0 to 9007199254740991"),
+        ({"window": {"pixels": 1, "metres_per_pixel": 2.0}}, "window, pixels a side = 1", "8 to"),
+        ({"maps": [{"map": 0, "center": [200, 0]}]}, "centre = 200", "longitude"),
+        ({"maps": [{"map": 0, "default_height": 0}]}, "height where none is told = 0", "metres"),
+        ({"goals": [{"measure": "gsi", "want": "target", "target": "a"}]}, "target = 'a'", "a num"),
+    ],
+    ids=str,
+)
+def test_a_field_at_fault_is_told_by_its_name_with_what_is_right(client, wrong, found, expected):
+    told = client.post("/api/desk-change", desk(client)["draft"] | wrong).json["error"]
+    assert told["found"].startswith(found)
+    assert expected in told["expected"]
+    assert told["remedy"].startswith("type another ")
+    assert len(told["found"]) < 100
+
+
+def test_a_body_that_no_page_sends_is_told_as_such(client):
+    before = desk(client)["draft"]
+    told = client.post("/api/desk-change", before | {"generation": 1})
+    assert told.json["error"]["remedy"] == "load the page again"
+    with pytest.raises(Faulty, match="to generation = 0"):
+        body_of(Resume, b'{"generations": 0}')
+
+
 def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
     chosen(client, [])
     for name in ("desk-calibrate", "desk-begin"):
@@ -216,6 +347,29 @@ def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
     assert chosen(client, [0], goals=[{"measure": "gsi", "want": "target"}]).status == 200
     assert client.post("/api/desk-calibrate", {}).status == 409
     assert client.post("/api/desk-end", {"map": 0}).status == 400
+
+
+def test_a_map_that_is_taken_away_meanwhile_stays_in_no_draft(client, two, monkeypatch):
+    number = bring(client, "gone.geojson", two[0].read_bytes()).json["map"]
+    found, of_number = client.server.studio._begins.desk, Maps.__getitem__
+    dropping = threading.Thread(target=found.drop, args=(Which(map=number),))
+
+    def looked(self, number):
+        laid = of_number(self, number)
+        if not dropping.ident:  # a second tab, as soon as the map is seen to be there
+            dropping.start()
+            dropping.join(0.5)
+        return laid
+
+    monkeypatch.setattr(Maps, "__getitem__", looked)
+    found.change(Draft(maps=(Placed(map=number, chosen=True),)))
+    dropping.join()
+    told = desk(client)
+    assert number not in [one["map"] for one in told["maps"]]
+    assert number not in [one["map"] for one in told["draft"]["maps"]]
+    found.draft = Draft(maps=(Placed(map=number, chosen=True),))
+    assert desk(client)["usual"] == "run"
+    found.draft = Draft()
 
 
 def test_calibrating_is_stopped(client):
@@ -382,3 +536,41 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         assert (first["file"], first["target"] > 0) == (str(file), True)
         assert second == {"name": "gsi", "target": 0.25}
         assert third == {"name": "crumbs", "goal": "max"}
+
+
+# -- a machine that has no room -------------------------------------------------------------------
+
+
+def full(*args, **kwargs):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_told_when_a_recipe_is_made_and_leaves_nothing(client, two):
+    number = bring(client, "full.geojson", two[0].read_bytes()).json["map"]
+    assert chosen(client, [number]).status == 200
+    folder = client.server.studio._begins.desk.maps.folder
+    with patch.object(maps.shutil, "copyfile", full):
+        told = client.post("/api/desk-calibrate", {})
+    assert told.status == 409
+    assert "No space left" in told.json["error"]["found"]
+    assert not [one for one in folder.iterdir() if one.is_dir()]
+    client.post("/api/desk-drop", {"map": number})
+
+
+@pytest.mark.parametrize(
+    ("place", "said"), [("subprocess.Popen", "process"), ("open_to_append", "run.log cannot be written")]
+)
+def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, place, said):
+    runs = tmp_path / "runs"
+    with at_desk(runs, CITIES) as client:
+        assert chosen(client, [0]).status == 200
+        found = client.server.studio._begins.desk
+        found._found = {"text": "x"}
+        with (
+            patch.object(rooms, "read_recipe"),
+            patch(f"evocity.studio.apart.{place}", full, create=True),
+            pytest.raises(RunError, match=said),
+        ):
+            found.begin(Begin())
+        assert list(runs.iterdir()) == []
+        found._found = None

@@ -62,6 +62,20 @@ def write(page, label: str, text: str) -> None:
     page.keyboard.press("Tab")
 
 
+#: Tells the desk, which listens to its server no more, of runs that were begun: folder, number,
+#: whether it has a generation, exit code. A recipe is offered too.
+TOLD = """(runs) => {
+  const { desk } = studio, given = { path: "/night.toml", text: "[run]" };
+  window.tell ||= desk.tell.bind(desk);
+  desk.tell = () => {};
+  const started = runs.map(([folder, run, has, code]) => ({
+    name: folder, folder, recipe: "/night.toml", run, has, at: code === null, code,
+    said: `first\\n${folder} says`,
+  }));
+  tell({ ...JSON.parse(desk.told), given, started });
+}"""
+
+
 @contextlib.contextmanager
 def desk(tmp_path):
     """A page on which two files were brought and a measure was chosen, by keys, and its server."""
@@ -81,11 +95,15 @@ def desk(tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 1")
         brought = {"name": f"{HOSTILE}.geojson", "mimeType": "text/plain", "buffer": first.encode()}
         page.set_input_files("#desk input[type=file]", brought)
-        until(page, "document.querySelectorAll('.evocity-cards li').length === 2")
+        kept = "&& studio.desk.brought.textContent.endsWith('on the desk')"
+        until(page, f"document.querySelectorAll('.evocity-cards li').length === 2 {kept}")
         page.evaluate(DROPPED, ["second.geojson", second])
-        until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
+        until(page, f"document.querySelectorAll('.evocity-cards li').length === 3 {kept}")
         page.evaluate(DROPPED, ["third.shp", "x"])
         until(page, "studio.desk.brought.textContent.includes('Shapefile')")
+        page.evaluate("() => { studio.desk.longest = 2000; }")
+        page.evaluate(DROPPED, ["long.geojson", " " * 2001])  # which is not even sent
+        until(page, "studio.desk.brought.textContent.includes('2 kB at most')")
         for label, text in [
             ("window, pixels a side", "32"),
             ("metres a pixel", "4"),
@@ -93,9 +111,19 @@ def desk(tmp_path):
             ("so many", "90000"),
         ]:
             write(page, label, text)
-        until(page, "!document.getElementById('trouble').hidden")  # one lives: too few
+        invalid = "[...studio.desk.form.querySelectorAll('input:invalid')].map((one) => one.value)"
+        assert page.evaluate(invalid) == ["1"]  # one lives: too few, which no server is told
         write(page, "individuals alive", "4")
+        write(page, "name of the run", "a/night")
+        assert page.evaluate(invalid) == ["a/night"]
+        assert page.evaluate("document.activeElement === studio.desk.name")
         write(page, "name of the run", "a night")
+        write(page, "so many", "1.5")
+        assert page.evaluate(invalid) == ["1.5"]
+        page.get_by_label("generations or minutes").select_option("minutes")
+        assert page.evaluate(invalid) == []
+        page.get_by_label("generations or minutes").select_option("generations")
+        write(page, "so many", "90000")
         for name in ("autosimilarity", "alignment", "salingaros buildings"):
             press(page, f"leave {name} out")
         page.get_by_label("another measure").select_option("gsi")
@@ -108,8 +136,8 @@ def desk(tmp_path):
         yield page, server
         assert page.evaluate("window.hacked") is None
         page.close()
-    # of the Shapefile, and of the draft that was none
-    assert {one.split("status of ")[1][:3] for one in said} == {"409", "400"}
+    # of the Shapefile, and of the run that could not begin
+    assert {one.split("status of ")[1][:3] for one in said} == {"409"}
     assert all(one.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:")) for one in asked)
 
 
@@ -121,6 +149,57 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
         assert page.get_by_label("name of the run").input_value() == "a night"
         assert page.get_by_role("checkbox", checked=True).count() == 2
+
+        # a run that cannot begin shows no other, and why it cannot is told
+        page.evaluate(
+            "() => { window.shown = []; studio.desk.on.show = (run) => shown.push(run); }"
+        )
+        page.evaluate(TOLD, [["old", 3, True, None]])
+        press(page, "begin the run")
+        until(page, "document.getElementById('trouble').textContent.includes('no recipe')")
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
+        assert page.evaluate("shown") == []
+
+        # who left the desk is not taken away from what is looked at
+        page.evaluate("() => { studio.desk.begun.waits = 'new'; studio.desk.show(false); }")
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", 4, True, None]])
+        assert page.evaluate("[shown, studio.desk.begun.waits]") == [[], None]
+        page.evaluate("() => studio.desk.show(true)")
+
+        # what ended a run is told: a kill is no stop
+        codes = {"a": -9, "b": -11, "c": 137, "d": 1, "e": -2, "f": 143, "g": 130, "h": 0}
+        page.evaluate(TOLD, [[name, None, False, code] for name, code in codes.items()])
+        rows = page.locator(".evocity-begun li").all_inner_texts()
+        told = {row[0]: row for row in rows if row[0] in codes and row[1] in " \n"}
+        assert all("failed" in told[one] and "first" in told[one] for one in "abcd")
+        assert all("was stopped" in told[one] and "first" not in told[one] for one in "efg")
+        assert "has ended" in told["h"]
+
+        # how a map is read is opened for a new fault, and stays as it is left
+        faulty = """(found) => {
+          const { desk } = studio, state = JSON.parse(desk.told), at = state.maps[0];
+          at.fault = found && { found, expected: "a map", remedy: "another" };
+          tell({ ...state, usual: `${state.usual}x` }); // something else is new too
+          const { more } = desk.cards.get(at.map), isOpen = more.open;
+          more.open = false;
+          return isOpen;
+        }"""
+        told = [page.evaluate(faulty, found) for found in ("a", "a", None, "a", "b")]
+        assert told == [True, False, False, True, True]
+
+        process = {"at": False, "said": "Error: x"}
+        told = page.evaluate(
+            """async ([codes, process]) => {
+              const { Going } = await import("/page/going.js");
+              return codes.map((code) => {
+                const one = new Going(document.createElement("div"), {}, {});
+                one.inform({ going: false, process: { ...process, code } });
+                return one.state.textContent;
+              });
+            }""",
+            [list(codes.values()), process],
+        )
+        assert told == ["Error: x"] * 4 + [""] * 4
 
 
 @pytest.mark.long

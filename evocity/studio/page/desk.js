@@ -1,15 +1,20 @@
+import { Begun } from "./begun.js";
+import { bytes, tellFound } from "./found.js";
 import { counted, made, number } from "./made.js";
-import { asked, brought, told } from "./server.js";
+import { Fault, asked, brought, told } from "./server.js";
 
 /** Milliseconds between two looks at what is under way. */
 const SOON = 400;
 const WANTS = [["max", "as high as can be"], ["min", "as low as can be"], ["target", "a target"], ["first", "as the first has it"]];
-/** Exit codes of a run that a signal ended. */
-const SIGNALS = [129, 130, 143];
+/** What may be typed for how long a run goes, of generations and of minutes. */
+const LENGTHS = { generations: { max: 1000000, step: 1 }, minutes: { max: 525600, step: "any" } };
+/** Of a name, as a folder can have it. */
+const NAME = { pattern: '[^.\\/\\\\:*?"<>\\|][^\\/\\\\:*?"<>\\|]*', title: 'no / \\ : * ? " < > | in it, and no dot before it' };
+/** Metres. */
+const LENGTH = { min: 0.000001, max: 1000000 };
 /** In words, of each rule by which a building got its height. */
 const RULES = { height: "told", levels: "by storeys", default: "not told" };
 
-const bytes = (count) => (count >= 1e9 ? `${number(count / 1e9)} GB` : count >= 1e6 ? `${number(count / 1e6)} MB` : `${number(count / 1e3)} kB`);
 const said = ({ found, expected, remedy }) => `${found} (expected: ${expected}; what to do: ${remedy})`;
 const numeral = ({ value }) => (value.trim() === "" ? null : Number(value));
 
@@ -20,7 +25,6 @@ export class Desk {
     [this.parent, this.on] = [parent, on];
     this.cards = new Map();
     this.rows = new Map();
-    this.runs = new Map();
   }
 
   get isShown() { return !this.parent.hidden; }
@@ -28,6 +32,7 @@ export class Desk {
   /** Show it, or no longer. */
   async show(isShown) {
     this.parent.hidden = !isShown;
+    if (!isShown && this.begun) this.begun.waits = null;
     if (!isShown) return;
     if (!this.form) this.build();
     try {
@@ -35,7 +40,8 @@ export class Desk {
         this.measures = (await asked("desk-measures")).measures;
         this.known = new Map(this.measures.map((one) => [one.name, one]));
       }
-      this.take(await asked("desk"));
+      const state = await asked("desk");
+      if (this.isShown) this.take(state);
     } catch (error) {
       this.on.trouble(error, "desk");
     }
@@ -69,7 +75,7 @@ export class Desk {
     }
     const window = made(this.fields, "div", "row");
     this.pixels = this.field(window, "window, pixels a side", { min: 8, max: 32767, step: 1, required: "" });
-    this.metres = this.field(window, "metres a pixel", { min: 0.000001, step: "any", required: "" });
+    this.metres = this.field(window, "metres a pixel", { ...LENGTH, step: "any", required: "" });
     this.side = made(window, "span", "faint");
 
     made(this.fields, "h3", "", "2. What is wanted of them");
@@ -84,11 +90,12 @@ export class Desk {
     made(this.fields, "h3", "", "3. How long, and how it is called");
     const long = made(this.fields, "div", "row");
     this.population = this.field(long, "individuals alive", { min: 2, max: 1000000, step: 1, required: "" });
-    this.length = this.field(long, "so many", { min: 1, max: 1000000, step: "any", required: "" });
+    this.length = this.field(long, "so many", { min: 1, required: "" });
     this.unit = made(made(long, "label", "", ""), "select", "", "", { "aria-label": "generations or minutes" });
     for (const text of ["generations", "minutes"]) made(this.unit, "option", "", text);
+    this.unit.addEventListener("change", () => this.limit());
     this.seed = this.field(long, "seed", { min: 0, max: 9007199254740991, step: 1, required: "" });
-    this.name = made(made(long, "label", "", "name of the run "), "input", "", "", { type: "text", maxlength: 100, spellcheck: "false" });
+    this.name = made(made(long, "label", "", "name of the run "), "input", "", "", { type: "text", maxlength: 100, spellcheck: "false", ...NAME });
     this.fields.addEventListener("change", ({ target }) => target !== file && target !== this.other && this.change());
 
     made(parent, "h3", "", "4. The recipe");
@@ -102,17 +109,20 @@ export class Desk {
     this.stop.addEventListener("click", () => this.ask("desk-stop", {}));
     this.state = made(parent, "p", "", "", { role: "status" });
     this.found = made(parent, "section", "", "", { "aria-label": "the recipe" });
-    made(parent, "h3", "", "Runs begun here");
-    this.begun = made(parent, "ul", "begun", "", { "aria-label": "runs begun here" });
+    this.begun = new Begun(parent, { show: (run) => this.on.show(run), stop: (map) => this.ask("desk-end", { map }) });
   }
 
   field(parent, text, limits) { return made(made(parent, "label", "", `${text} `), "input", "", "", { type: "number", ...limits }); }
+
+  /** As the unit has it. */
+  limit() { Object.assign(this.length, LENGTHS[this.unit.value]); }
 
   // -- what the server tells -----------------------------------------------------------------------
 
   /** All that it holds, also what is in the fields. */
   take(state) {
     const { draft } = state;
+    this.longest = state.longest;
     this.placed = new Map(draft.maps.map((one) => [one.map, one]));
     this.chosen = draft.maps.filter((one) => one.chosen).map((one) => one.map);
     this.wanted = draft.goals;
@@ -120,9 +130,10 @@ export class Desk {
     [this.population.value, this.seed.value, this.name.value] = [draft.population, draft.seed, draft.name];
     this.unit.value = draft.minutes === null ? "generations" : "minutes";
     this.length.value = draft.minutes === null ? draft.generations : draft.minutes;
+    this.limit();
     this.tellGoals();
     const last = state.started.at(-1);
-    if (last && last.at && !last.has) this.waits = last.folder;
+    if (last && last.at && !last.has) this.begun.waits = last.folder;
     this.tell(state);
   }
 
@@ -143,7 +154,7 @@ export class Desk {
       this.state.classList.toggle("evocity-lack", Boolean(state.fault));
       this.tellFound(state.found);
       this.tellGiven(state.given);
-      this.tellBegun(state.started);
+      this.begun.tell(state.started);
     }
     clearTimeout(this.timer);
     const isUnderWay = state.busy || state.maps.some((one) => one.reading) || state.started.some((one) => one.at && !one.has);
@@ -161,15 +172,16 @@ export class Desk {
     }
   }
 
-  /** Whether it was done. */
+  /** What the server tells once it is done; null where it is not. */
   async ask(name, body) {
     try {
-      this.tell(await told(name, body));
+      const state = await told(name, body);
+      this.tell(state);
       this.on.trouble(null, "desk");
-      return true;
+      return state;
     } catch (error) {
       this.on.trouble(error, "desk");
-      return false;
+      return null;
     }
   }
 
@@ -192,10 +204,12 @@ export class Desk {
         card.turn = one.turn;
       }
       card.image.hidden = !one.about;
-      card.text.textContent = one.reading ? "being read …" : one.fault ? said(one.fault) : aboutOf(one.about);
+      const fault = one.fault && said(one.fault);
+      card.text.textContent = one.reading ? "being read …" : fault || aboutOf(one.about);
       card.text.classList.toggle("evocity-lack", Boolean(one.fault) && !one.reading);
       card.thanks.textContent = one.about ? one.about.attribution || "whom to thank: not told in the file" : "";
-      if (one.fault) card.more.open = true;
+      if (fault && fault !== card.fault) card.more.open = true;
+      card.fault = fault;
     }
   }
 
@@ -218,16 +232,16 @@ export class Desk {
     made(card.more, "summary", "", "how it is read");
     const options = this.placed.get(map) || {};
     const option = (text, name, limits) => {
-      const found = made(made(card.more, "label", "", `${text} `), "input", "", "", limits ? { type: "number", step: "any", ...limits } : { type: "text" });
+      const found = made(made(card.more, "label", "", `${text} `), "input", "", "", limits ? { type: "number", step: "any", ...limits } : { type: "text", maxlength: 100 });
       const value = name === "lon" || name === "lat" ? (options.center || [])[Number(name === "lat")] : options[name];
       found.value = value ?? "";
       return (card[name] = found);
     };
     option("centre, longitude", "lon", { min: -180, max: 180 });
-    option("latitude", "lat", { min: -90, max: 90 });
-    option("height where none is told, m", "default_height", { min: 0.000001 }).placeholder = 6;
+    option("latitude", "lat", { min: -89.999999, max: 89.999999 });
+    option("height where none is told, m", "default_height", LENGTH).placeholder = 6;
     if (takes.includes("layer")) option("layer of the buildings", "layer");
-    if (takes.includes("height_scale")) option("metres of a grey level or unit", "height_scale", { min: 0.000001 });
+    if (takes.includes("height_scale")) option("metres of a grey level or unit", "height_scale", LENGTH);
     if (own) {
       const gone = made(item, "button", "", `take ${title} away`, { type: "button" });
       gone.addEventListener("click", async () => {
@@ -245,8 +259,9 @@ export class Desk {
     for (const [place, file] of files.entries()) {
       this.brought.textContent = `bringing ${file.name}, ${place + 1} of ${files.length} …`;
       try {
+        if (file.size > this.longest) throw new Fault({ found: `${file.name} has ${bytes(file.size)}`, expected: `${bytes(this.longest)} at most`, remedy: "cut a part out of it, or save it as GeoPackage" });
         this.chosen.push((await brought("desk-file", file)).map);
-        await this.change(); // it is chosen at once
+        if (!(await this.change())) await this.look(); // it is chosen at once
       } catch (error) {
         lacks.push(error.message);
       }
@@ -277,10 +292,9 @@ export class Desk {
     select.value = want;
     const field = made(item, "input", "", "", { type: "number", step: "any", "aria-label": `target of ${title}` });
     field.value = target ?? "";
-    field.hidden = want !== "target";
-    select.addEventListener("change", () => {
-      field.hidden = select.value !== "target";
-    });
+    const turn = () => { field.hidden = field.disabled = select.value !== "target"; };
+    turn();
+    select.addEventListener("change", turn);
     const gone = made(item, "button", "", `leave ${title} out`, { type: "button" });
     gone.addEventListener("click", () => {
       this.read();
@@ -331,8 +345,11 @@ export class Desk {
     };
   }
 
-  /** Tell the server what is chosen; one telling after another. */
+  /** Tell the server what is chosen, one telling after another; nothing where a field is at fault,
+   * which is shown. */
   change() {
+    for (const one of this.form.querySelectorAll("details:not([open]) input:invalid")) one.closest("details").open = true;
+    if (!this.form.reportValidity()) return Promise.resolve(null);
     const draft = this.read();
     this.saving = (this.saving || Promise.resolve()).then(() => this.ask("desk-change", draft));
     return this.saving;
@@ -347,24 +364,7 @@ export class Desk {
     this.found.replaceChildren();
     this.found.hidden = !found;
     if (!found) return;
-    const { estimate, values, bounds } = found;
-    made(this.found, "p", "", `${counted(estimate.births)} births, ${counted(found.generations)} generations: about ${estimate.time} on ${found.workers} cores, ` +
-      `at most ${bytes(estimate.size)} of the disk (${bytes(estimate.free)} free).`);
-    if (!estimate.fits) made(this.found, "p", "lack", "The disk will not hold this run: free some, or breed fewer generations.");
-    if (found.failing) made(this.found, "p", "lack", found.failing);
-    const notes = made(this.found, "ul", "notes");
-    for (const text of found.notes) made(notes, "li", "", text);
-    const parents = Object.keys(Object.values(values)[0] || {});
-    const table = made(made(this.found, "div", "wide", "", { tabindex: "0", role: "group", "aria-label": "what the parents have" }), "table", "values");
-    made(table, "caption", "", "What the parents have: map, code");
-    const head = made(table, "tr");
-    for (const text of ["measure", ...parents, "bound"]) made(head, "th", parents.includes(text) ? "number" : "", text, { scope: "col" });
-    for (const [name, of] of Object.entries(values)) {
-      const row = made(table, "tr");
-      made(row, "th", "", name.replaceAll("_", " "), { scope: "row" });
-      for (const parent of parents) made(row, "td", "number", of[parent].map((value) => number(value ?? NaN)).join(", "));
-      made(row, "td", "", Object.entries(bounds[name] || {}).map(([side, value]) => `${side === "min" ? "≥" : "≤"} ${number(value)}`).join(" "));
-    }
+    tellFound(this.found, found);
     this.recipe(this.found, found.text, "as it is written", { given: false });
   }
 
@@ -372,10 +372,9 @@ export class Desk {
     const go = made(parent, "button", "go", "begin the run", { type: "button" });
     go.addEventListener("click", async () => {
       go.disabled = true;
-      await this.ask("desk-begin", body);
+      const { started } = (await this.ask("desk-begin", body)) || {};
       go.disabled = false;
-      const last = JSON.parse(this.told).started.at(-1);
-      this.waits = last && last.folder;
+      if (started && this.isShown) this.begun.waits = started.at(-1).folder;
     });
     const more = made(parent, "details");
     more.open = true;
@@ -392,40 +391,6 @@ export class Desk {
     if (!given) return;
     made(this.given, "p", "", `The recipe ${given.path} is begun as it is. Or make another below.`);
     this.recipe(this.given, given.text, "as it is", { given: true });
-  }
-
-  tellBegun(started) {
-    for (const [place, one] of started.entries()) {
-      const { folder, has, at, code } = one;
-      if (!this.runs.has(folder)) this.runs.set(folder, this.start(one, place));
-      const item = this.runs.get(folder), isFailed = !at && code > 0 && !SIGNALS.includes(code);
-      item.how.textContent = ` ${at ? (has ? "goes on" : "begins …") : isFailed ? "failed" : code ? "was stopped" : "has ended"} `;
-      item.how.classList.toggle("evocity-lack", isFailed);
-      item.run = one.run;
-      item.show.hidden = !has;
-      item.stop.hidden = has || !at;
-      item.said.hidden = has && !isFailed;
-      const text = isFailed ? one.said : one.said.split("\n").at(-1) || "…";
-      if (item.said.textContent !== text) item.said.textContent = text;
-    }
-    this.begun.previousSibling.hidden = !started.length;
-    const last = started.find((one) => one.folder === this.waits);
-    if (!last || !last.has) return;
-    this.waits = null;
-    this.on.show(last.run);
-  }
-
-  start({ name, folder, recipe }, place) {
-    const item = made(this.begun, "li"), found = {};
-    made(item, "b", "", name);
-    found.how = made(item, "span", "", "", { role: "status" });
-    found.show = made(item, "button", "", `show ${name}`, { type: "button" });
-    found.show.addEventListener("click", () => this.on.show(found.run));
-    found.stop = made(item, "button", "", `stop ${name}`, { type: "button" });
-    found.stop.addEventListener("click", () => this.ask("desk-end", { map: place }));
-    made(item, "p", "faint", `Its recipe is ${recipe}, its folder ${folder}.`);
-    found.said = made(item, "pre", "toml", "", { tabindex: "0", role: "group", "aria-label": `what ${name} says` });
-    return found;
   }
 }
 
