@@ -558,7 +558,8 @@ def test_a_full_disk_is_told_when_a_recipe_is_made_and_leaves_nothing(client, tw
 
 
 @pytest.mark.parametrize(
-    ("place", "said"), [("subprocess.Popen", "process"), ("open_to_append", "run.log cannot be written")]
+    ("place", "said"),
+    [("subprocess.Popen", "process"), ("open_to_append", "run.log cannot be written")],
 )
 def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, place, said):
     runs = tmp_path / "runs"
