@@ -583,6 +583,7 @@ def as_python_breeds(name: str, parents, **parameters):
     return wanted.digest
 
 
+@pytest.mark.long
 def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
     """Macro-blocks by pointer, a λ and a lock by keys: each child is what Python has."""
     night = shutil.copytree(OLD / "run-1", tmp_path / "night")
@@ -879,6 +880,7 @@ def test_a_server_that_ends_is_told_and_found_again(opened, folder):
         until(page, "studio.run.one.facts.textContent.includes('wanted')")
 
 
+@pytest.mark.long
 def test_a_run_that_is_gone_is_told(opened, folder):
     with served(folder) as server:
         page = opened(server)

@@ -77,7 +77,15 @@ WITHIN = [
 ]
 
 
-@pytest.mark.parametrize("camera", ABOUT + WITHIN)
+@pytest.mark.parametrize(
+    "camera",
+    [
+        ABOUT[0],
+        *(pytest.param(one, marks=pytest.mark.long) for one in ABOUT[1:-1]),
+        ABOUT[-1],
+        *WITHIN,
+    ],
+)
 def test_what_is_seen_is_what_lines_meet(opened, camera):
     """But within half a pixel of an edge."""
     city = town()
