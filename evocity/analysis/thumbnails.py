@@ -1,8 +1,8 @@
 """Births as maps: decoded, and as small pictures on one scale of heights."""
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 from itertools import groupby
 
@@ -66,11 +66,11 @@ class Thumbnails:
         a picture."""
         missing = [one for one in ids if (one, side) not in self._kept]
         lacking = {}
-        for birth, found in self._made(missing, side):
+        for one, found in self._made(missing, side).items():
             if isinstance(found, str):
-                lacking[birth.id] = found
+                lacking[one] = found
             else:
-                self._kept[birth.id, side] = found
+                self._kept[one, side] = found
                 self._bytes += found.nbytes
         pictures = {}
         for one in ids:
@@ -81,17 +81,21 @@ class Thumbnails:
             self._bytes -= self._kept.popitem(last=False)[1].nbytes
         return pictures, lacking
 
-    def _made(self, ids: Sequence[int], side: int) -> Iterator[tuple[Birth, np.ndarray | str]]:
-        """Births, each with a picture or why there is none: made in threads, while the next
-        generation is read."""
-        run, coming = self._told.run, []
+    def _made(self, ids: Sequence[int], side: int) -> dict[int, np.ndarray | str]:
+        """A picture of each birth, or why there is none: generations are read in threads, and then
+        pictures made."""
         _ = self.highest  # before threads ask for it
-        by_generation = sorted(ids, key=lambda one: one // run.header.population)
+        population = self._told.run.header.population
+        by_generation = sorted(ids, key=lambda one: one // population)
+
+        def begun(some: list[int]) -> dict[int, Future]:
+            births = self._told.run.individuals(some, rebred=False, stones=False)
+            return {birth.id: pool.submit(self._made_of, birth, side) for birth in births}
+
         with ThreadPoolExecutor(available_cores()) as pool:
-            for _, some in groupby(by_generation, lambda one: one // run.header.population):
-                for birth in run.individuals(list(some), rebred=False, stones=False):
-                    coming.append((birth, pool.submit(self._made_of, birth, side)))
-        return ((birth, found.result()) for birth, found in coming)
+            groups = groupby(by_generation, lambda one: one // population)
+            coming = [pool.submit(begun, list(some)) for _, some in groups]
+            return {one: made.result() for some in coming for one, made in some.result().items()}
 
     def _made_of(self, birth: Birth, side: int) -> np.ndarray | str:
         """A picture, or why there is none."""

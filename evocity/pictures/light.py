@@ -13,34 +13,46 @@ _SHADE = np.array([70, 66, 92], np.float32)
 
 def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
     """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
-    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    heights = city.heights
+    if zoom > 1:
+        heights = heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
     depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
-    dark = np.clip(softened(depth, 0.6 * zoom**0.5) / 4, 0, 1)
-    tint = np.where(heights <= BUILT_ABOVE, np.float32(0.24), np.float32(0.14)) * dark
+    tint = softened(depth, 0.6 * zoom**0.5)
+    tint /= 4
+    np.minimum(tint, 1, out=tint)
+    tint *= np.where(heights <= BUILT_ABOVE, np.float32(0.24), np.float32(0.14))
     roofs = edges(heights) if zoom > 1 else None
-    found = np.empty(colours.shape, np.uint8)
+    found, change = np.empty(colours.shape, np.uint8), np.empty_like(tint)
     for channel, shade in enumerate(_SHADE):  # a plane each: numpy is slow along an axis of three
         plane = colours[..., channel].astype(np.float32)
-        plane += (shade - plane) * tint
+        np.subtract(shade, plane, out=change)
+        change *= tint
+        plane += change
         if roofs is not None:
             plane[roofs] *= 0.78
-        found[..., channel] = np.round(plane)
+        plane += 0.5  # rounded, once it is cut
+        found[..., channel] = plane
     return found
 
 
 def softened(field: np.ndarray, sigma: float) -> np.ndarray:
-    """A float32 ``field`` under a Gaussian of ``sigma`` pixels, mirrored at its edges: bit for bit
-    what `scipy.ndimage.gaussian_filter` makes, which takes a fifth of a second to load."""
+    """A float32 ``field`` under a Gaussian of ``sigma`` pixels, mirrored at its edges: what
+    `scipy.ndimage.gaussian_filter` makes, which takes a fifth of a second to load."""
     reach = int(4 * sigma + 0.5)
     weights = np.exp(-0.5 / sigma**2 * np.arange(-reach, reach + 1) ** 2)
-    weights /= weights.sum()
-    for _ in range(2):  # along rows, then along columns
-        line = np.pad(field, ((reach, reach), (0, 0)), mode="symmetric").astype(np.float64)
-        end = line.shape[0] - reach
-        soft = line[reach:end] * weights[reach]
+    weights = (weights / weights.sum()).astype(np.float32)
+    for down in (True, False):
+        around = ((reach, reach), (0, 0)) if down else ((0, 0), (reach, reach))
+        line, size = np.pad(field, around, mode="symmetric"), field.shape[0 if down else 1]
+        shifted = [
+            line[k : k + size] if down else line[:, k : k + size] for k in range(2 * reach + 1)
+        ]
+        field = shifted[reach] * weights[reach]
+        pair = np.empty_like(field)
         for k in range(reach, 0, -1):
-            soft += (line[reach - k : end - k] + line[reach + k : end + k]) * weights[reach - k]
-        field = soft.astype(np.float32).T
+            np.add(shifted[reach - k], shifted[reach + k], out=pair)
+            pair *= weights[reach - k]
+            field += pair
     return field
 
 
@@ -48,11 +60,13 @@ def _shadow_depth(heights: np.ndarray, side: float) -> np.ndarray:
     """Metres by which each point lies below the light that passes its north-west neighbours."""
     fall = side * math.sqrt(2) * _LIGHT_FALL  # metres the light falls in one diagonal step
     highest = min(float(heights.max(initial=0)), _LONGEST_SHADOW * _LIGHT_FALL)
-    roof = np.zeros_like(heights)
+    roof, cast = np.zeros_like(heights), np.empty_like(heights)
     for step in range(1, min(int(highest / fall) + 1, min(heights.shape) - 1) + 1):
-        cast = heights[:-step, :-step] - np.float32(step * fall)
-        np.maximum(roof[step:, step:], cast, out=roof[step:, step:])
-    return np.maximum(roof - heights, 0)
+        here = cast[step:, step:]
+        np.subtract(heights[:-step, :-step], np.float32(step * fall), out=here)
+        np.maximum(roof[step:, step:], here, out=roof[step:, step:])
+    roof -= heights
+    return np.maximum(roof, 0, out=roof)
 
 
 def edges(heights: np.ndarray) -> np.ndarray:

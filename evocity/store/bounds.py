@@ -7,10 +7,12 @@ What a file says of itself is looked at before any of it is unpacked.
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from evocity.columns import column_of
 from evocity.store.layout import BIRTHS
 from evocity.store.schema import LONGEST_ERROR, Header
 
@@ -18,6 +20,8 @@ from evocity.store.schema import LONGEST_ERROR, Header
 MOST_ROWS, MOST_TEXT = 1 << 20, 1 << 26
 #: Generations of one file, at most: a segment has 64.
 MOST_GROUPS = 1 << 10
+# Values of a column that are read at a time, where a few rows are wanted.
+_AT_ONCE = 1 << 16
 
 ERROR = "error"
 
@@ -57,15 +61,16 @@ def read_bounded(
     kind: str,
     groups: Sequence[int],
     columns: Sequence[str] | None,
-    end: int | None = None,
+    places: np.ndarray | None = None,
 ) -> pa.Table:
-    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``; up to the row
-    ``end`` alone, if it is told. Texts of errors are cut to `LONGEST_ERROR` letters; of a
-    generation with more than `MOST_TEXT` bytes of them it is told how many there are."""
+    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``; of the rows at
+    ``places`` alone, ascending, if these are told. Texts of errors are cut to `LONGEST_ERROR`
+    letters; of a generation with more than `MOST_TEXT` bytes of them it is told how many there
+    are."""
     if kind != BIRTHS or (columns is not None and ERROR not in columns):
-        return _read(file, groups, columns, end)
+        return _read(file, groups, columns, places)
     others = [name for name in columns or file.schema_arrow.names if name != ERROR]
-    table = _read(file, groups, others, end)
+    table = _read(file, groups, others, places)
     with pq.ParquetFile(
         path,
         metadata=file.metadata,
@@ -74,19 +79,32 @@ def read_bounded(
     ) as again:
         errors = [one for group in groups for one in _errors(again, group)]
     at = (columns or file.schema_arrow.names).index(ERROR)
-    told = pa.chunked_array(errors, pa.string()).slice(0, len(table))
-    return table.add_column(at, ERROR, told)
+    told = pa.chunked_array(errors, pa.string())
+    return table.add_column(at, ERROR, told if places is None else told.take(column_of(places)))
 
 
-def _read(file: pq.ParquetFile, groups, columns, end: int | None) -> pa.Table:
-    if not end:
-        return file.read_row_groups(groups if end is None else [], columns=columns)
-    found, left = [], end
-    batches = file.iter_batches(end, groups, columns)
-    while left > 0 and (batch := next(batches, None)) is not None:
-        found.append(batch.slice(0, left))
-        left -= len(batch)
-    return pa.Table.from_batches(found)
+def _read(file: pq.ParquetFile, groups, columns, places: np.ndarray | None) -> pa.Table:
+    """Of ``places`` in batches that a processor's cache holds: what follows the last of them is not
+    unpacked, and what lies between them is not kept."""
+    if places is None or not places.size:
+        return file.read_row_groups(groups if places is None else [], columns=columns)
+    found, first = [], 0
+    batches = file.iter_batches(_rows(file, groups), groups, columns, use_threads=False)
+    while first <= places[-1] and (batch := next(batches, None)) is not None:
+        here = places[(places >= first) & (places < first + len(batch))]
+        if here.size:
+            found.append(batch.take(column_of(here - first)))
+        first += len(batch)
+    return pa.Table.from_batches(found).combine_chunks()
+
+
+def _rows(file: pq.ParquetFile, groups: Sequence[int]) -> int:
+    """Rows of a batch of about `_AT_ONCE` values in the longest column."""
+    values = rows = 1
+    for group in map(file.metadata.row_group, groups):
+        values += max(group.column(at).num_values for at in range(group.num_columns))
+        rows += group.num_rows
+    return max(1, _AT_ONCE * rows // values)
 
 
 def read_through(file: pq.ParquetFile, group: int) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from evocity.columns import array_of, column_of
+from evocity.columns import array_of
 from evocity.store.bounds import check_bounds, read_bounded
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Piece
 from evocity.store.membership import membership_schema
@@ -40,8 +40,7 @@ class Tables:
         ids: Sequence[int] | None = None,
     ) -> pa.Table:
         """Generations ``wanted`` of a file, once its header and columns are those of the run; all
-        ``columns`` if None. ``ids``: of the births these alone, and what follows the last of them
-        is not unpacked."""
+        ``columns`` if None. ``ids``: of the births these alone."""
         with opened(piece.path) as file:
             schema = file.schema_arrow
             groups = [g - piece.first for g in wanted]
@@ -56,10 +55,9 @@ class Tables:
             if not schema.equals(self.schemas[kind]):
                 raise ValueError(f"its columns are not those of {kind}")
             places = None if ids is None else _places(file, groups, ids)
-            end = None if places is None else int(places.max(initial=-1)) + 1
-            table = read_bounded(piece.path, file, kind, groups, columns, end)
+            table = read_bounded(piece.path, file, kind, groups, columns, places)
             check_rows(table, self._header, kind != BIRTHS)
-            return table if places is None else table.take(column_of(places))
+            return table
 
 
 def _places(file: pq.ParquetFile, groups: Sequence[int], ids: Sequence[int]) -> np.ndarray:

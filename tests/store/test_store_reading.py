@@ -97,6 +97,20 @@ def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
     }
 
 
+@pytest.mark.parametrize("at_once", [1, 30, 1 << 16])  # values: a row, some, all at a time
+def test_births_are_the_same_in_any_order_and_in_batches_of_any_size(long, monkeypatch, at_once):
+    run = open_run(long)
+    genomes, errors = (run.births(columns=[one])[one].to_pylist() for one in ("genome", "error"))
+    monkeypatch.setattr("evocity.store.bounds._AT_ONCE", at_once)
+    rng = np.random.default_rng(at_once)
+    for count in (1, 5, 40):
+        ids = rng.choice(len(genomes), count, replace=False).tolist()
+        births = run.individuals(ids)
+        assert [one.id for one in births] == ids
+        assert [one.digest for one in births] == [genomes[one] for one in ids]
+        assert [one.error for one in births] == [errors[one] for one in ids]
+
+
 def test_every_generation_is_read_at_once_as_one_by_one(long, counted):
     read, _ = counted
     births, members = list(every_generation(open_run(long))), open_run(long).members()
