@@ -1,12 +1,23 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and temporary folders of one process."""
 
 import contextlib
 import errno
 import os
 import secrets
+import shutil
+import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: what a killed process left stays there
+    fcntl = None
+
+# A folder that nobody holds is just being made unless it is older, in seconds.
+_JUST_MADE = 10.0
 
 
 @contextmanager
@@ -40,3 +51,50 @@ def flush_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+class OwnFolder:
+    """A temporary folder, called ``prefix`` and something more, that this process holds until it
+    ends. Those of the same prefix that killed processes left are removed first.
+
+    path : where it is. Raises OSError where none can be made.
+    """
+
+    def __init__(self, prefix: str):
+        _remove_left(prefix)
+        self.path = Path(tempfile.mkdtemp(prefix=prefix))
+        self._held: int | None = None
+        if fcntl:
+            self._held = os.open(self.path, os.O_RDONLY)
+            with contextlib.suppress(OSError):  # a file system without locks: nobody removes it
+                fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def let_go(self) -> None:
+        """Hold it no more: in a forked process, which shares what its parent holds."""
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
+
+    def remove(self) -> None:
+        """Remove it, with all that is in it."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        self.let_go()
+
+
+def _remove_left(prefix: str) -> None:
+    if fcntl is None:
+        return
+    place = tempfile.gettempdir()
+    for name in os.listdir(place):
+        if not name.startswith(prefix):
+            continue
+        with contextlib.suppress(OSError):
+            folder = os.path.join(place, name)
+            held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                told = os.fstat(held)
+                if told.st_uid == os.getuid() and time.time() - told.st_mtime > _JUST_MADE:
+                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(held)

@@ -1,9 +1,14 @@
 import os
+import signal
 import stat
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
-from evocity.files import whole_file
+from evocity.files import OwnFolder, whole_file
 
 
 def test_a_file_appears_whole(tmp_path):
@@ -47,3 +52,43 @@ def test_what_is_no_file_is_left_as_it_is(tmp_path):
             raise AssertionError
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert [p.name for p in tmp_path.iterdir()] == ["pipe.txt"]
+
+
+HOLDER = """
+from evocity.files import OwnFolder
+own = OwnFolder("evocity-test-")
+print(own.path, flush=True)
+input()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a killed process's folder is not known there")
+def test_a_temporary_folder_outlives_a_killed_process_until_the_next_is_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    killed, going_on = (
+        subprocess.Popen(
+            [sys.executable, "-c", HOLDER], env=os.environ | {"TMPDIR": str(tmp_path)}, **pipes
+        )
+        for _ in range(2)
+    )
+    folders = [Path(one.stdout.readline().strip()) for one in (killed, going_on)]
+    strange, young = (tmp_path / name for name in ("evocity-test-file", "evocity-test-young"))
+    strange.write_text("no folder")
+    young.mkdir()
+    killed.send_signal(signal.SIGKILL)
+    killed.communicate()
+    for folder in folders:
+        (folder / "left").write_text("something")
+        os.utime(folder, (1, 1))
+    own = OwnFolder("evocity-test-")
+    assert [folder.exists() for folder in (*folders, strange, young, own.path)] == [
+        False,
+        True,
+        True,
+        True,
+        True,
+    ]
+    own.remove()
+    assert not own.path.exists()
+    going_on.communicate("")

@@ -7,13 +7,13 @@ import threading
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 from pydantic import Field
 
 from evocity.citymap import MAX_SIDE, PIXEL_SIDES
 from evocity.errors import EvocityError, MapError, cut_short, plain_text, shown, told, told_bytes
+from evocity.files import OwnFolder
 from evocity.io.bundled import DISTRICTS
 from evocity.io.reading import READERS
 from evocity.studio.apart import Errand
@@ -107,7 +107,7 @@ class Maps:
     changes, in processes of their own."""
 
     def __init__(self) -> None:
-        self._home: TemporaryDirectory | None = None
+        self._home: OwnFolder | None = None
         self._changed = threading.Condition()
         self._laid = {
             number: Laid(number, name, name) for number, name in enumerate(sorted(DISTRICTS))
@@ -135,16 +135,14 @@ class Maps:
         with self._changed:
             if self._home is None:
                 try:
-                    self._home = TemporaryDirectory(
-                        prefix="evocity-desk-", ignore_cleanup_errors=True
-                    )
+                    self._home = OwnFolder("evocity-desk-")
                 except OSError as error:
                     raise MapError(
                         f"no temporary folder can be made: {error.strerror or error}",
                         "room for it",
                         "free some, or set TMPDIR to a folder with room and start studio again",
                     ) from error
-            return Path(self._home.name)
+            return self._home.path
 
     def told(self) -> list[dict]:
         """Plain values. Who asks first has them read."""
@@ -303,7 +301,7 @@ class Maps:
         if self._thread is not None:
             self._thread.join(5.0)
         if self._home is not None:
-            self._home.cleanup()
+            self._home.remove()
 
 
 __all__ = ["Laid", "Maps", "Placed", "Window"]

@@ -21,10 +21,10 @@ import signal
 import socket
 import sys
 import tempfile
-import time
 import traceback
 from dataclasses import dataclass
 
+from evocity.files import OwnFolder
 from evocity.search.evaluation import processes
 from evocity.search.evaluation.upkeep import raised
 
@@ -32,8 +32,6 @@ from evocity.search.evaluation.upkeep import raised
 LONGEST, MOST_FILES = 4096, 2
 #: Folders of nurseries begin so; of those that were killed they are removed by the next.
 FOLDERS = "evocity-workers-"
-# A folder that nobody holds is just being made unless it is older, in seconds.
-_JUST_MADE = 10.0
 # Seconds between two looks at whether the main process is still there.
 _LOOK = 1.0
 
@@ -52,7 +50,10 @@ class Nursery:
         self._main, self._parent = main, parent
         self._workers: dict[int, _Worker] = {}
         self._count = 0
-        self._folder, self._lock = _own_folder()
+        # for what measures leave in the temporary folder; none where there is no room for it
+        self._own: OwnFolder | None = None
+        with contextlib.suppress(OSError):
+            self._own = OwnFolder(FOLDERS)
         self._selector = selectors.DefaultSelector()
         self._selector.register(main, selectors.EVENT_READ)
         self._wake, self._woken = os.pipe()
@@ -90,7 +91,7 @@ class Nursery:
             if told:
                 pool = socket.socket(fileno=files[0])
                 self._selector.register(pool, selectors.EVENT_READ)
-                _tell(pool, hello=os.getpid(), folder=self._folder)
+                _tell(pool, hello=os.getpid(), folder=self._own and str(self._own.path))
                 return True
         return False
 
@@ -111,9 +112,9 @@ class Nursery:
     def _start(self, token: int, pool: socket.socket, connection: int, printed: int) -> None:
         folder = None
         try:
-            if self._folder is not None:
+            if self._own is not None:
                 self._count += 1
-                folder = os.path.join(self._folder, str(self._count))
+                folder = os.path.join(self._own.path, str(self._count))
                 os.mkdir(folder, 0o700)
             nursery = os.getpid()
             pid = os.fork()
@@ -141,8 +142,8 @@ class Nursery:
                 os.close(key.fd)
             os.close(self._woken)
             self._selector.close()
-            if self._lock is not None:
-                os.close(self._lock)
+            if self._own is not None:
+                self._own.let_go()
             if folder is not None:
                 os.environ["TMPDIR"] = tempfile.tempdir = folder
             from evocity.search import worker
@@ -174,8 +175,8 @@ class Nursery:
 
     def _end_all(self) -> None:
         self._end(list(self._workers))
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        if self._own is not None:
+            self._own.remove()
 
     def _end(self, pids: list[int]) -> None:
         for pid in pids:
@@ -188,37 +189,6 @@ class Nursery:
 def _tell(pool: socket.socket, **message) -> None:
     with contextlib.suppress(OSError):  # it is gone, or does not listen
         pool.send(json.dumps(message).encode(), socket.MSG_DONTWAIT)
-
-
-def _own_folder() -> tuple[str | None, int | None]:
-    """A folder for what measures leave in the temporary one, and a lock by which others see that it
-    is in use; None, None where there is no room for it."""
-    import fcntl
-
-    for name in _folders_of_others():
-        with contextlib.suppress(OSError):
-            held = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-            try:
-                told = os.fstat(held)
-                if told.st_uid == os.getuid() and time.time() - told.st_mtime > _JUST_MADE:
-                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    shutil.rmtree(name, ignore_errors=True)
-            finally:
-                os.close(held)
-    try:
-        folder = tempfile.mkdtemp(prefix=FOLDERS)
-        lock = os.open(folder, os.O_RDONLY)
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return None, None
-    return folder, lock
-
-
-def _folders_of_others() -> list[str]:
-    place = tempfile.gettempdir()
-    with contextlib.suppress(OSError):
-        return [os.path.join(place, one) for one in os.listdir(place) if one.startswith(FOLDERS)]
-    return []
 
 
 def main(connection: int, parent: int, tracker: int) -> None:
