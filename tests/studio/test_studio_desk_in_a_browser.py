@@ -99,11 +99,14 @@ def desk(tmp_path):
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 2 {kept}")
         page.evaluate(DROPPED, ["second.geojson", second])
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 3 {kept}")
-        page.evaluate(DROPPED, ["third.shp", "x"])
-        until(page, "studio.desk.brought.textContent.includes('Shapefile')")
         page.evaluate("() => { studio.desk.longest = 2000; }")
-        page.evaluate(DROPPED, ["long.geojson", " " * 2001])  # which is not even sent
-        until(page, "studio.desk.brought.textContent.includes('2 kB at most')")
+        page.evaluate(DROPPED, ["third.shp", "x"])
+        page.evaluate(DROPPED, ["long.geojson", " " * 2001])  # at once; it is not even sent
+        both = " && ".join(
+            f"studio.desk.brought.textContent.includes('{told}')"
+            for told in ("Shapefile", "2 kB at most")
+        )
+        until(page, both)
         for label, text in [
             ("window, pixels a side", "32"),
             ("metres a pixel", "4"),

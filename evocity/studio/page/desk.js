@@ -25,6 +25,7 @@ export class Desk {
     [this.parent, this.on] = [parent, on];
     this.cards = new Map();
     this.rows = new Map();
+    this.coming = []; // files that are still to be brought
   }
 
   get isShown() { return !this.parent.hidden; }
@@ -255,9 +256,15 @@ export class Desk {
   }
 
   async bring(files) {
+    this.coming.push(...files);
+    if (this.bringing) return; // these follow
+    this.bringing = true;
     const lacks = [];
-    for (const [place, file] of files.entries()) {
-      this.brought.textContent = `bringing ${file.name}, ${place + 1} of ${files.length} …`;
+    let count = 0;
+    while (this.coming.length) {
+      const file = this.coming.shift();
+      count += 1;
+      this.brought.textContent = `bringing ${file.name}, ${count} of ${count + this.coming.length} …`;
       try {
         if (file.size > this.longest) throw new Fault({ found: `${file.name} has ${bytes(file.size)}`, expected: `${bytes(this.longest)} at most`, remedy: "cut a part out of it, or save it as GeoPackage" });
         this.chosen.push((await brought("desk-file", file)).map);
@@ -266,8 +273,9 @@ export class Desk {
         lacks.push(error.message);
       }
     }
+    this.bringing = false;
     this.file.value = "";
-    this.brought.textContent = lacks.join(" ") || `${files.length === 1 ? "one file is" : `${files.length} files are`} on the desk`;
+    this.brought.textContent = lacks.join(" ") || `${count === 1 ? "one file is" : `${count} files are`} on the desk`;
     this.brought.classList.toggle("evocity-lack", lacks.length > 0);
   }
 
