@@ -25,7 +25,19 @@ def fill(corners, first, depth, surface):
         right = min(columns - 1, int(np.floor(max(ax, bx, cx) - 0.5)))
         for row in range(top, low + 1):
             y = first + row + 0.5
-            for column in range(left, right + 1):
+            # where the row enters the triangle, and leaves it
+            start, end = left + 0.5, right + 0.5
+            for p, q in (((bx, by), (cx, cy)), ((cx, cy), (ax, ay)), ((ax, ay), (bx, by))):
+                slope = (p[1] - q[1]) / area
+                if slope != 0:
+                    root = (p[0] * (q[1] - y) - q[0] * (p[1] - y)) / (q[1] - p[1])
+                    if slope > 0:
+                        start = max(start, root)
+                    else:
+                        end = min(end, root)
+            # a pixel more at each end: what is within is told by the pixel itself
+            first_column = max(left, int(min(start, right + 2.0) - 1.5))
+            for column in range(first_column, min(right, int(max(end, left - 2.0) + 0.5)) + 1):
                 x = column + 0.5
                 a = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / area
                 b = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / area
