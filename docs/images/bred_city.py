@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 import evocity
 from evocity.operators import make
-from evocity.pictures.picture import FAINT, INK, PAPER, ramp, render
+from evocity.pictures.colours import FAINT, INK, PAPER, ramp
+from evocity.pictures.picture import render
 
 PARENTS = ("lyon-1er", "new-york-west-village")
 SEED = 3

@@ -6,7 +6,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 import evocity
-from evocity.pictures.picture import FAINT, INK, PAPER
+from evocity.pictures.colours import FAINT, INK, PAPER
 
 IMAGES = Path(__file__).parent.parent / "images"
 FONT = Path(evocity.__file__).parent / "data" / "fonts" / "roboto-regular.ttf"

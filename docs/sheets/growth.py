@@ -9,7 +9,8 @@ from PIL import ImageDraw
 
 import evocity
 from evocity.growth import grow
-from evocity.pictures.picture import INK, render
+from evocity.pictures.colours import INK
+from evocity.pictures.picture import render
 
 CITIES = ("lyon-1er", "new-york-west-village", "montpellier-pas-du-loup")
 SIDE = 640

@@ -13,7 +13,7 @@ from evocity.analysis.births import Told
 from evocity.citymap import CityMap
 from evocity.coding.matching import available_cores
 from evocity.pictures import render
-from evocity.pictures.picture import scale_end
+from evocity.pictures.colours import scale_end
 from evocity.store import Birth
 
 # Individuals whose genomes are held at a time.

@@ -15,7 +15,7 @@ from evocity.errors import RunError
 from evocity.genome import VOID
 from evocity.pages import number, templates_of
 from evocity.pictures import render
-from evocity.pictures.picture import scale_end
+from evocity.pictures.colours import scale_end
 
 #: Maps beside each other: at most so many, so wide, px, and so many characters each.
 _MOST, _WIDE, _SMALL = 8, 150, 13_000

@@ -10,7 +10,8 @@ from evocity.analysis.view import View
 from evocity.displays.maps import TEMPLATES
 from evocity.displays.pictures import fitted
 from evocity.pages import data_uri, number, templates_of
-from evocity.pictures.picture import FAINT, INK, PAPER, font, shortened
+from evocity.pictures.colours import FAINT, INK, PAPER
+from evocity.pictures.legend import font, shortened
 from evocity.viewer.table import Column
 
 #: Maps, at most; px along their longer side.

@@ -3,6 +3,8 @@
 - `field`: values on a city's grid that are no heights: `Field`, `Shares`
 - `change`: what one city has more and less than another: `Change`
 - `picture`: a map, a field, shares, or a change, as a picture
+- `colours`: of heights, values and changes
+- `legend`: title, scale or key, scale bar and attribution around a picture
 - `light`: cast shadows, edges of roofs
 - `palette`: one colour a source city, everywhere
 - `classes`: what stands on a map, each class in its colour

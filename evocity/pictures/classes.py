@@ -4,8 +4,9 @@ import numpy as np
 from PIL import Image
 
 from evocity.citymap import CityMap, Classes
+from evocity.pictures.colours import GROUND
+from evocity.pictures.legend import drawn_with_key
 from evocity.pictures.light import lit
-from evocity.pictures.picture import GROUND, drawn_with_key
 
 
 def render_classes(

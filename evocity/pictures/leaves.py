@@ -7,7 +7,9 @@ from PIL import Image
 
 from evocity.citymap import CityMap
 from evocity.pavement import Pavement
-from evocity.pictures.picture import INK, PAPER, on_sheet, render, scale_end
+from evocity.pictures.colours import INK, PAPER, scale_end
+from evocity.pictures.legend import on_sheet
+from evocity.pictures.picture import render
 
 #: Picture pixels a map pixel, at least: closer lines could not be told from each other.
 CLOSEST = 4

@@ -7,17 +7,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from evocity.citymap import CityMap
-from evocity.pictures.picture import (
-    FAINT,
-    INK,
-    PAPER,
-    font,
-    ramp,
-    render,
-    round_steps,
-    shortened,
-    wrapped,
-)
+from evocity.pictures.colours import FAINT, INK, PAPER, ramp
+from evocity.pictures.legend import font, round_steps, shortened, wrapped
+from evocity.pictures.picture import render
 
 _GAP, _LINE, _TOP = 20, 17, 64  # px: between maps, of a line of text, above the first map
 _NARROWEST, _WIDEST = 200, 400  # px of a map, across

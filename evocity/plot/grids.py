@@ -9,7 +9,7 @@ from evocity.analysis import Run
 from evocity.analysis.births import Told
 from evocity.errors import RunError
 from evocity.pictures import city_colours
-from evocity.pictures.picture import gradient
+from evocity.pictures.colours import gradient
 from evocity.plot.chosen import cities_of, highest_of, thumbnail, told_of
 from evocity.plot.style import (
     FAINTS,

@@ -13,7 +13,7 @@ from evocity.coding.usage import usage as usage_of
 from evocity.errors import check_word
 from evocity.genome import VOID, Genome
 from evocity.pictures import Change, Shares, city_colours, render, render_shares
-from evocity.pictures.picture import change_colours, even, gradient, scale_end
+from evocity.pictures.colours import change_colours, even, gradient, scale_end
 from evocity.plot.chosen import city_of, genome_of
 from evocity.plot.style import (
     FAINTS,

@@ -19,7 +19,7 @@ from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
 from evocity.errors import EvocityError, shown
-from evocity.pictures.picture import FAINT, GROUND, INK, NOTHING, PAPER, ramp
+from evocity.pictures.colours import FAINT, GROUND, INK, NOTHING, PAPER, ramp
 
 
 def colour_of(rgb: Sequence[int]) -> str:

@@ -9,7 +9,9 @@ from PIL import Image, ImageDraw
 
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
-from evocity.pictures.picture import FAINT, GROUND, INK, PAPER, font, render
+from evocity.pictures.colours import FAINT, GROUND, INK, PAPER
+from evocity.pictures.legend import font
+from evocity.pictures.picture import render
 from evocity.pictures.sheet import draw_scale
 from evocity.report.facts import Facts
 from evocity.report.pictures import contact_sheet

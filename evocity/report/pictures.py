@@ -9,7 +9,7 @@ from evocity.analysis.exporting import caption
 from evocity.analysis.thumbnails import highest_of, thumbnail
 from evocity.citymap import CityMap
 from evocity.pages import Palette, data_uri
-from evocity.pictures.picture import ramp
+from evocity.pictures.colours import ramp
 from evocity.pictures.sheet import sheet_of
 from evocity.report.facts import Facts, Shown
 from evocity.scene import scene

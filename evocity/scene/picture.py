@@ -11,18 +11,8 @@ from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword, setting
 from evocity.formats import Group
 from evocity.formats.solids import ROOF
-from evocity.pictures.picture import (
-    FAINT,
-    INK,
-    PAPER,
-    drawn_with_key,
-    font,
-    on_sheet,
-    ramp,
-    scale_end,
-    text_size,
-    wrapped,
-)
+from evocity.pictures.colours import FAINT, INK, PAPER, ramp, scale_end
+from evocity.pictures.legend import drawn_with_key, font, on_sheet, text_size, wrapped
 from evocity.scene._kernels import fill, light, outlined, painted
 
 #: What walls are drawn in where roofs have the colours of their heights, sRGB.

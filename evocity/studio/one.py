@@ -11,7 +11,7 @@ from evocity.analysis.births import label
 from evocity.analysis.individual import Individual
 from evocity.coding.usage import COUNTS
 from evocity.errors import EvocityError
-from evocity.pictures.picture import even, scale_end
+from evocity.pictures.colours import even, scale_end
 from evocity.studio.watched import Moment
 
 #: What of a birth can be had as a picture.

@@ -11,7 +11,7 @@ from PIL import Image
 
 import evocity
 from evocity.coding import autosimilarity_maps, free_block_maps
-from evocity.pictures.picture import NOTHING
+from evocity.pictures.colours import NOTHING
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ from evocity.coding import ancestry, high_pass, low_pass, usage
 from evocity.coding.usage import COUNTS
 from evocity.io import write_leaves
 from evocity.pictures import Field, Leaves, Shares, render_leaves
-from evocity.pictures.picture import render, render_field, render_shares, scale_end
+from evocity.pictures.colours import scale_end
+from evocity.pictures.picture import render, render_field, render_shares
 from evocity.towns import PATTERNS
 
 

@@ -10,7 +10,8 @@ from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io import FIELD_WRITERS, WRITERS, write_field
 from evocity.pictures import Field
-from evocity.pictures.picture import NOTHING, render_field
+from evocity.pictures.colours import NOTHING
+from evocity.pictures.picture import render_field
 
 
 @pytest.fixture

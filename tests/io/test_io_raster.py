@@ -11,7 +11,8 @@ from pyproj import CRS, Transformer
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io import WRITERS, attribution_of, cities, read_map, write_map
-from evocity.pictures.picture import GROUND, PAPER, ramp, render, scale_end
+from evocity.pictures.colours import GROUND, PAPER, ramp, scale_end
+from evocity.pictures.picture import render
 
 
 def blocks(shape=(60, 80)):

@@ -12,8 +12,8 @@ import evocity
 from evocity import plot
 from evocity.errors import EvocityError
 from evocity.genome import VOID
+from evocity.pictures.colours import oklab, rgb, srgb
 from evocity.pictures.palette import BARE, city_colours
-from evocity.pictures.picture import _oklab, _rgb, _srgb
 from evocity.plot.galleries import MOST
 from evocity.plot.pedigrees import MOST_IN_A_ROW
 from evocity.plot.style import panels
@@ -131,15 +131,15 @@ DICHROMATS = {
 
 @pytest.mark.parametrize("eyes", DICHROMATS)
 def test_eight_cities_are_told_apart_by_all_eyes(eyes):
-    srgb = np.array([_rgb(one) for one in city_colours([*"abcdefgh"])]) / 255
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    told = np.array([rgb(one) for one in city_colours([*"abcdefgh"])]) / 255
+    linear = np.where(told <= 0.04045, told / 12.92, ((told + 0.055) / 1.055) ** 2.4)
     seen = np.clip(linear @ np.array(DICHROMATS[eyes]).T, 0, 1)
     seen = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
-    lab = _oklab(seen)
+    lab = oklab(seen)
     gaps = [np.linalg.norm(lab[a] - lab[b]) for a, b in combinations(range(8), 2)]
     assert min(gaps) > 0.085
     assert np.linalg.norm(lab[0] - lab[1]) > 0.25
-    np.testing.assert_allclose(_srgb(_oklab(srgb)), srgb, atol=1e-6)
+    np.testing.assert_allclose(srgb(oklab(told)), told, atol=1e-6)
 
 
 def test_bare_ground_is_no_city():

@@ -14,7 +14,7 @@ import evocity
 import evocity.scene
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.pictures.picture import PAPER, ramp
+from evocity.pictures.colours import PAPER, ramp
 from evocity.scene import picture as room
 from evocity.scene._kernels import fill, light, outlined, painted
 

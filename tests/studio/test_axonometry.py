@@ -11,7 +11,7 @@ from towns import draw_town
 
 import evocity
 from evocity import CityMap
-from evocity.pictures.picture import PAPER, ramp, scale_end
+from evocity.pictures.colours import PAPER, ramp, scale_end
 from evocity.scene.picture import _WALLS, _brightness, _directions, _View
 
 pytest.importorskip("playwright.sync_api")

@@ -11,7 +11,7 @@ import evocity
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError
 from evocity.pictures import Change, render_change
-from evocity.pictures.picture import change_colours, scale_end
+from evocity.pictures.colours import change_colours, scale_end
 from evocity.scene import Scene
 from evocity.studio import one as ones
 from evocity.studio import solids

@@ -1,4 +1,4 @@
-/** Colours of heights, as evocity's maps have them (evocity/pictures/picture.py). */
+/** Colours of heights, as evocity's maps have them (evocity/pictures/colours.py). */
 
 export const PAPER = [250, 248, 244], BUILT_ABOVE = 1.5;
 const GROUND = [241, 238, 231], STEPS = 1024;
