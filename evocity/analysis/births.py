@@ -10,7 +10,7 @@ import numpy as np
 from evocity.analysis.wanted import Aim, aims_of, recorded_of
 from evocity.columns import array_of, words_of
 from evocity.errors import RunError, check_word, near_miss, shown
-from evocity.fitness import Aims
+from evocity.fitness import Aims, measures
 from evocity.kinds import Expressed
 from evocity.search.fronts import ranks_of
 from evocity.search.judging import aims_of_run, broken_by, losses_of
@@ -183,6 +183,11 @@ class Told:
         tables = [one for one in listed if isinstance(one, Mapping)]
         return {str(one.get("name")): one for one in tables}
 
+    @cached_property
+    def founders(self) -> np.ndarray:
+        """Ids of the births that are the source cities, as their codes have them."""
+        return self.ids[(self.operator == "source") & (self.generation == 0)]
+
     # -- goals -------------------------------------------------------------------------------
 
     @cached_property
@@ -224,7 +229,11 @@ class Told:
         if name not in self.run.header.columns:
             if name in sums and goal is None:
                 return self.losses[:, self.goals.index(name)]
-            raise unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
+            error = unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
+            if name in {measure.name for measure in measures()}:
+                ask = f"the run did not log it: run.score(run.front(), [{name!r}]) measures it now"
+                raise RunError(error.found, error.expected, ask)
+            raise error
         aim = next(one for one in self.logged if one.name == name)
         if goal is not None:
             aim = replace(aim, goal=goal, target=None)

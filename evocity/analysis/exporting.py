@@ -17,7 +17,7 @@ from evocity.analysis.births import Told
 from evocity.analysis.individual import Individual
 from evocity.analysis.thumbnails import highest_of
 from evocity.analysis.wanted import Aim
-from evocity.errors import RunError, check_word
+from evocity.errors import RunError, check_word, keyword, setting
 from evocity.files import whole_file
 from evocity.pictures.sheet import columns_for, sheet_of
 
@@ -79,9 +79,11 @@ def _explored(
     return heads, map(row, individuals)
 
 
-def write_several(individuals: Sequence[Individual], path: str | os.PathLike) -> None:
+def write_several(
+    individuals: Sequence[Individual], path: str | os.PathLike, at: str | None = None
+) -> None:
     """These births in one file, see `Run.save`: all of each in a ``path`` that ends in .zip, their
-    maps on a contact sheet in one that ends in .png.
+    maps on a contact sheet in one that ends in .png. ``at``: see `Individual.save`.
 
     Raises `RunError` for another ending, and where it cannot be written; nothing is left
     half-written.
@@ -96,12 +98,18 @@ def write_several(individuals: Sequence[Individual], path: str | os.PathLike) ->
         )
     if not individuals:
         raise RunError("no births to save", "one at least", "name some, for example run.front()")
-    writers[path.suffix.lower()](list(dict.fromkeys(individuals)), path)
+    writers[path.suffix.lower()](list(dict.fromkeys(individuals)), path, at)
 
 
-def _write_sheet(individuals: Sequence[Individual], path: Path) -> None:
+def _write_sheet(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
     """Their maps side by side with their ids and scores, on the scale of all pictures of the
     run."""
+    if at is not None:
+        raise RunError(
+            f"{setting('at', at)} for {path.name}, a contact sheet",
+            "a .zip, whose files lie somewhere",
+            f"leave {keyword('at')} out",
+        )
     if len(individuals) > MOST:
         raise RunError(
             f"{len(individuals)} births on one sheet", f"at most {MOST}", "choose fewer of them"
@@ -121,7 +129,7 @@ def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -
     return [f"individual {identifier}", *told]
 
 
-def _write_zip(individuals: Sequence[Individual], path: Path) -> None:
+def _write_zip(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
     """Of each a folder with its map as GeoTIFF, its footprints, a picture, its genome, its scene;
     their scores in ``scores.csv``; and whom to thank."""
     told = individuals[0].told
@@ -133,7 +141,7 @@ def _write_zip(individuals: Sequence[Individual], path: Path) -> None:
         for one in individuals:
             for name in _FILES:
                 file = Path(folder) / name
-                one.save(file)
+                one.save(file, at)
                 archive.write(file, f"{one.id}/{name}")
         ids = np.array([one.id for one in individuals])
         write_csv(told, ids, Path(folder) / "scores.csv")

@@ -173,6 +173,17 @@ class Individual(Displayed):
         shares = zip(fabric.cities, fabric.shares, strict=True)
         return {city: float(share) for city, share in shares if share > 0}
 
+    @property
+    def ground(self) -> str | None:
+        """The source city on whose ground it is laid best, for ``at`` of `save`: the one that most
+        of its stones are from. None where all source cities lie in one place, and it with them, or
+        none lies on Earth."""
+        from evocity.analysis.placing import ground_of
+
+        if self.run.header.crs is not None or not self.run.header.chromosome.stones:
+            return None
+        return ground_of(self.run, self.ancestry(), self.told.sources)
+
     def ancestors(self) -> "pa.Table":
         """All births it descends from, the oldest first and its own last, see `Run.ancestors`."""
         return self.run.ancestors(self.id)

@@ -160,12 +160,25 @@ class _Choice:
             told = ", ".join(f"{goal} ({self.value(row, goals.index(goal))})" for goal in best)
             sentences.append(f"None in the archive is better by {told}.")
         sentences += [why] if why else []
+        sentences += self._beside_parents(row) if one.operator != "source" else []
         if one.operator == "source":
             parent = self.told.run.header.cities[one.id]
             sentences.append(f"It is the parent {parent} as its code has it, not a child.")
         if not one.alive:
             sentences.append("It does not live any more.")
         return Kept(one, ", ".join(roles), " ".join(sentences), self._gave_up(row))
+
+    def _beside_parents(self, row: int) -> list[str]:
+        """In which goals it is better than every parent's own code, and in which one of these is
+        better."""
+        of_parents = self.told.losses[self.told.rows(self.told.founders)]
+        if not len(of_parents):
+            return []
+        best = np.fmin.reduce(of_parents)  # of those that have a value
+        goals, own = np.array(self.told.goals, object), self.losses[row]
+        better, worse = ", ".join(goals[own < best]), ", ".join(goals[own > best])
+        told = f"No parent is as good in {better}" if better else "It beats all parents in no goal"
+        return [f"{told}; one is better in {worse}." if worse else f"{told}."]
 
     def _gave_up(self, row: int) -> str:
         worst = int(self.scaled[row].argmax())

@@ -1,7 +1,9 @@
 """Where on Earth a bred city is laid: on the ground of one of its run's source cities."""
 
+from collections.abc import Mapping, Sequence
+
 from evocity.errors import RunError, shown
-from evocity.store import Run
+from evocity.store import Run, Source
 
 
 def place_of(run: Run, name: str) -> dict[str, object]:
@@ -20,4 +22,14 @@ def place_of(run: Run, name: str) -> dict[str, object]:
     return {"origin": cities[name].origin, "crs": cities[name].crs}
 
 
-__all__ = ["place_of"]
+def ground_of(run: Run, shares: Mapping[str, float], sources: Sequence[Source]) -> str | None:
+    """The source city that most of a birth's stones are from, by its ``shares``, of those that lie
+    on Earth: on its ground it is laid best. None where all ``sources`` of the ``run`` lie in one
+    place, where it lies as it is, and where it has no stone of any that lies on Earth."""
+    placed = [one.name for one in sources if one.city.crs is not None and shares.get(one.name)]
+    if run.header.crs is not None or not placed:
+        return None
+    return max(placed, key=lambda name: shares[name])
+
+
+__all__ = ["ground_of", "place_of"]

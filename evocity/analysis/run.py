@@ -418,13 +418,16 @@ class Run(opening.Run, Displayed):
         every = self.told.ids if of is None and form == "plain" else self._ids(of)
         write_csv(self.told, every, path, form)
 
-    def save(self, which: object, path: str | os.PathLike) -> None:
+    def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
         """Write births, named by ids, individuals, a frame or `keep`, into one ``path``. A .zip has
         of each its map as GeoTIFF, its footprints, a picture, its genome, its scene; their scores;
-        whom to thank. A .png is a contact sheet: their maps on one scale, with ids and scores."""
+        whom to thank. A .png is a contact sheet: their maps on one scale, with ids and scores.
+
+        at : a source city on whose ground all in a .zip are laid, as in `Individual.save`.
+        """
         from evocity.analysis.exporting import write_several
 
-        write_several([self[int(one)] for one in self._ids(which)], path)
+        write_several([self[int(one)] for one in self._ids(which)], path, at)
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
         """This run beside an ``other``: frames ``recipes``, what differs in them; ``hypervolume``

@@ -347,9 +347,10 @@ def note_heights(city, height: float, otherwise: str) -> None:
     """Say how many buildings of a map have an invented ``height``; ``otherwise`` ends the line."""
     invented, count = city.height_rules.get("default", 0), sum(city.height_rules.values())
     if invented:
+        alike = ", by which those that touch are one building" if invented > 1 else ""
         note(
             f"{city.name}: {invented} of {count} buildings have no height in the source: "
-            f"{height:g} m taken{otherwise}"
+            f"{height:g} m taken{alike}{otherwise}"
         )
 
 

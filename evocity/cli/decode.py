@@ -1,5 +1,6 @@
 """`evocity decode`: a genome becomes a map."""
 
+import shlex
 from pathlib import Path
 
 import click
@@ -11,11 +12,15 @@ from evocity.cli.common import (
     count_option,
     describe,
     echo,
+    note,
     note_compiling,
     output_option,
 )
 from evocity.cli.given import decoded, decoded_name, fabric_in, genome_of, id_option, is_run
 from evocity.errors import EvocityError, keyword, setting
+
+# What is written in these lies somewhere.
+_PLACED = (".gpkg", ".tif", ".tiff")
 
 
 @click.command(
@@ -118,6 +123,8 @@ def decode(
     name = decoded_name(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output, raw=raw)
+    if at is None and city.crs is None and is_run(genome) and output.suffix.lower() in _PLACED:
+        _note_nowhere(evocity.open_run(genome), code)
     for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
         echo(line)
     echo(f"wrote {output}")
@@ -138,6 +145,20 @@ def _write_form(
     evocity.write_map(city, output, raw=raw)
     echo(describe(city))
     echo(f"wrote {output}")
+
+
+def _note_nowhere(run, code) -> None:
+    """Say where a map may be laid that lies nowhere, for the cities of its ``run`` lie in several
+    places."""
+    from evocity.analysis.placing import ground_of
+
+    shares = dict(zip(code.cities, code.shares.tolist(), strict=True))
+    ground = ground_of(run, shares, run.sources())
+    if ground is not None:
+        note(
+            "it lies nowhere on Earth, since its parents lie in several places; "
+            f"--at {shlex.quote(ground)} lays it on the ground of the one that it has most of"
+        )
 
 
 def _place(run: str, at: str) -> dict:

@@ -7,6 +7,7 @@ import click
 
 import evocity
 from evocity.cli.common import check_output, echo, json_option, print_json
+from evocity.errors import EvocityError, keyword, setting
 
 
 @click.command(
@@ -14,7 +15,7 @@ from evocity.cli.common import check_output, echo, json_option, print_json
 Examples:
   evocity keep runs/lyon-x-montpellier
   evocity keep runs/lyon-x-montpellier --count 8 -o sheet.png
-  evocity keep runs/lyon-x-montpellier -o chosen.zip"""
+  evocity keep runs/lyon-x-montpellier -o chosen.zip --at lyon-1er"""
 )
 @click.argument("run", metavar="RUN")
 @click.option(
@@ -34,8 +35,14 @@ Examples:
     help="Write them too: .png, a contact sheet with their scores; .zip, of each its map, "
     "footprints, picture, genome and scene. Overwritten if it exists.",
 )
+@click.option(
+    "--at",
+    metavar="CITY",
+    show_default="where all source cities lie, else nowhere on Earth",
+    help="Source city of RUN on whose ground maps, footprints and genomes in a .zip are laid.",
+)
 @json_option
-def keep(run: str, count: int, output: Path | None, as_json: bool) -> None:
+def keep(run: str, count: int, output: Path | None, at: str | None, as_json: bool) -> None:
     """Say which individuals of RUN to keep, and why.
 
     They are the best compromise, the best by each goal, and such as look like none of these, out
@@ -47,10 +54,16 @@ def keep(run: str, count: int, output: Path | None, as_json: bool) -> None:
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
+    if at is not None and (output is None or output.suffix.lower() != ".zip"):
+        raise EvocityError(
+            f"{setting('at', at)} without a .zip",
+            f"files that are laid there: {keyword('output')} with a name that ends in .zip",
+            f"leave {keyword('at')} out, or write a .zip",
+        )
     opened = evocity.open_run(run)
     kept = opened.keep(count)
     if output is not None:
-        opened.save(kept, output)
+        opened.save(kept, output, at=at)
     if as_json:
         told = [
             {
@@ -71,20 +84,9 @@ def keep(run: str, count: int, output: Path | None, as_json: bool) -> None:
     if output is not None:
         echo(f"wrote {output}")
     first = kept[0].individual
-    words = f"evocity decode {run} --id {first.id}{_ground(opened, first)} -o {first.id}.gpkg"
+    at = "" if first.ground is None else f" --at {shlex.quote(first.ground)}"
+    words = f"evocity decode {run} --id {first.id}{at} -o {first.id}.gpkg"
     echo(f"\nOne of them as a file for QGIS:\n  {words}")
-
-
-def _ground(opened, one) -> str:
-    """Where to lay ``one`` if its parents lie in several places: where most of its stones are
-    from."""
-    if opened.header.crs is not None:
-        return ""
-    shares = one.ancestry()
-    placed = [source.name for source in opened.sources() if source.city.crs is not None]
-    if not any(shares.get(name) for name in placed):
-        return ""
-    return f" --at {shlex.quote(max(placed, key=lambda name: shares.get(name, 0.0)))}"
 
 
 __all__ = ["keep"]

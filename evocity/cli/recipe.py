@@ -95,7 +95,8 @@ def new(
     and codes have is measured: the recipe bounds integrity, fabric distance and small buildings so
     that the parents' codes keep the bounds and a heap of rubble does not. Comments in it tell what
     each line means, what the parents have, and how long a run takes. Its paths are as seen from
-    where it lies. A measure without a goal gets what the first of the MAPs has for a target.
+    where it lies. A measure without a goal gets for a target what the code of the
+    first of the MAPs has.
 
     JSON keys: recipe, values (measure to parent to what its map and its code have), bounds (measure
     to min or max), births, seconds (of one), duration (of all, seconds, on all cores).

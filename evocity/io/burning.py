@@ -26,6 +26,8 @@ from evocity.io.sources import Footprints, Request, check_size, north_up
 
 #: What a map of footprints is made with unless said otherwise.
 PIXELS, METRES_PER_PIXEL = 256, 2.0
+# A fuller window is looked for in steps, so many of them a side; it has so many buildings more.
+_STEPS, _FEW = 4, 20
 
 
 def burnt(footprints: Footprints, request: Request, name: str) -> CityMap:
@@ -47,10 +49,11 @@ def _burnt(
 ) -> CityMap:
     polygons, tags = _buildings(footprints, name, footprints.bare and request.center is None)
     if footprints.crs.is_engineering:
-        crs, (x, y) = None, _local_center(polygons, footprints, request, name)
+        crs, asked, (x, y) = None, None, _local_center(polygons, footprints, request, name)
     else:
         places = _places(polygons, footprints, name) if tags else None
-        center = request.center or footprints.center or places.middle
+        asked = request.center or footprints.center
+        center = asked or places.middle
         crs = footprints.projection
         if crs is None or not is_true_to_scale(crs, *center):
             crs = local_metres(*center)
@@ -59,6 +62,7 @@ def _burnt(
     half = pixels * side / 2
     window = shapely.box(x - half, y - half, x + half, y + half)
     whole, count = shapely.total_bounds(polygons) if tags else np.zeros(4), len(tags)
+    middles = shapely.centroid(polygons)
     polygons, tags = _inside(polygons, tags, window)
     if count and not tags:
         if crs is None:
@@ -77,7 +81,8 @@ def _burnt(
         origin=None if crs is None else (x - half, y + half),
         crs=None if crs is None else code_of(crs),
         height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
-        taken=_taken(pixels, side, len(tags), count, whole, footprints.side),
+        taken=_taken(pixels, side, len(tags), count, whole, footprints.side)
+        + (_fuller(middles, crs, 2 * half, len(tags)) if crs and not asked else ""),
     )
 
 
@@ -93,6 +98,30 @@ def _taken(
     if named is not None and not math.isclose(named, metres, rel_tol=1e-6):
         text += f"; the file itself names a window of {named:g} × {named:g} m"
     return text
+
+
+def _fuller(middles: np.ndarray, crs: CRS, metres: float, inside: int) -> str:
+    """In words: a window of ``metres`` a side that meets far more buildings, with these
+    ``middles`` in ``crs``, than the one that is taken, ``inside`` of them; "" if there is none."""
+    x, y = shapely.get_x(middles), shapely.get_y(middles)
+    there = np.isfinite(x) & np.isfinite(y)
+    if not there.any():
+        return ""
+    # each building counts for all windows of _STEPS² steps that hold the step it is in
+    step = metres / _STEPS
+    column, row = (np.floor(one[there] / step).astype(np.int64) for one in (x, y))
+    left, low = column.min() - _STEPS, row.min() - _STEPS
+    wide = row.max() - low + 1
+    steps, counts = np.unique((column - left) * wide + row - low, return_counts=True)
+    back = np.add.outer(np.arange(_STEPS) * wide, np.arange(_STEPS)).ravel()
+    corners, window = np.unique(np.subtract.outer(steps, back).ravel(), return_inverse=True)
+    held = np.bincount(window, np.repeat(counts, len(back)))
+    best = int(held.argmax())
+    if held[best] < max(2 * inside, inside + _FEW):
+        return ""
+    corner = np.array([corners[best] // wide + left, corners[best] % wide + low])
+    lon, lat = moved(*((corner + _STEPS / 2) * step), crs, WGS84)
+    return f"; one about the centre {lon:.5f} {lat:.5f} has {held[best]:.0f}"
 
 
 def burnt_onto(

@@ -1,6 +1,7 @@
 """The few that are worth keeping, in plan and in three dimensions, and what they have beside the
 parents and all of the archive."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,7 +31,9 @@ class Compared:
 
 @dataclass(frozen=True)
 class Worth:
-    """One that is worth keeping. ``rows``: what the run logged; ``others``: all other measures."""
+    """One that is worth keeping. ``rows``: what the run logged; ``others``: all other measures;
+    ``ground``: the city on whose ground it is laid for QGIS, as a
+    shell takes it."""
 
     id: int
     role: str
@@ -43,6 +46,7 @@ class Worth:
     rows: list[Compared]
     lineage: Lineage
     others: list[tuple[str, str]]
+    ground: str
 
 
 def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
@@ -66,6 +70,7 @@ def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
                 compared.rows(birth.values),
                 Lineage(facts, birth),
                 [(name, number(value, unit)) for name, value, unit in others[birth.id]],
+                shlex.quote(kept.individual.ground or ""),
             )
         )
     return found

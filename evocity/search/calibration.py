@@ -118,7 +118,8 @@ def begun(
     trials = _trials(_prepared_anew(prepared, recipe))
     seconds = sum(one.seconds for one in trials) / len(trials)
     words = _as_long(words, recipe, seconds)
-    notes = [*prepared.notes, *left, *_invented(goals, prepared.sources[0].city)]
+    first = prepared.sources[0]
+    notes = [*prepared.notes, *left, *_invented(goals, first.city), *_reached(goals, first.name)]
     notes += [
         f"{one.name}: no bound, for it is undefined of {_undefined(values[one.name])}"
         for one in guard
@@ -205,6 +206,18 @@ def _defined(
             "choose another with --fitness, or take other cities",
         )
     return found, left
+
+
+def _reached(goals: Sequence[Goal], first: str) -> list[str]:
+    """That targets which are the ``first`` parent's own are reached before a run begins, in
+    words."""
+    told = [goal.measure.name for goal in goals if goal.of_first]
+    if not told:
+        return []
+    return [
+        f"{', '.join(told)}: the target is what the code of {first} has, so {first} has reached it "
+        "before the run begins; write another target to breed towards"
+    ]
 
 
 def _invented(goals: Sequence[Goal], first: CityMap) -> list[str]:

@@ -1,12 +1,13 @@
 """From a TOML file, or the name of a bundled demonstration, to a `Recipe` without faults."""
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evocity.errors import RecipeError, near_miss
+from evocity.errors import RecipeError, cut_short, near_miss, plain_text
 from evocity.search.checking import check
 from evocity.search.recipe import Recipe
 
@@ -16,6 +17,24 @@ _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
 def recipes() -> list[str]:
     """Names of the bundled recipes."""
     return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
+
+
+def _correct(text: str, error: tomllib.TOMLDecodeError) -> str:
+    """What to do about the line of a recipe's ``text`` that an ``error`` names."""
+    told, lines = re.search(r"at line (\d+)", str(error)), text.splitlines()
+    if told is None or int(told[1]) > len(lines):
+        return "correct the end of it"
+    line = lines[int(told[1]) - 1].strip()
+    point = "; numbers have a point, as in 1.2" if re.search(r"=\s*[-+]?\d+,\d", line) else ""
+    return f"correct that line: {cut_short(plain_text(line), 80)}{point}"
+
+
+def _beside(path: Path) -> list[str]:
+    """Names of the TOML files in the folder of ``path``."""
+    try:
+        return [one.name for one in path.parent.glob("*.toml")]
+    except OSError:
+        return []
 
 
 def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | None) -> Recipe:
@@ -45,8 +64,8 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | Non
     except OSError as error:
         raise RecipeError(
             f"no recipe can be read at {path}: {error.strerror}",
-            f"a TOML file, or one of {', '.join(recipes())}",
-            near_miss(path.name, recipes()) or "check the path",
+            f"a TOML file, or a bundled one: {', '.join(recipes())}",
+            near_miss(path.name, [*recipes(), *_beside(path)]) or "check the path",
         ) from None
     sections = {"workers": "evaluation", "cluster": "evaluation", "until": "stop"}
     changes = {
@@ -84,7 +103,7 @@ def recipe_of(
         ) from None
     except tomllib.TOMLDecodeError as error:
         raise RecipeError(
-            f"{name} is not TOML: {error}", "a TOML file", "correct that line"
+            f"{name} is not TOML: {error}", "a TOML file", _correct(text, error)
         ) from None
     except ValueError:  # the text of it speaks of Python
         raise RecipeError(

@@ -95,7 +95,7 @@ _REASONS = {
 }
 #: Of a measure with a target, by whether it is the first parent's.
 _TARGET = {
-    True: "It has no goal of its own: the target is the first's.",
+    True: "It has no goal of its own: the target is what the code of the first has.",
     False: "The nearer the target, the better.",
 }
 _RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."

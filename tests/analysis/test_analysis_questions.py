@@ -22,7 +22,7 @@ QUESTIONS = {
     "five that differ most": "run.most_different(5)",
     "its grandparents as pictures": "plot.pedigree(run, one, generations=2)",
     "its buildings against Lyon's": "plot.buildings(one)",
-    "its file for QGIS": 'one.save("chosen.gpkg")',
+    "its file for QGIS": 'one.save("chosen.gpkg", at=one.ground)',
 }
 
 

@@ -356,7 +356,7 @@ def test_invented_heights_are_told_in_one_line(tmp_path):
         assert f"{count} of {count} buildings have no height in the source: 6 m taken" in line
         assert line.endswith("; --default-height says otherwise")
     _, line = call("score", *small, "--default-height", 9).stderr.splitlines()
-    assert line.endswith("9 m taken")
+    assert "9 m taken" in line
     (line,) = call("score", "lyon-1er", "--pixels", 64, "--json").stderr.splitlines()
     assert "lyon-1er: a window of 128 × 128 m, with" in line
     assert line.endswith("names a window of 512 × 512 m")

@@ -295,6 +295,22 @@ def test_geojson_window_attribution_and_3d(tmp_path):
     assert elsewhere.name == "x"
 
 
+def test_a_window_with_far_more_buildings_is_named(tmp_path):
+    rng = np.random.default_rng(4)
+    few = rng.uniform(-1000, 1000, (30, 2))
+    many = np.array([700, -800]) + rng.uniform(-100, 100, (60, 2))
+    boxes = [shapely.box(x, y, x + 8, y + 8) for x, y in np.concatenate([few, many])]
+    path = write_geojson(tmp_path / "town.geojson", boxes, [{}] * len(boxes))
+    taken = read_map(path).taken
+    lon, lat, _, told = taken.partition("about the centre ")[2].split()
+    there = read_map(path, center=(float(lon), float(lat))).taken
+    assert "about" not in there
+    inside = int(there.partition("with ")[2].split()[0])
+    assert 60 <= int(told) <= inside <= int(told) + 10  # what only touches it is not counted
+    alone = write_geojson(tmp_path / "a.geojson", boxes[30:], [{}] * 60)
+    assert "about" not in read_map(alone).taken
+
+
 @pytest.mark.parametrize("side", ["1024", -1, 0, None, True, 1e300])
 def test_a_window_whose_side_is_no_length_names_none(tmp_path, side):
     window = {"center": [LON, LAT], "side_m": side}

@@ -247,7 +247,7 @@ def test_a_disk_without_room_is_told_at_each_map(laid):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     Scripted.does = [tell_all]
-    with patch.object(maps, "TemporaryDirectory", fail):
+    with patch.object(maps, "OwnFolder", fail):
         found = Maps()
         found._laid = dict(laid._laid)
         told = read(found)
