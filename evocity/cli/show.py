@@ -142,11 +142,12 @@ def _show_ancestry(genome, source: str, identifier, depth: int | None, output: P
     from evocity.genome import VOID
     from evocity.io import write_shares
     from evocity.pictures import Shares
+    from evocity.pictures.palette import VOID_TOLD
 
     weights = ancestry(genome, depth=depth)
     title = "ancestry" if depth is None else f"ancestry to depth {depth}"
     city = decoded(genome, source, identifier)
-    parts = tuple(f"{VOID} (bare ground)" if name == VOID else name for name in genome.cities)
+    parts = tuple(VOID_TOLD if name == VOID else name for name in genome.cities)
     write_shares(Shares(city, weights, parts, title), output)
     shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
     echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))

@@ -17,6 +17,8 @@ _CITIES = (
 #: Bare ground, laid where buildings were left out, is no city.
 BARE = "#d9d2c6"
 _VOID = "void"  # evocity.genome.VOID: genomes lie above pictures
+#: What a key calls it.
+VOID_TOLD = f"{_VOID} (bare ground)"
 
 
 def city_colours(cities: Sequence[str]) -> list[str]:
@@ -24,9 +26,10 @@ def city_colours(cities: Sequence[str]) -> list[str]:
     cities than there are colours the others begin again."""
     found, place = [], 0
     for city in cities:
-        found.append(BARE if city == _VOID else _CITIES[place % len(_CITIES)])
-        place += city != _VOID
+        bare = city in (_VOID, VOID_TOLD)
+        found.append(BARE if bare else _CITIES[place % len(_CITIES)])
+        place += not bare
     return found
 
 
-__all__ = ["BARE", "city_colours"]
+__all__ = ["BARE", "VOID_TOLD", "city_colours"]

@@ -13,7 +13,7 @@ from evocity import plot
 from evocity.errors import EvocityError
 from evocity.genome import VOID
 from evocity.pictures.colours import oklab, rgb, srgb
-from evocity.pictures.palette import BARE, city_colours
+from evocity.pictures.palette import BARE, VOID_TOLD, city_colours
 from evocity.plot.galleries import MOST
 from evocity.plot.pedigrees import MOST_IN_A_ROW
 from evocity.plot.style import panels
@@ -143,6 +143,7 @@ def test_eight_cities_are_told_apart_by_all_eyes(eyes):
 
 
 def test_bare_ground_is_no_city():
+    assert city_colours([VOID_TOLD, "a"]) == city_colours([VOID, "a"])
     plain = city_colours(["a", "b", "c"])
     assert city_colours(["a", VOID, "b", "c"]) == [plain[0], BARE, *plain[1:]]
     assert city_colours([*map(str, range(9))])[8] == plain[0]

@@ -446,8 +446,8 @@ def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
     told = page.text
     assert (
         f"{len(rows)} births that no other ever dominated, {len(rows) - len(gone)} of them alive "
-        f"at the end; hypervolume of the archive {found.hypervolume:.4g}, of the last generation "
-        f"{found.hypervolume_alive:.4g}."
+        f"at the end and in the gallery above; hypervolume of the archive {found.hypervolume:.4g}, "
+        f"of the last generation {found.hypervolume_alive:.4g}."
     ) in told
     assert page.words[page.words.index("in the archive") + 1] == str(len(rows))
     assert "does not record what it wanted" in " ".join(Page(usual[1]).words)
