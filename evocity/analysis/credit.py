@@ -27,19 +27,21 @@ def credit_of(told: Told, pedigree: Pedigree) -> tuple[np.ndarray, dict[str, np.
     """Operators, those of most births first, and columns of one value each: ``births``; ``failed``
     of them; ``survived``, lived in one generation at least; ``entered``, see `entered`;
     ``ancestors``, the share it has of all from whom the living descend, the living among them;
-    ``seconds``, the mean of a birth."""
+    ``paid``, that share by its share of the births; ``seconds``, the mean of a birth."""
     names, which, births = np.unique(told.operator, return_inverse=True, return_counts=True)
 
     def counted(rows: np.ndarray) -> np.ndarray:
         return np.bincount(which[rows], minlength=len(names))
 
     among = counted(pedigree.ancestors(np.flatnonzero(told.alive)))
+    share = among / max(1, among.sum())
     columns = {
         "births": births,
         "failed": counted(~told.ok),
         "survived": counted(told.lived > 0),
         "entered": counted(entered(told)),
-        "ancestors": among / max(1, among.sum()),
+        "ancestors": share,
+        "paid": share * len(told) / births,
         "seconds": np.bincount(which, told.seconds, len(names)) / births,
     }
     order = np.lexsort((np.arange(len(names)), -births))

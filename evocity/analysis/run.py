@@ -344,7 +344,8 @@ class Run(opening.Run, Displayed):
         """Which operators paid, a row each, index ``operator``: ``births``; ``failed`` of them;
         ``survived``, who lived in a generation at least; ``entered``, whom none born until then
         dominated, of equal ones the first; ``ancestors``, its share of all from whom the living
-        descend, 0…1, the living among them; ``seconds``, the mean of a birth."""
+        descend, 0…1, the living among them; ``paid``, that share by its share of the births: above
+        1 where it has paid; ``seconds``, the mean of a birth."""
         pandas = library("pandas", "a table of operators")
         names, columns = credit_of(self.told, self._pedigree)
         return pandas.DataFrame(columns, pandas.Index(names, name="operator"))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity.analysis.births import label
+from evocity.analysis.credit import credit_of
+from evocity.analysis.pedigree import Pedigree
 from evocity.analysis.wanted import Aim
 from evocity.pages import number
 from evocity.report.facts import Facts
@@ -37,13 +39,16 @@ def by_status(facts: Facts) -> Table:
 
 def by_operator(facts: Facts) -> Table:
     told = facts.told
-    status, operator = told.status.tolist(), told.operator.tolist()
-    alive = {row["id"] for row in facts.members}
-    failed = Counter(o for o, s in zip(operator, status, strict=True) if s != "ok")
-    living = Counter(o for o, one in zip(operator, told.ids.tolist(), strict=True) if one in alive)
-    born = Counter(operator).most_common()
-    rows = [(name, count, failed[name], living[name]) for name, count in born]
-    return Table(("operator", "births", "failed", "alive now"), rows)
+    if facts.archive is None:  # nobody knows what it wanted
+        failed, born = Counter(told.operator[~told.ok]), Counter(told.operator).most_common()
+        return Table(
+            ("operator", "births", "failed"), [(name, count, failed[name]) for name, count in born]
+        )
+    names, credit = credit_of(told, Pedigree(told))
+    columns = [credit[one].tolist() for one in ("births", "failed", "survived", "entered")]
+    paid = [f"{one:.2f}" for one in credit["paid"]]
+    headings = ("operator", "births", "failed", "lived", "archive", "paid")
+    return Table(headings, list(zip(names.tolist(), *columns, paid, strict=True)))
 
 
 def by_error(facts: Facts) -> Table:

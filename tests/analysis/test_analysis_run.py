@@ -64,7 +64,11 @@ def test_runs_of_older_releases_are_asked_alike(path):
         assert {city: part for city, part in share.items() if part} == pytest.approx(
             run.ancestry(one)
         )
-    assert run.credit()["births"].sum() == len(run)
+    credit = run.credit()
+    assert credit["births"].sum() == len(run)
+    share = credit["births"] / len(run)
+    np.testing.assert_allclose((credit["paid"] * share).sum(), 1)
+    np.testing.assert_allclose(credit["paid"], credit["ancestors"] / share)
     assert set(run.clusters(2, by="scores", of=run.where("feasible"))["cluster"]) == {0, 1}
 
 
