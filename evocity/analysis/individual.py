@@ -182,7 +182,7 @@ class Individual(Displayed):
 
         if self.run.header.crs is not None or not self.run.header.chromosome.stones:
             return None
-        return ground_of(self.run, self.ancestry(), self.told.sources)
+        return ground_of(self.ancestry(), self.told.sources)
 
     def ancestors(self) -> "pa.Table":
         """All births it descends from, the oldest first and its own last, see `Run.ancestors`."""

@@ -174,7 +174,7 @@ class _Choice:
         of_parents = self.told.losses[self.told.rows(self.told.founders)]
         if not len(of_parents):
             return []
-        best = np.fmin.reduce(of_parents)  # of those that have a value
+        best = of_parents.min(axis=0)
         goals, own = np.array(self.told.goals, object), self.losses[row]
         better, worse = ", ".join(goals[own < best]), ", ".join(goals[own > best])
         told = f"No parent is as good in {better}" if better else "It beats all parents in no goal"

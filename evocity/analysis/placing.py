@@ -1,5 +1,6 @@
 """Where on Earth a bred city is laid: on the ground of one of its run's source cities."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 
 from evocity.errors import RunError, shown
@@ -22,14 +23,18 @@ def place_of(run: Run, name: str) -> dict[str, object]:
     return {"origin": cities[name].origin, "crs": cities[name].crs}
 
 
-def ground_of(run: Run, shares: Mapping[str, float], sources: Sequence[Source]) -> str | None:
-    """The source city that most of a birth's stones are from, by its ``shares``, of those that lie
-    on Earth: on its ground it is laid best. None where all ``sources`` of the ``run`` lie in one
-    place, where it lies as it is, and where it has no stone of any that lies on Earth."""
+def ground_of(shares: Mapping[str, float], sources: Sequence[Source]) -> str | None:
+    """The one of the ``sources`` that lie on Earth that most of a birth's stones are from, by its
+    ``shares`` (city to 0…1): on its ground it is laid best. None where it has no stone of any."""
     placed = [one.name for one in sources if one.city.crs is not None and shares.get(one.name)]
-    if run.header.crs is not None or not placed:
-        return None
-    return max(placed, key=lambda name: shares[name])
+    return max(placed, key=lambda name: shares[name], default=None)
 
 
-__all__ = ["ground_of", "place_of"]
+def command_for_gis(run: str, identifier: int, ground: str | None) -> str:
+    """What a shell takes to write one individual of the run in the folder ``run`` as footprints,
+    laid on the ``ground`` of a source city if one is named."""
+    at = "" if ground is None else f" --at {shlex.quote(ground)}"
+    return f"evocity decode {shlex.quote(run)} --id {identifier}{at} -o {identifier}.gpkg"
+
+
+__all__ = ["command_for_gis", "ground_of", "place_of"]

@@ -153,7 +153,7 @@ def _note_nowhere(run, code) -> None:
     from evocity.analysis.placing import ground_of
 
     shares = dict(zip(code.cities, code.shares.tolist(), strict=True))
-    ground = ground_of(run, shares, run.sources())
+    ground = ground_of(shares, run.sources())
     if ground is not None:
         note(
             "it lies nowhere on Earth, since its parents lie in several places; "

@@ -1,6 +1,5 @@
 """`evocity keep`: which individuals of a run are worth keeping, and why."""
 
-import shlex
 from pathlib import Path
 
 import click
@@ -54,9 +53,9 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
-    if at is not None and (output is None or output.suffix.lower() != ".zip"):
+    if at is not None and output is None:
         raise EvocityError(
-            f"{setting('at', at)} without a .zip",
+            f"{setting('at', at)} without a file",
             f"files that are laid there: {keyword('output')} with a name that ends in .zip",
             f"leave {keyword('at')} out, or write a .zip",
         )
@@ -83,10 +82,10 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
             echo(f"    {sentence}")
     if output is not None:
         echo(f"wrote {output}")
+    from evocity.analysis.placing import command_for_gis
+
     first = kept[0].individual
-    at = "" if first.ground is None else f" --at {shlex.quote(first.ground)}"
-    words = f"evocity decode {run} --id {first.id}{at} -o {first.id}.gpkg"
-    echo(f"\nOne of them as a file for QGIS:\n  {words}")
+    echo(f"\nOne of them as a file for QGIS:\n  {command_for_gis(run, first.id, first.ground)}")
 
 
 __all__ = ["keep"]

@@ -1,12 +1,12 @@
 """The few that are worth keeping, in plan and in three dimensions, and what they have beside the
 parents and all of the archive."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from evocity.analysis.placing import command_for_gis
 from evocity.pages import number
 from evocity.report.facts import Facts, Shown
 from evocity.report.gallery import Lineage, Row, rows_of
@@ -32,8 +32,7 @@ class Compared:
 @dataclass(frozen=True)
 class Worth:
     """One that is worth keeping. ``rows``: what the run logged; ``others``: all other measures;
-    ``ground``: the city on whose ground it is laid for QGIS, as a
-    shell takes it."""
+    ``command``: what writes it for QGIS."""
 
     id: int
     role: str
@@ -46,7 +45,7 @@ class Worth:
     rows: list[Compared]
     lineage: Lineage
     others: list[tuple[str, str]]
-    ground: str
+    command: str
 
 
 def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
@@ -70,7 +69,7 @@ def few_to_keep(facts: Facts, pictures: Pictures) -> list[Worth]:
                 compared.rows(birth.values),
                 Lineage(facts, birth),
                 [(name, number(value, unit)) for name, value, unit in others[birth.id]],
-                shlex.quote(kept.individual.ground or ""),
+                command_for_gis("RUN", birth.id, kept.individual.ground),
             )
         )
     return found

@@ -64,6 +64,8 @@ def test_runs_of_older_releases_are_asked_alike(path):
         assert {city: part for city, part in share.items() if part} == pytest.approx(
             run.ancestry(one)
         )
+    with pytest.raises(RunError, match=r"run\.score\(run\.front\(\), \['building_density'\]\)"):
+        run.best("building_density")
     credit = run.credit()
     assert credit["births"].sum() == len(run)
     share = credit["births"] / len(run)

@@ -1,6 +1,7 @@
 """A child of two towns is laid on the ground of one of them."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -67,3 +68,33 @@ def test_other_places_are_refused(run, tmp_path):
     evocity.open_run(run).genome(0).write(tmp_path / "g.parquet")
     words = ("decode", tmp_path / "g.parquet", "--at", "lyon-1er", *output)
     refused(tmp_path, *words, says="which is no run folder")
+
+
+def test_what_lies_nowhere_is_told_and_what_is_kept_is_laid_together(run, tmp_path):
+    town = "lyon-1er"
+    told = call("decode", run, "--id", 0, "-o", tmp_path / "a.gpkg").stderr
+    assert f"nowhere on Earth, since its parents lie in several places; --at {town} lays" in told
+    assert "nowhere" not in call("decode", run, "--id", 0, "-o", tmp_path / "a.png").stderr
+    laid = call("decode", run, "--id", 0, "--at", town, "-o", tmp_path / "b.gpkg")
+    assert "nowhere" not in laid.stderr
+    call("keep", run, "-o", tmp_path / "c.zip", "--at", town)
+    opened = evocity.open_run(run)
+    source, kept = opened.sources()[0].city, opened.keep()[0].individual.id
+    with zipfile.ZipFile(tmp_path / "c.zip") as archive:
+        archive.extract(f"{kept}/map.tif", tmp_path)
+    assert evocity.read_map(tmp_path / f"{kept}" / "map.tif").origin == pytest.approx(source.origin)
+    refused(tmp_path, "keep", run, "--at", town, says="without a file")
+    sheet = tmp_path / "d.png"
+    refused(tmp_path, "keep", run, "-o", sheet, "--at", town, says="a contact sheet")
+
+
+def test_what_is_kept_is_held_against_its_parents(run):
+    opened = evocity.open_run(run)
+    loss = dict(zip(opened.told.ids.tolist(), opened.told.losses[:, 0].tolist(), strict=True))
+    best = min(loss[one] for one in opened.told.founders.tolist())
+    assert opened.told.founders.tolist() == [0, 1]
+    for one in opened.keep():
+        own = loss[one.individual.id]
+        assert ("No parent is as good in alignment." in one.why) == (own < best)
+        if one.individual.id > 1 and own > best:
+            assert "It beats all parents in no goal; one is better in alignment." in one.why

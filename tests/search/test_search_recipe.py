@@ -314,3 +314,12 @@ def test_a_broken_plugin_is_told_where_its_operator_is_missed(toy, monkeypatch):
 @pytest.mark.parametrize("name", recipes())
 def test_bundled_recipes_have_no_faults(name):
     assert read_recipe(name).text
+
+
+def test_a_slip_in_a_line_is_shown(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("[run]\nseed = 1\n[[fitness]]\ntarget = 1,2\n")
+    with pytest.raises(RecipeError, match="target = 1,2; numbers have a point"):
+        read_recipe(path)
+    with pytest.raises(RecipeError, match=r"did you mean mine\.toml\?"):
+        read_recipe(tmp_path / "mine.tml")
