@@ -1504,3 +1504,12 @@ def nearest_of(whole, line, shared):
     ends = whole[:, [0, -1]] @ line[[0, -1]]
     inner = whole[:, 1:-1]
     return ends + inner @ np.linalg.lstsq(inner, line - ends, rcond=None)[0]
+
+
+def cell_means(heights, pixels):
+    rows, columns = (-(-size // pixels) for size in heights.shape)
+    means = np.empty((rows, columns))
+    for y, x in np.ndindex(means.shape):
+        cell = heights[y * pixels : (y + 1) * pixels, x * pixels : (x + 1) * pixels]
+        means[y, x] = cell.astype(float).mean()
+    return means

@@ -235,6 +235,7 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, request):
     found = blocks(page, "python")
     if page.name in ("run-folder.md", "analysis.md", "plots.md"):
         names = {"folder": str(request.getfixturevalue("small_run"))}
+        names["large"] = str(ROOT / "tests" / "old" / "run-10")
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     else:
         names = {}

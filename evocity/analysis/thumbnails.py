@@ -46,6 +46,13 @@ def thumbnail(city: CityMap, highest: float, largest: int) -> Image.Image:
     return picture
 
 
+def _finer(city: CityMap) -> CityMap:
+    """A ``city`` of twice as many pixels each way, so that shadows are as fine as on the map that
+    it is small of."""
+    heights = city.heights.repeat(2, axis=0).repeat(2, axis=1)
+    return CityMap(heights, city.metres_per_pixel / 2)
+
+
 class Thumbnails:
     """Small pictures of the births that are ``told``, made when they are asked for; the last ones
     are kept."""
@@ -82,8 +89,22 @@ class Thumbnails:
         return pictures, lacking
 
     def _made(self, ids: Sequence[int], side: int) -> dict[int, np.ndarray | str]:
-        """A picture of each birth, or why there is none: generations are read in threads, and then
-        pictures made."""
+        """A picture of each birth, or why there is none: of what the log has in small where that is
+        large enough, else of what its genome decodes to."""
+        run, found = self._told.run, {}
+        made = run.header.thumbnails
+        if ids and made and side <= max(made.shape(run.header.height, run.header.width)):
+            small = run.thumbnails(ids)
+            found = {
+                one: np.asarray(self._picture(_finer(city), side)) for one, city in small.items()
+            }
+        return found | self._decoded([one for one in ids if one not in found], side)
+
+    def _picture(self, city: CityMap, side: int) -> Image.Image:
+        return thumbnail(city, self.highest, side)
+
+    def _decoded(self, ids: Sequence[int], side: int) -> dict[int, np.ndarray | str]:
+        """As `_made`, of genomes: generations are read in threads, and then pictures made."""
         _ = self.highest  # before threads ask for it
         population = self._told.run.header.population
         by_generation = sorted(ids, key=lambda one: one // population)
@@ -105,7 +126,7 @@ class Thumbnails:
         if expressed.city is None:
             why = birth.error or "" if birth.genome is None else expressed.problem
             return f"{birth.status}: {why}"[:_LETTERS]
-        return np.asarray(thumbnail(expressed.city, self.highest, side))
+        return np.asarray(self._picture(expressed.city, side))
 
 
 __all__ = ["Thumbnails", "cities_of", "highest_of", "thumbnail"]

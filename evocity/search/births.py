@@ -55,6 +55,7 @@ class Born:
             made=(dict(genome.made) if genome is not None else {}) or self.plan.made,
             island=self.plan.island,
             again=self.plan.again,
+            thumbnail=None if self.evaluated is None else self.evaluated.thumbnail,
         )
 
 

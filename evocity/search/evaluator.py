@@ -60,7 +60,8 @@ class Outcome:
 
     ``error`` becomes one line of at most `MOST_LETTERS`, whatever a measure raised. ``genome``: of
     one that was bred; None where breeding failed, or nothing was to be bred. ``look``: how the map
-    of one looks that was evaluated well, see `evocity.search.looks`.
+    of one looks that was evaluated well, see `evocity.search.looks`. ``thumbnail``: its small map,
+    where the log has them, see `evocity.store.Thumbnails`.
     """
 
     status: str
@@ -69,6 +70,7 @@ class Outcome:
     values: Mapping[str, float] = field(default_factory=dict)
     genome: Genome | None = None
     look: np.ndarray | None = field(default=None, repr=False, compare=False)
+    thumbnail: bytes | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self):
         if self.error is not None:
@@ -151,10 +153,12 @@ class Evaluator:
         undefined: list[str] = []
         missing: list[str] = []
 
-        def ended(status: str, error: str | None = None) -> Outcome:
-            return Outcome(status, error, time.perf_counter() - start, values)
-
         expressed = self.header.chromosome.express(genome)
+        small = None if expressed.city is None else self._thumbnail(expressed.city)
+
+        def ended(status: str, error: str | None = None) -> Outcome:
+            return Outcome(status, error, time.perf_counter() - start, values, thumbnail=small)
+
         if expressed.city is None:
             return ended("invalid", expressed.problem)
         fabric = self.header.chromosome.fabric
@@ -197,6 +201,10 @@ class Evaluator:
         missing = self._record(names, expressed, extras, values, part)
         error = unrecorded(missing) if missing else None
         return Outcome("ok", error, time.perf_counter() - start, values)
+
+    def _thumbnail(self, city: CityMap) -> bytes | None:
+        made = self.header.thumbnails
+        return None if made is None else made.packed(city)
 
     def _measured(
         self, name: str, expressed: Expressed, extras: Mapping, part: Part | None = None

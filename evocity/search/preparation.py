@@ -12,6 +12,7 @@ from evocity.fitness.fabric import left_out
 from evocity.fitness.part import own_name
 from evocity.fitness.registry import file_of
 from evocity.genome import VOID, joined
+from evocity.pictures.colours import scale_end
 from evocity.search.algorithms import algorithms
 from evocity.search.evaluator import Setup
 from evocity.search.founding import founder_of
@@ -20,7 +21,7 @@ from evocity.search.parting import parts_of
 from evocity.search.recipe import Recipe
 from evocity.search.sections import Parent
 from evocity.search.values import PARENTS, free_name, resolved
-from evocity.store import Header, Source
+from evocity.store import Header, Source, Thumbnails
 
 
 @dataclass(frozen=True)
@@ -290,4 +291,5 @@ def _header(
         islands=tuple(one.name for one in recipe.islands),
         genomes=recipe.log.genomes,
         kind=recipe.kind.name,
+        thumbnails=Thumbnails.of(*cities[0].shape, scale_end(*cities)),
     )

@@ -7,6 +7,7 @@
 - `set_aside`: moves damaged files at the end of a run away, so that it can go on
 - `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
 - `Again`: how a birth is bred once more whose genome the log leaves out
+- `Thumbnails`: how births are kept as small maps
 - `Source`: a source city and its genome, as the run started from them
 - `append_command`, `read_commands`: what other processes ask of a run that goes on
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
@@ -27,6 +28,7 @@ from evocity.store.provenance import (
 from evocity.store.run import Run, open_run
 from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header
 from evocity.store.sources import Source
+from evocity.store.thumbnails import Thumbnails
 from evocity.store.writer import RunWriter, refuse_existing, set_aside
 
 __all__ = [
@@ -43,6 +45,7 @@ __all__ = [
     "Run",
     "RunWriter",
     "Source",
+    "Thumbnails",
     "append_command",
     "environment",
     "generator_at",

@@ -23,14 +23,13 @@ from pathlib import Path
 import pyarrow as pa
 
 from evocity.files import flush_folder, whole_file
-from evocity.store.ending import Ending
 from evocity.store.layout import ANEW, BIRTHS, MEMBERSHIP, SEGMENT, Folder
+from evocity.store.logged import Logged
 from evocity.store.membership import Member, membership_table
 from evocity.store.merge import KINDS, drop_leftovers, merge, write_single
 from evocity.store.parts import plain_folder, read_json
 from evocity.store.run import Run
 from evocity.store.schema import Header, births_schema
-from evocity.store.tables import Tables
 
 #: What a log is written anew for, in its folder.
 _ABOUT = "about.json"
@@ -91,9 +90,8 @@ class Anew:
 def _read_by(run: Run, header: Header) -> Run:
     """The ``run`` as far as its log is written anew under a ``header``."""
     found = copy(run)
-    found.header, found._tables = header, Tables(header)
-    found._folder = Folder(run.path, header.recipe_hash)
-    found._ending = Ending(found._folder)
+    found.header, found._folder = header, Folder(run.path, header.recipe_hash)
+    found._log = Logged(found._folder, header, run.provenance)
     return found
 
 

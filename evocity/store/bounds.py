@@ -89,7 +89,8 @@ def _read(file: pq.ParquetFile, groups, columns, places: np.ndarray | None) -> p
     if places is None or not places.size:
         return file.read_row_groups(groups if places is None else [], columns=columns)
     found, first = [], 0
-    batches = file.iter_batches(_rows(file, groups), groups, columns, use_threads=False)
+    rows = _rows(file, groups, columns)
+    batches = file.iter_batches(rows, groups, columns, use_threads=False)
     while first <= places[-1] and (batch := next(batches, None)) is not None:
         here = places[(places >= first) & (places < first + len(batch))]
         if here.size:
@@ -98,11 +99,18 @@ def _read(file: pq.ParquetFile, groups, columns, places: np.ndarray | None) -> p
     return pa.Table.from_batches(found).combine_chunks()
 
 
-def _rows(file: pq.ParquetFile, groups: Sequence[int]) -> int:
-    """Rows of a batch of about `_AT_ONCE` values in the longest column."""
+def _rows(file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | None) -> int:
+    """Rows of a batch of about `_AT_ONCE` values in the longest of the ``columns``; bytes of one
+    length count in fours."""
+    leaves = [(at, file.schema.column(at)) for at in range(file.metadata.num_columns)]
+    wanted = {
+        at: max(1, leaf.length // 4)
+        for at, leaf in leaves
+        if columns is None or leaf.path.partition(".")[0] in columns
+    }
     values = rows = 1
     for group in map(file.metadata.row_group, groups):
-        values += max(group.column(at).num_values for at in range(group.num_columns))
+        values += max(group.column(at).num_values * each for at, each in wanted.items())
         rows += group.num_rows
     return max(1, _AT_ONCE * rows // values)
 

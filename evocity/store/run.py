@@ -2,8 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from numbers import Integral
 from pathlib import Path
@@ -15,14 +14,12 @@ import pyarrow as pa
 from evocity.citymap import CityMap
 from evocity.columns import array_of, column_of
 from evocity.condensation import Condensation
-from evocity.errors import EvocityError, RunError, near_miss
+from evocity.errors import RunError, near_miss
 from evocity.genome import Genome
 from evocity.store.completing import completed
-from evocity.store.ending import Ending
 from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
-from evocity.store.membership import summaries_of
-from evocity.store.merge import KINDS, unlike
+from evocity.store.logged import Logged, readable
 from evocity.store.parts import read_bytes, read_json
 from evocity.store.pedigree import ancestry
 from evocity.store.schema import (
@@ -31,15 +28,8 @@ from evocity.store.schema import (
     births_of,
     check_version,
 )
-from evocity.store.seals import check_digests, opened
+from evocity.store.seals import check_digests
 from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
-from evocity.store.tables import Tables, spans_of
-
-# Bytes of a table up to which its columns are one chunk each: what Arrow's lists may hold.
-_WHOLE = 2**31
-#: A merge may replace a file between the listing and the opening of it; a log that was written anew
-#: may be moved into place meanwhile.
-_ATTEMPTS = 5
 
 
 def open_run(path: str | os.PathLike) -> "Run":
@@ -71,13 +61,12 @@ class Run:
                 if within
                 else near or "check the name, or start a run: evocity run RECIPE --out FOLDER",
             )
-        with self._readable(self._folder.provenance):
+        with readable(self._folder.provenance):
             self.provenance: dict = read_json(self._folder.provenance)
             check_version(self.provenance["schema_version"], self.path)
             self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
         self._folder = Folder(self.path, self.header.recipe_hash)
-        self._ending = Ending(self._folder)
-        self._tables = Tables(self.header)
+        self._log = Logged(self._folder, self.header, self.provenance)
 
     def __repr__(self) -> str:
         return f"Run({str(self.path)!r}, {len(self.generations)} generations)"
@@ -85,7 +74,7 @@ class Run:
     @cached_property
     def recipe_text(self) -> str:
         """The recipe, as given."""
-        with self._readable(self._folder.recipe):
+        with readable(self._folder.recipe):
             return read_bytes(self._folder.recipe).decode()
 
     def earlier_recipe(self, number: int) -> str | None:
@@ -94,7 +83,7 @@ class Run:
         path = self.path / f"recipe-{number}.toml"
         if not os.path.lexists(path):
             return None
-        with self._readable(path):
+        with readable(path):
             return read_bytes(path).decode()
 
     @cached_property
@@ -102,25 +91,25 @@ class Run:
         """What is locked in every genome of the run, None if nothing is."""
         if self.header.locked is None:
             return None
-        with self._readable(self._folder.locked):
+        with readable(self._folder.locked):
             return read_condensation(self._folder.locked, self.header.locked)
 
     @property
     def written(self) -> range:
         """Numbers of the generations that are written down, damaged ones too: 0…g."""
-        return range(self._with_pieces(lambda: self._ending.written) + 1)
+        return self._log.written
 
     @property
     def generations(self) -> range:
         """Numbers of the generations that are whole now: 0…g. Damaged files at the end are not
         among them, see `damaged`."""
-        return range(self._with_pieces(self._ending.found)[0] + 1)
+        return self._log.generations
 
     @property
     def damaged(self) -> tuple[Path, ...]:
         """The last files of births and membership, as far as they are damaged, and those that
         follow them."""
-        return self._with_pieces(self._ending.found)[1]
+        return self._log.damaged
 
     def births(
         self, generation: int | None = None, columns: Sequence[str] | None = None
@@ -131,16 +120,16 @@ class Run:
         `RunError` for a name that is no column, and for a generation that is not whole.
         """
         if columns is None:
-            return self._table(BIRTHS, generation, None)
+            return self._log.table(BIRTHS, generation, None)
         columns = self._known(columns)
-        return self._table(BIRTHS, generation, columns).select(columns)
+        return self._log.table(BIRTHS, generation, columns).select(columns)
 
     def members(self, generation: int | None = None) -> pa.Table:
         """Who lived in one generation, or in all: generation, slot (0 is the best), id, rank, and
         what the run's algorithm tells of each, as ``header.marks`` names it. Of a run with islands
         ``island`` too: slots and ranks are those of the island, and who lives on several has a row
         of each."""
-        return self._table(MEMBERSHIP, generation, None)
+        return self._log.table(MEMBERSHIP, generation, None)
 
     def individuals(
         self, ids: Sequence[int], rebred: bool = True, stones: bool = True
@@ -148,55 +137,42 @@ class Run:
         """The births with these ``ids``, genomes included, in the order given. Genomes that the log
         leaves out are bred again, unless they are not to be ``rebred``. Whose ``stones`` a genome
         has need not be read: it is decoded alike, and is here in two thirds of the time."""
-        for identifier in ids:
-            if not isinstance(identifier, Integral) or isinstance(identifier, bool):
-                raise RunError(
-                    f"{self.path}: individual {identifier!r}",
-                    "a whole number, the id of a birth",
-                    self._where_ids_are,
-                )
+        self._log.check_ids(ids)
         found = self._logged(ids, stones)
         if rebred and any(one.left_out for one in found.values()):
-            with self._readable(self.path):
+            with readable(self.path):
                 found = completed(self, found, self._logged, self._rebreed)
         return [found[identifier] for identifier in ids]
+
+    def thumbnails(self, ids: Sequence[int]) -> dict[int, CityMap]:
+        """Small maps of those of the births ``ids`` that the log has one of, by id, see
+        `evocity.store.Thumbnails`: their genomes are neither read nor decoded. Logs of maps of up
+        to 128 px a side have none, nor have those of releases before. Raises `RunError` for an id
+        of no birth."""
+        header, found = self.header, {}
+        self._log.check_ids(ids)
+        if header.thumbnails is None:
+            return found
+        of = header.height, header.width, header.metres_per_pixel
+        for table in self._log.rows_of(ids, ["id", "thumbnail"]):
+            for row in table.to_pylist():
+                if row["thumbnail"] is not None:
+                    found[row["id"]] = header.thumbnails.unpacked(row["thumbnail"], *of)
+        return found
 
     def _logged(self, ids: Sequence[int], stones: bool = True) -> dict[int, Birth]:
         """The births with these ``ids`` as the log has them; of a log that leaves genomes out with
         their ``stones`` in any case, for others are bred from them."""
-        columns = None
+        left = ["thumbnail"]
         if not stones and self.header.genomes == "all":
-            left = self.header.chromosome.stones
-            names = self._tables.schemas[BIRTHS].names
-            columns = [name for name in names if name not in left]
+            left += self.header.chromosome.stones
+        columns = [name for name in self._log.columns if name not in left]
         found: dict[int, Birth] = {}
-        spans, missing = [], list(ids)
-        # where they are if as many are born in each generation; then everywhere
-        for near in ({one // self.header.population for one in ids}, None):
-            if not missing:
-                break
-            spans = self._with_pieces(lambda near=near: self._spans(near))
-            for generation, first, last in spans:
-                if not any(first <= identifier <= last for identifier in missing):
-                    continue
-                table = self._table(BIRTHS, generation, columns, missing)
-                with self._readable(self.path):
-                    births = births_of(table, self.header, self.condensation)
-                found |= {birth.id: birth for birth in births}
-            missing = [identifier for identifier in ids if identifier not in found]
-        if missing:
-            raise RunError(
-                f"{self.path}: no individual {missing[0]}",
-                f"an id from 0 to {max(last for _, _, last in spans)}"
-                if spans
-                else "a run with a whole generation",
-                self._where_ids_are,
-            )
+        for table in self._log.rows_of(ids, columns):
+            with readable(self.path):
+                births = births_of(table, self.header, self.condensation)
+            found |= {birth.id: birth for birth in births}
         return found
-
-    @property
-    def _where_ids_are(self) -> str:
-        return f"take one from `evocity status {self.path}`, the report, or the births' `id` column"
 
     def genome(self, identifier: int) -> Genome:
         """The genome of one individual. `RunError` if it was never bred."""
@@ -239,13 +215,13 @@ class Run:
         columns = own if columns is None else self._known(columns)
         births = self.births(columns=list(dict.fromkeys(["id", "parents", *columns])))
         whole = isinstance(identifier, Integral) and not isinstance(identifier, bool)
-        with self._readable(self.path):
+        with readable(self.path):
             kept = ancestry(births, int(identifier)) if whole else None
         if kept is None:
             raise RunError(
                 f"{self.path}: no individual {identifier!r}",
                 f"an id of a birth in generations 0…{len(self.generations) - 1}",
-                self._where_ids_are,
+                self._log.where_ids_are,
             )
         births = births.filter(column_of(kept))
         if (np.diff(array_of(births["id"])) < 0).any():  # nearly never
@@ -254,7 +230,7 @@ class Run:
 
     def sources(self) -> list[Source]:
         """The source cities, maps and genomes."""
-        with self._readable(self._folder.sources):
+        with readable(self._folder.sources):
             self._check_digests(self._folder.sources)
             return read_sources(self._folder.sources, self.header.chromosome)
 
@@ -263,7 +239,7 @@ class Run:
         none in runs of older releases."""
         if not self._folder.references.exists():
             return []
-        with self._readable(self._folder.references):
+        with readable(self._folder.references):
             self._check_digests(self._folder.references)
             return read_maps(self._folder.references)
 
@@ -272,7 +248,7 @@ class Run:
         ``provenance["within"]``; none in most runs."""
         if not self._folder.within.exists():
             return []
-        with self._readable(self._folder.within):
+        with readable(self._folder.within):
             self._check_digests(self._folder.within)
             masks = read_masks(self._folder.within)
             for mask in masks:
@@ -282,21 +258,12 @@ class Run:
 
     def events(self) -> list[dict]:
         """What happened to the run, oldest first; each has ``time`` and ``event``."""
-        with self._readable(self._folder.events):
+        with readable(self._folder.events):
             return read_events(self._folder.events)
 
     def history(self) -> list[dict]:
         """One summary a generation: births and failures so far, hypervolume, best, …"""
-        whole = self.generations
-        summaries = self._with_pieces(
-            lambda: [
-                self._summaries(piece.path)
-                for piece in self._folder.pieces(MEMBERSHIP)
-                if piece.first in whole
-            ]
-        )
-        together = {g: about for piece in summaries for g, about in piece.items()}
-        return [{"generation": g} | together[g] for g in whole if g in together]
+        return [{"generation": g} | about for g, about in self._log.summaries().items()]
 
     def status(self) -> dict:
         """Where the run is now, in plain JSON values.
@@ -308,15 +275,11 @@ class Run:
         stopped (why it ended before, in words; None while it goes on, and where it was killed).
         """
 
-        def last_summary() -> tuple[int | None, dict]:
-            whole = self.generations
-            if not whole:
-                return None, {}
-            pieces = self._folder.pieces(MEMBERSHIP)
-            piece = next(p for p in pieces if p.first <= whole[-1] <= p.last)
-            return whole[-1], self._summaries(piece.path)[whole[-1]]
-
-        generation, about = self._with_pieces(last_summary)
+        whole, generation, about = self.generations, None, {}
+        if whole:
+            generation = whole[-1]
+            with readable(self.path):
+                about = self._log.summaries(generation)[generation]
         last = next((e for e in reversed(self.events()) if e.get("event") in TURNS), {})
         return {
             "generation": generation,
@@ -336,7 +299,7 @@ class Run:
 
     def _known(self, columns: Sequence[str]) -> list[str]:
         """``columns`` of births; `RunError` if there is no such column."""
-        known = self._tables.schemas[BIRTHS].names
+        known = self._log.columns
         if isinstance(columns, str):
             raise RunError(
                 f"{self.path}: columns = {columns!r}",
@@ -351,90 +314,6 @@ class Run:
                 _meant(str(strange[0]), known) or "name columns that there are",
             )
         return list(columns)
-
-    # -- files ---------------------------------------------------------------------------
-
-    def _table(self, kind, generation, columns, ids=None) -> pa.Table:
-        whole = self.generations
-        if generation is not None and generation not in whole:
-            raise RunError(
-                f"{self.path}: no generation {generation}",
-                f"one of 0…{len(whole) - 1}" if whole else "a run with a whole generation",
-                "see `evocity status`",
-            )
-
-        def read() -> list[pa.Table]:
-            tables = []
-            for piece in self._folder.pieces(kind):
-                wanted = (
-                    range(piece.first, min(piece.last, len(whole) - 1) + 1)
-                    if generation is None
-                    else range(max(piece.first, generation), min(piece.last, generation) + 1)
-                )
-                if wanted:
-                    with self._readable(piece.path, gone_is_damage=False):
-                        tables.append(self._tables.rows(kind, piece, wanted, columns, ids))
-            return tables
-
-        tables = self._with_pieces(read)
-        if not tables:
-            raise RunError(
-                f"{self.path} has no whole generation yet",
-                "at least one",
-                "wait for the first generation to end",
-            )
-        with self._readable(self.path):
-            plain = [table.replace_schema_metadata(None) for table in tables]
-            joined = pa.concat_tables(plain) if len(plain) > 1 else plain[0]
-            if columns is not None and joined.nbytes < _WHOLE:
-                joined = joined.combine_chunks()  # thousands of chunks are slow to work on
-            return joined.replace_schema_metadata(tables[-1].schema.metadata)
-
-    def _spans(self, near: Collection[int] | None) -> list[tuple[int, int, int]]:
-        """(generation, least and largest id) of each whole generation that has births; of those in
-        the files of the generations ``near``, or of all."""
-        whole, spans = self.generations, []
-        for piece in self._folder.pieces(BIRTHS):
-            if near is not None and not any(piece.first <= one <= piece.last for one in near):
-                continue
-            with self._readable(piece.path, gone_is_damage=False):
-                spans += spans_of(piece, whole)
-        return spans
-
-    def _summaries(self, path: Path) -> dict[int, dict]:
-        with self._readable(path, gone_is_damage=False), opened(path) as file:
-            return summaries_of(file.metadata.metadata)
-
-    def _with_pieces(self, read: Callable):
-        for attempt in range(_ATTEMPTS):
-            try:
-                with self._readable(self.path, gone_is_damage=attempt == _ATTEMPTS - 1):
-                    return read()
-            except FileNotFoundError:
-                continue
-
-    @contextmanager
-    def _readable(self, what: Path, gone_is_damage: bool = True) -> Iterator[None]:
-        try:
-            yield
-        except RunError:
-            raise
-        except Exception as error:
-            if isinstance(error, FileNotFoundError) and not gone_is_damage:
-                raise
-            expected = (OSError, pa.ArrowException, EvocityError)
-            damage = (LookupError, ValueError, TypeError, AttributeError, StopIteration)
-            damage += (ArithmeticError, RecursionError, MemoryError)
-            if not isinstance(error, expected + damage):
-                raise
-            if what.parent.name in KINDS:
-                raise unlike(what, self.provenance, error) from error
-            reason = "; ".join(map(str.strip, str(error).splitlines()[:3]))
-            raise RunError(
-                f"{what} is damaged or not part of a run ({type(error).__name__}: {reason})",
-                "a run folder as `evocity run` writes it",
-                "bring the folder back from a copy, or start the run again",
-            ) from error
 
 
 def _meant(name: str, known: Sequence[str]) -> str:

@@ -22,15 +22,16 @@ from evocity.genome import Genome
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import Pavement
 from evocity.store.again import GENOMES, Again, again_columns, again_fields, again_in
+from evocity.store.thumbnails import LONGEST, Thumbnails, thumbnail_columns, thumbnail_fields
 
 #: Versions of a run folder's layout and columns that are read, raised by one with every change
 #: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
 #: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
-#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric.
+#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric. 10 has thumbnails.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9)
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
 #: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
@@ -81,7 +82,8 @@ class Header:
     ``figures`` what it tells of all of them, in each generation's summary. ``islands`` names those
     that the run has: births and membership then have a column ``island``, marks are those of all
     islands, and each island's figures stand in the summary. ``genomes`` tells of what births the
-    log holds the genomes, see `evocity.search.leaving`.
+    log holds the genomes, see `evocity.search.leaving`. ``thumbnails`` tells how the small maps of
+    births are made that the log holds, None if it holds none.
     """
 
     height: _Side
@@ -105,12 +107,15 @@ class Header:
     figures: _Names = ()
     islands: _Names = ()
     genomes: Literal[GENOMES] = "all"
+    thumbnails: Thumbnails | None = None
 
     __pydantic_config__ = STRICT
 
     @property
     def schema_version(self) -> int:
         if self.block is None:
+            if self.thumbnails is not None:
+                return 10
             if self.kind != "fabric":
                 return 9
             if self.genomes != "all":
@@ -139,6 +144,7 @@ class Header:
         version = self.schema_version
         newer = ("block",) if version > 2 else ("kind", "settle")
         later = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7, "genomes": 8}
+        later["thumbnails"] = 10
         newer += tuple(name for name, since in later.items() if version < since)
         for name in newer:
             del about[name]
@@ -164,9 +170,13 @@ class Header:
             told = (
                 f"recorded = {header.recorded}, marks = {header.marks}, "
                 f"figures = {header.figures}, islands = {header.islands}, "
-                f"genomes = {header.genomes}"
+                f"genomes = {header.genomes}, thumbnails = {header.thumbnails}"
             )
             raise ValueError(f"schema version {version} with {told}")
+        if header.thumbnails is not None:
+            shape = header.thumbnails.shape(header.height, header.width)
+            if max(shape) > LONGEST:
+                raise ValueError(f"thumbnails of {shape[0]} × {shape[1]} cells")
         if header.block is not None:
             Pavement(header.height, header.width, header.block)  # raises where they do not fit
         return header
@@ -187,7 +197,8 @@ class Birth:
     breeding itself failed, and where the log leaves it out: ``again`` tells then how it is had.
     ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
     and no constraint of the recipe is broken. ``island``: on which it was born, where there are
-    several.
+    several. ``thumbnail``: of one that is to be logged, the small map that the log holds, see
+    `Thumbnails`; it is not read back with the birth.
     """
 
     generation: int
@@ -203,6 +214,7 @@ class Birth:
     feasible: bool = True
     island: str | None = None
     again: Again | None = None
+    thumbnail: bytes | None = field(default=None, repr=False, compare=False)
 
     @property
     def ok(self) -> bool:
@@ -267,6 +279,7 @@ def births_schema(header: Header) -> pa.Schema:
         ("feasible", pa.bool_()),
         ("genome", pa.string()),
         *again_fields(header),
+        *thumbnail_fields(header),
         *header.chromosome.fields(header),
     ]
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
@@ -306,7 +319,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     }
     for name in header.columns:
         columns[f"fitness.{name}"] = [b.values.get(name) for b in births]
-    columns |= again_columns(births, header)
+    columns |= again_columns(births, header) | thumbnail_columns(births, header)
     columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
         column if isinstance(column, pa.Array) else pa.array(column, kind.type)

@@ -14,7 +14,7 @@ from evocity.errors import EvocityError, RunError
 
 pytest.importorskip("anywidget")
 
-OLD = sorted((Path(__file__).parent.parent / "old").glob("run-[0-9]"))
+OLD = sorted((Path(__file__).parent.parent / "old").glob("run-*[0-9]"))
 HOSTILE = "<script>window.hacked = 1</script>\"'&${1}"
 
 

@@ -34,7 +34,7 @@ def opened(server) -> Client:
     return client
 
 
-@pytest.mark.parametrize("path", sorted(OLD.glob("run-[0-9]")), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", sorted(OLD.glob("run-*[0-9]")), ids=lambda path: path.name)
 def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path):
     folder = shutil.copytree(path, tmp_path / "run")
     before, run = contents(folder), evocity.open_run(folder)

@@ -466,6 +466,24 @@ def test_sorting_leaves_no_hole(opened, folder):
 
 
 @pytest.mark.long
+def test_on_fine_screens_small_pictures_come_first_where_the_log_has_them(
+    opened, browser, tmp_path
+):
+    folder = shutil.copytree(OLD / "run-10", tmp_path / "night")
+    size = {"width": 1024, "height": 700}
+    with (
+        served(folder) as server,
+        contextlib.closing(browser.new_context(viewport=size, device_scale_factor=2)) as context,
+    ):
+        asked = []
+        context.on("request", lambda request: asked.append(request.url))
+        page = opened(server, context=context)
+        until(page, "studio.run.viewer.gallery.tiles.get(0, 192)")
+    sides = [url.partition("side=")[2] for url in asked if "/tiles?" in url]
+    assert sides[0] == "96"
+    assert set(sides[1:]) == {"192"}
+
+
 def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
     recipe = evocity.read_recipe(write_toy(tmp_path, population=2, generations=GENERATIONS))
     alone = Search(recipe, tmp_path / "alone", workers=0)

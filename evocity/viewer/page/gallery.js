@@ -1,6 +1,8 @@
 import { COLOURS, FONT, counted, made, number, shortened, sized } from "./made.js";
 
 const AROUND = 8, CAPTION = 18;
+/** Sides of pictures that may be asked for, px. */
+const SMALL = 96, LARGE = 192;
 let galleries = 0;
 
 /** Pictures of births, drawn as they come into view; beneath them a list for keyboard and screen
@@ -65,7 +67,7 @@ export class Gallery {
     const context = sized(this.canvas, this.width, this.height);
     const first = Math.max(0, Math.floor((top - AROUND) / this.cellTall)) * this.across;
     const end = Math.min(this.rows.length, (Math.floor((top + this.height) / this.cellTall) + 1) * this.across);
-    const side = Math.max(this.wide, this.tall) * (window.devicePixelRatio || 1) > 120 ? 192 : 96;
+    const side = Math.max(this.wide, this.tall) * (window.devicePixelRatio || 1) > 120 ? LARGE : SMALL;
     const ids = [];
     for (let place = first; place < end; place++) {
       const row = this.rows[place];
@@ -73,8 +75,14 @@ export class Gallery {
       this.drawOne(context, row, ...this.corner(place, top), side);
     }
     this.list(first, end);
-    this.tiles.want(ids, side);
+    // small ones are there at once where the log holds them; they are drawn until the large ones come
+    const bare = side === LARGE && this.births.about.thumbnails ? ids.filter((id) => !this.tile(id, side) && !this.tiles.reason(id)) : [];
+    if (bare.length) this.tiles.want(bare, SMALL);
+    else this.tiles.want(ids, side);
   }
+
+  /** A picture of a birth, of this side if it is there, or of the other. */
+  tile(id, side) { return this.tiles.get(id, side) || this.tiles.get(id, side === SMALL ? LARGE : SMALL); }
 
   corner(place, top = 0) {
     const x = AROUND + (place % this.across) * this.cellWide + (this.cellWide - AROUND - this.wide) / 2;
@@ -87,7 +95,7 @@ export class Gallery {
 
   drawOne(context, row, x, y, side) {
     const id = this.births.ids[row], { wide, tall } = this;
-    const tile = this.tiles.get(id, side) || this.tiles.get(id, side === 96 ? 192 : 96);
+    const tile = this.tile(id, side);
     if (tile) {
       context.imageSmoothingEnabled = tile.width > wide;
       context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, x, y, wide, tall);
