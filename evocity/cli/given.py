@@ -10,7 +10,7 @@ import click
 
 import evocity
 from evocity.cli.common import converged, note_reading
-from evocity.errors import EvocityError, FitnessError, keyword, setting
+from evocity.errors import EvocityError, FitnessError, keyword, near_miss, setting, shown
 
 
 def one_id(told: tuple) -> int | None:
@@ -73,10 +73,28 @@ def is_run(source: str) -> bool:
     return False
 
 
+def _refuse_missing(source: str) -> None:
+    """Raise `EvocityError` for a ``source`` that is not there, and by its name may be a run's
+    folder: it has a folder before it, or is nearly a run's."""
+    path = Path(source)
+    if path.suffix or os.path.lexists(source) or source in evocity.cities():
+        return
+    runs = [str(one.parent) for one in path.parent.glob("*/provenance.json")]
+    if path.parent == Path() and not near_miss(source, runs):
+        return
+    raise EvocityError(
+        f"nothing is at {shown(source)}"
+        + ("" if path.parent.is_dir() else f": there is no folder {shown(str(path.parent))}"),
+        "the folder of a run, the file of a map or a genome, or the name of a bundled city",
+        near_miss(source, runs) or "check the path; `evocity cities` lists the bundled ones",
+    )
+
+
 def genome_of(source: str, identifier: int | None):
     """The genome in a file, or of the individual ``identifier`` of a run folder."""
     if is_run(source) or (identifier is not None and Path(source).is_dir()):
         return _individual(source, identifier)
+    _refuse_missing(source)
     if identifier is not None:
         there = os.path.lexists(source) or source in evocity.cities()
         raise EvocityError(
@@ -124,6 +142,7 @@ def city_of(source: str, reading: Mapping[str, object], identifier: int | None =
     ``reading``: options of `evocity.read_map`; a genome, from a file or a run, takes none.
     """
     if identifier is None and not is_genome(source) and not is_run(source):
+        _refuse_missing(source)
         city = evocity.read_map(source, **reading)
         note_reading(city, reading)
         return city

@@ -3,6 +3,8 @@
 import json
 import os
 import re
+import shutil
+from pathlib import Path
 
 import click
 import numpy as np
@@ -16,6 +18,8 @@ from evocity.cli.common import told
 from evocity.cli.run import run
 from evocity.errors import EvocityError, RecipeError, keyword, setting, unset
 from evocity.genome import read_genome
+
+OLD = Path(__file__).parent.parent / "old"
 
 
 @pytest.fixture
@@ -293,7 +297,24 @@ def test_an_id_means_nothing_without_a_run(tmp_path, genome_file):
     refused(tmp_path, "show", "lyon-1er", "--id", 3, "-o", tmp_path / "p.png", says="no run")
     refused(tmp_path, "decode", tmp_path, "--id", 3, "-o", tmp_path / "m.tif", says="no run at")
     missing = ("decode", tmp_path / "missing", "--id", 3, "-o", tmp_path / "m.tif")
-    refused(tmp_path, *missing, says="which does not exist")
+    refused(tmp_path, *missing, says="nothing is at")
+    refused(tmp_path, "show", "nothing", "--id", 3, "-o", "m.png", says="which does not exist")
+
+
+@pytest.mark.parametrize("words", ["show {} -o x.png", "decode {} --id 3 -o x.tif", "score {}"])
+def test_a_run_that_is_not_there_is_told_with_one_that_is(tmp_path, words, monkeypatch):
+    shutil.copytree(OLD / "run-5", tmp_path / "night")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    for name, meant in (("nigth", "night"), ("runs/../nite", "runs/../night")):
+        message = refused(tmp_path, *words.format(name).split(), says=f"nothing is at '{name}'")
+        assert "the folder of a run" in message
+        assert f"did you mean {meant}?" in message
+    shutil.copytree(OLD / "run-5", tmp_path / "lyon-1er-night")
+    if "--id" not in words:
+        call(*words.format("lyon-1er").split())
+    message = refused(tmp_path, *words.format("rns/night").split(), says="there is no folder")
+    assert "check the path" in message
 
 
 @pytest.mark.parametrize(
