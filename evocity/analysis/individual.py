@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evocity.analysis.births import Told
-from evocity.analysis.fabrics import fabric_of
+from evocity.analysis.fabrics import built_shares, fabric_of
 from evocity.citymap import CityMap
 from evocity.displayed import Displayed
 from evocity.errors import MapError, RunError, keyword, setting
@@ -167,11 +167,16 @@ class Individual(Displayed):
     def _title(self) -> str:
         return f"{self.run.path.resolve().name}, individual {self.id}"
 
-    def ancestry(self) -> dict[str, float]:
-        """Source city -> share of the map that is its stone; together 1."""
+    def ancestry(self, built: bool = False) -> dict[str, float]:
+        """Source city -> share of the map that is its stone, open ground too; together 1.
+
+        built : of what is built alone; empty where nothing is. Raises `RunError` then for a genome
+            that stands for no map.
+        """
         fabric = fabric_of(self.run.header, self.genome, "the ancestry")
-        shares = zip(fabric.cities, fabric.shares, strict=True)
-        return {city: float(share) for city, share in shares if share > 0}
+        shares = built_shares(fabric, self.city) if built else fabric.shares
+        told = zip(fabric.cities, shares, strict=True)
+        return {city: float(share) for city, share in told if share > 0}
 
     @property
     def ground(self) -> str | None:

@@ -260,7 +260,7 @@ class Facts:
         """By id what ``births`` have of all measures that the run did not log, as (name, value,
         unit); NaN where one has no value. It takes longer than all else in a report: ask it of
         few."""
-        sources = [source.city for source in self.run.sources()]
+        sources = [source.city for source in self.sources]
         reference = fitness.Reference.sources(sources)
         others = [
             measure.bound(reference)

@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
+from evocity.analysis.fabrics import built_shares
 from evocity.genome import VOID
 from evocity.pages import number
 from evocity.pictures import city_colours
@@ -26,10 +29,20 @@ class Row:
     wanted: str
 
 
+def told_shares(cities: Sequence[str], shares: np.ndarray) -> list[tuple[str, str, float, str]]:
+    """(city, share in words, share in percent, colour) of each that has one."""
+    told = zip(cities, shares.tolist(), city_colours(cities), strict=True)
+    return [
+        (city, f"{share:.0%}" if share >= 0.005 else "under 1%", 100 * share, colour)
+        for city, share, colour in told
+        if share > 0
+    ]
+
+
 @dataclass(frozen=True)
 class Lineage:
-    """Whose stones an individual is made of, and of whom it was bred. ``shares``: (city, share in
-    words, share in percent, colour); ``parents``: (number, whether it has a card)."""
+    """Whose stones an individual is made of, and of whom it was bred. ``shares``: `told_shares`;
+    ``parents``: (number, whether it has a card)."""
 
     facts: Facts
     birth: Birth
@@ -40,12 +53,16 @@ class Lineage:
         fabric = self.facts.run.header.chromosome.fabric(self.birth.genome)
         if fabric is None:
             return []
-        told = zip(cities, fabric.shares.tolist(), city_colours(cities), strict=True)
-        return [
-            (city, f"{share:.0%}" if share >= 0.005 else "under 1%", 100 * share, colour)
-            for city, share, colour in told
-            if share > 0
-        ]
+        return told_shares(cities, fabric.shares)
+
+    @property
+    def built(self) -> list[tuple[str, str, float, str]]:
+        """As `shares`, of what is built alone."""
+        header = self.facts.run.header
+        fabric = header.chromosome.fabric(self.birth.genome)
+        if fabric is None:
+            return []
+        return told_shares(header.cities, built_shares(fabric, self.facts.city(self.birth)))
 
     @property
     def parents(self) -> list[tuple[int, bool]]:

@@ -546,3 +546,23 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     with pytest.raises(RunError, match="2 births on one sheet"):
         run.save([9, 3], tmp_path / "many.png")
     assert {path.name for path in tmp_path.iterdir()} == {"sheet.png", "one.png"}
+
+
+@pytest.mark.parametrize("name", ["run-5", "run-7", "run-8", "run-10"])
+def test_stones_are_told_of_what_is_built_alone(name):
+    run = evocity.open_run(OLD[0].parent / name)
+    for one in (0, 1, run[-1].id):
+        birth, city = run[one], run[one].city
+        owner = np.zeros((*city.shape, len(run.header.cities)))
+        genome = birth.genome
+        corners = zip(*genome.pavement.corners, genome.pavement.side, strict=True)
+        for at, (y, x, side) in enumerate(corners):
+            block = owner[y : y + side, x : x + side]
+            block[..., genome.parent[at]] += genome.part[at]
+            block[..., genome.other[at]] += 1 - genome.part[at]
+        shares = owner[city.built].mean(axis=0) if city.built.any() else np.zeros(owner.shape[2])
+        told = birth.ancestry(built=True)
+        expected = {
+            name: share for name, share in zip(run.header.cities, shares, strict=True) if share > 0
+        }
+        assert told == pytest.approx(expected, abs=1e-6)

@@ -14,6 +14,7 @@ import pytest
 from codes import uniformly
 from PIL import Image
 
+import evocity
 from evocity import fitness
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
@@ -360,6 +361,15 @@ def test_parents_settings_lineage_and_attributions_are_told(usual):
         assert part in told
     for one in Facts(open_run(folder)).shown:
         assert one.birth.genome.shares.sum() == pytest.approx(1)
+
+
+def test_it_tells_whose_stones_the_buildings_of_the_kept_are(usual):
+    folder, text = usual
+    run, facts = evocity.open_run(folder), Facts(open_run(folder))
+    for kept in facts.kept_few:
+        shares = run[kept.individual.id].ancestry(built=True)
+        most = max(shares, key=shares.get)
+        assert re.search(f"of what is built: [^<]*{most} {shares[most]:.0%}", text)
 
 
 def test_a_strangers_text_is_text(tmp_path):
