@@ -1,7 +1,8 @@
 """Arrays as columns of Arrow, as they lie in memory.
 
 `pyarrow.array` loads pandas, where it is installed, to see whether it was given one of its series:
-that takes longer than reading a genome.
+that takes longer than reading a genome. Loading `pyarrow.compute` takes as long as loading the rest
+of Arrow: nothing here needs it for numbers, truths and words that are coded as a dictionary.
 """
 
 import numpy as np
@@ -21,26 +22,56 @@ def array_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
     """Numbers or truths of a ``column``, ``(n,)``, of its type; read-only. NaN for null, which only
     floats may have: ValueError otherwise."""
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
-    there, items = array.buffers()
-    start, stop = array.offset, array.offset + len(array)
-    if array.type == pa.bool_():
-        found = _truths(items)[start:stop]
-    else:
-        found = np.frombuffer(items or b"", array.type.to_pandas_dtype())[start:stop]
+    found = _items(array)
     if array.null_count:
         if not pa.types.is_floating(array.type):
             raise ValueError(f"a column of {array.type} with nulls")
-        found = np.where(_truths(there)[start:stop], found, np.nan)
+        found = np.where(_known(array), found, np.nan)
     found.setflags(write=False)
     return found
 
 
+def _items(array: pa.Array) -> np.ndarray:
+    """What stands in the rows of an ``array``; anything where it is null."""
+    start, stop = array.offset, array.offset + len(array)
+    _, items = array.buffers()
+    if array.type == pa.bool_():
+        return _truths(items)[start:stop]
+    return np.frombuffer(items or b"", array.type.to_pandas_dtype())[start:stop]
+
+
+def lists_of(column: pa.ListArray | pa.ChunkedArray) -> tuple[np.ndarray, np.ndarray]:
+    """How long the lists of numbers of a ``column`` are, int64 ``(n,)``, 0 where there is none, and
+    what stands in them, one after the other. ValueError for a null among whole numbers."""
+    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+    lengths = [np.where(_known(one), np.diff(array_of(one.offsets)), 0) for one in chunks]
+    values = [array_of(one.flatten()) for one in chunks]
+    none = np.empty(0, column.type.value_type.to_pandas_dtype())
+    return np.concatenate([np.empty(0, np.int64), *lengths]), np.concatenate([none, *values])
+
+
+def known_of(column: pa.ChunkedArray) -> np.ndarray:
+    """Bool ``(n,)``: which rows of a ``column`` have a value."""
+    return np.concatenate([np.empty(0, bool), *map(_known, column.chunks)])
+
+
+def _known(array: pa.Array) -> np.ndarray:
+    if not array.null_count:
+        return np.ones(len(array), bool)
+    return _truths(array.buffers()[0])[array.offset : array.offset + len(array)]
+
+
 def words_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
     """Texts of a ``column``, ``(n,)``, of any type that Arrow keeps words in; None for null."""
-    words = column.cast("string")
-    words = words.combine_chunks() if isinstance(words, pa.ChunkedArray) else words
-    words = words.dictionary_encode(null_encoding="encode")
-    return np.array(words.dictionary.to_pylist(), object)[array_of(words.indices)]
+    if not pa.types.is_dictionary(column.type):
+        column = column.cast("string").dictionary_encode()
+    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+    return np.concatenate([np.empty(0, object), *map(_words, chunks)])
+
+
+def _words(coded: pa.DictionaryArray) -> np.ndarray:
+    words = np.array([*coded.dictionary.to_pylist(), None], object)
+    return words[np.where(_known(coded.indices), _items(coded.indices), -1)]
 
 
 def _truths(bits: pa.Buffer | None) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evocity.analysis.births import Told
+from evocity.columns import lists_of
 from evocity.errors import EvocityError, RunError, shown
 
 if TYPE_CHECKING:
@@ -26,9 +27,8 @@ class Pedigree:
         """Where the parents of each row begin, ``(n + 1,)``, and their rows. Raises `RunError` if
         one is none of the births, or no older than its child."""
         told = self._told
-        column = told.parents
-        starts = np.concatenate([[0], np.cumsum(column.value_lengths().fill_null(0).to_numpy())])
-        rows = told.rows(column.flatten().to_numpy())
+        lengths, parents = lists_of(told.parents)
+        starts, rows = np.concatenate([[0], np.cumsum(lengths)]), told.rows(parents)
         if (rows >= np.repeat(np.arange(len(told)), np.diff(starts))).any():
             raise RunError(
                 f"{told.run.path}: the births are damaged: one descends from a later one",

@@ -20,6 +20,8 @@ from evocity.store import Birth
 _AT_A_TIME = 64
 # Bytes of small pictures that are kept; letters of a fault that are told.
 _KEPT, _LETTERS = 64_000_000, 300
+# Births that are asked whether the log holds thumbnails.
+_ASKED = 8
 
 
 def cities_of(told: Told, ids: Sequence[int]) -> dict[int, CityMap]:
@@ -67,6 +69,13 @@ class Thumbnails:
         """Metres at which their colours end."""
         return highest_of(self._told)
 
+    @cached_property
+    def logged(self) -> bool:
+        """Whether the log holds small maps of births: of some of the last generation's first."""
+        told = self._told
+        first = told.ids[told.generation == told.last][:_ASKED]
+        return bool(told.run.header.thumbnails and told.run.thumbnails(first.tolist()))
+
     def of(self, ids: Sequence[int], side: int) -> tuple[dict[int, np.ndarray], dict[int, str]]:
         """Pictures of the births ``ids``, uint8 ``(height, width, 3)``, at most ``side`` px along
         the longer side; of those that have none, why. What a log leaves out is not bred again for
@@ -93,7 +102,8 @@ class Thumbnails:
         large enough, else of what its genome decodes to."""
         run, found = self._told.run, {}
         made = run.header.thumbnails
-        if ids and made and side <= max(made.shape(run.header.height, run.header.width)):
+        # enlarged by half at most
+        if ids and made and 2 * side < 3 * max(made.shape(run.header.height, run.header.width)):
             small = run.thumbnails(ids)
             found = {
                 one: np.asarray(self._picture(_finer(city), side)) for one, city in small.items()

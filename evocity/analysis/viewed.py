@@ -89,7 +89,7 @@ class Viewed:
             "title": f"run {self.run.path.resolve().name}",
             "credit": self.run.header.attribution,
             "highest": self.thumbnails.highest,
-            "thumbnails": self.run.header.thumbnails is not None,
+            "thumbnails": self.thumbnails.logged,
             "ratio": self.run.header.width / self.run.header.height,
         }
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from evocity.columns import array_of, column_of
 from evocity.displayed import Displayed
@@ -82,8 +81,8 @@ def archive(run: Run, last: int | None = None) -> Archive:
     last = len(run.generations) - 1 if last is None else last
     births = measured(run, aims.bounds)
     births = births.filter(column_of(array_of(births["generation"]) <= last))
-    living = array_of(pc.is_in(births["id"], value_set=run.members(last)["id"]))
-    first = array_of(pc.equal(births["generation"], pc.min(births["generation"])))
+    members, born = array_of(run.members(last)["id"]), array_of(births["generation"])
+    living, first = np.isin(array_of(births["id"]), members), born == born.min(initial=last)
     chosen = np.empty(0, np.intp)
     front = np.empty((0, len(aims.names)))
     units, alive = [front], [front]
@@ -106,7 +105,7 @@ def archive(run: Run, last: int | None = None) -> Archive:
     )
     if grid is not None:
         bins = binned(run, grid, last).births
-        lives = pc.is_in(bins["id"], value_set=run.members(last)["id"])
+        lives = column_of(np.isin(array_of(bins["id"]), members))
         return Archive(bins.append_column("alive", lives), *volumes, grid)
     crowding = crowding_of(front, ranks_of(front))
     table = births.take(column_of(np.asarray(chosen))).drop_columns(["status"])

@@ -13,6 +13,7 @@ from evocity.search.generation import Generation
 from evocity.search.overnight import moment_of
 from evocity.search.recipe import Recipe
 from evocity.search.stopping import Clock, now, size_of
+from evocity.store import Thumbnails
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 
 
@@ -69,10 +70,14 @@ def bound_of(folder: str | os.PathLike, recipe: Recipe) -> str:
 
 def at_most(sources: Path, recipe: Recipe) -> tuple[int, int]:
     """How many births a run by a ``recipe`` has, and bytes of the disk that they take at most: the
-    genomes of its ``sources``, which have a file each in that folder, are larger than theirs."""
+    genomes of its ``sources``, which have a file each in that folder, are larger than theirs, and
+    a thumbnail has a byte a cell."""
     sizes = [one.stat().st_size for one in sources.glob("*.genome.parquet")]
     births = recipe.run.population * (recipe.run.generations + 1)
-    return births, births * max(sizes, default=0)
+    side = recipe.map.pixels
+    made = Thumbnails.of(side, side, 1.0)
+    small = 0 if made is None else math.prod(made.shape(side, side))
+    return births, births * (max(sizes, default=0) + small)
 
 
 def first_telling(recipe: Recipe) -> int:

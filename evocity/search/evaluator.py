@@ -112,11 +112,11 @@ class Evaluator:
         Without an operator the individual is the one of ``parents``, bred from none.
         """
         if operator is None:
-            return replace(self.evaluate(parents[0]), genome=parents[0])
+            return replace(self.evaluate(parents[0], small=True), genome=parents[0])
         bred = self.breed(operator, parents, rng)
         if bred.genome is None or not measured:
             return bred
-        found = self.evaluate(bred.genome, parents)
+        found = self.evaluate(bred.genome, parents, small=True)
         return replace(found, seconds=bred.seconds + found.seconds, genome=bred.genome)
 
     def breed(self, operator, parents: Sequence[Genome], rng: np.random.Generator) -> Outcome:
@@ -138,6 +138,7 @@ class Evaluator:
         genome: Genome,
         parents: Sequence[Genome] = (),
         names: Collection[str] | None = None,
+        small: bool = False,
     ) -> Outcome:
         """Decode, then every measure; the first that raises ends it, values until then kept. Of
         those that are recorded besides, none ends it: ``error`` tells why one has no value, and so
@@ -145,7 +146,7 @@ class Evaluator:
 
         ``parents``: the genomes it was bred from, for measures that ask for them; none for one
         that was not bred, which is its own parent. ``names``: the measures that are taken, all
-        unless they are told.
+        unless they are told. ``small``: with its thumbnail, where the log has them.
         """
         start = time.perf_counter()
         parents = parents or (genome,)
@@ -154,10 +155,11 @@ class Evaluator:
         missing: list[str] = []
 
         expressed = self.header.chromosome.express(genome)
-        small = None if expressed.city is None else self._thumbnail(expressed.city)
+        made = self.header.thumbnails if small and expressed.city is not None else None
+        packed = None if made is None else made.packed(expressed.city)
 
         def ended(status: str, error: str | None = None) -> Outcome:
-            return Outcome(status, error, time.perf_counter() - start, values, thumbnail=small)
+            return Outcome(status, error, time.perf_counter() - start, values, thumbnail=packed)
 
         if expressed.city is None:
             return ended("invalid", expressed.problem)
@@ -201,10 +203,6 @@ class Evaluator:
         missing = self._record(names, expressed, extras, values, part)
         error = unrecorded(missing) if missing else None
         return Outcome("ok", error, time.perf_counter() - start, values)
-
-    def _thumbnail(self, city: CityMap) -> bytes | None:
-        made = self.header.thumbnails
-        return None if made is None else made.packed(city)
 
     def _measured(
         self, name: str, expressed: Expressed, extras: Mapping, part: Part | None = None

@@ -7,14 +7,12 @@ import math
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
-from evocity.columns import array_of, column_of, words_of
+from evocity.columns import array_of, column_of, known_of, words_of
 from evocity.errors import EvocityError, RunError
 from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.commands import Standing
@@ -89,14 +87,14 @@ def measured(run: Run, bounds: Collection[str], recorded: Sequence[str] = ()) ->
     ok = column_of(words_of(births["status"]) == "ok")
     births = births.filter(ok).replace_schema_metadata(None)
     sought = [name for name in values if name.removeprefix("fitness.") not in bounds]
-    complete = births["feasible"]
+    complete = array_of(births["feasible"])
     if sought:
-        known = [pc.is_valid(births[name]) for name in sought]
-        complete = pc.or_(complete, reduce(pc.and_, known))
-    births = births.filter(complete).drop_columns(["feasible"]).sort_by("id").combine_chunks()
+        complete = complete | np.logical_and.reduce([known_of(births[name]) for name in sought])
+    births = births.filter(column_of(complete)).drop_columns(["feasible"])
+    births = births.sort_by("id").combine_chunks()
     columns = [array_of(births[name]) for name in sought]
     known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
-    if not known or len(pc.unique(births["id"])) < len(births):
+    if not known or len(np.unique(array_of(births["id"]))) < len(births):
         raise RunError(
             f"{run.path}: the births are damaged: one stands there twice, or is without a number",
             "births as `evocity run` writes them, a finite number for each measure of those alive",

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from evocity.columns import column_of
@@ -18,6 +17,8 @@ from evocity.store.schema import LONGEST_ERROR, Header
 
 #: Rows of one generation, and bytes of one column of texts in it, at most.
 MOST_ROWS, MOST_TEXT = 1 << 20, 1 << 26
+#: Bytes of one column of bytes of one length, such as thumbnails, in one generation, at most.
+MOST_FIXED = 1 << 30
 #: Generations of one file, at most: a segment has 64.
 MOST_GROUPS = 1 << 10
 # Values of a column that are read at a time, where a few rows are wanted.
@@ -36,10 +37,10 @@ def check_bounds(
         raise ValueError(f"{about.num_row_groups} row groups")
     # one after the other thousands of times: what is the same for all groups is asked for once
     leaves = [(at, about.schema.column(at)) for at in range(about.num_columns)]
-    names = [(at, leaf.path.partition(".")[0], leaf.physical_type) for at, leaf in leaves]
+    names = [(at, leaf.path.partition(".")[0], leaf) for at, leaf in leaves]
     read = [
-        (at, name, kind == "BYTE_ARRAY" and name != ERROR)
-        for at, name, kind in names
+        (at, name, leaf.physical_type == "BYTE_ARRAY" and name != ERROR, leaf.length)
+        for at, name, leaf in names
         if columns is None or name in columns
     ]
     most = max(header.height * header.width, 256)
@@ -47,8 +48,10 @@ def check_bounds(
         rows = group.num_rows
         if rows > MOST_ROWS:
             raise ValueError(f"{rows} rows in one generation")
-        for at, name, text in read:
+        for at, name, text, length in read:
             column = group.column(at)
+            if rows * length > MOST_FIXED:
+                raise ValueError(f"{rows * length} bytes of {name} in one generation")
             if column.num_values > max(rows, 1) * most:
                 raise ValueError(f"{column.num_values} values of {name} in one generation")
             if text and column.total_uncompressed_size > MOST_TEXT:
@@ -80,7 +83,7 @@ def read_bounded(
         errors = [one for group in groups for one in _errors(again, group)]
     at = (columns or file.schema_arrow.names).index(ERROR)
     told = pa.chunked_array(errors, pa.string())
-    return table.add_column(at, ERROR, told if places is None else told.take(column_of(places)))
+    return table.add_column(at, ERROR, told if places is None else _taken(told, places))
 
 
 def _read(file: pq.ParquetFile, groups, columns, places: np.ndarray | None) -> pa.Table:
@@ -94,9 +97,17 @@ def _read(file: pq.ParquetFile, groups, columns, places: np.ndarray | None) -> p
     while first <= places[-1] and (batch := next(batches, None)) is not None:
         here = places[(places >= first) & (places < first + len(batch))]
         if here.size:
-            found.append(batch.take(column_of(here - first)))
+            found.append(_taken(batch, here - first))
         first += len(batch)
     return pa.Table.from_batches(found).combine_chunks()
+
+
+def _taken(of: pa.RecordBatch | pa.ChunkedArray, rows: np.ndarray):
+    """The ``rows``, ascending, of a batch or a column. Consecutive ones are sliced, which needs no
+    `pyarrow.compute`."""
+    if not len(rows) or rows[-1] - rows[0] == len(rows) - 1:
+        return of.slice(int(rows[0]) if len(rows) else 0, len(rows))
+    return of.take(column_of(rows))
 
 
 def _rows(file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | None) -> int:
@@ -117,7 +128,8 @@ def _rows(file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | 
 
 def read_through(file: pq.ParquetFile, group: int) -> None:
     """Read a row group, one column after the other, and keep none: what is damaged raises. Texts of
-    more than `MOST_TEXT` bytes are left out. Raises ValueError for more than `MOST_ROWS`."""
+    more than `MOST_TEXT` bytes are left out, and other bytes of more than `MOST_FIXED`. Raises
+    ValueError for more than `MOST_ROWS`."""
     about = file.metadata.row_group(group)
     if about.num_rows > MOST_ROWS:
         raise ValueError(f"{about.num_rows} rows in one generation")
@@ -125,6 +137,11 @@ def read_through(file: pq.ParquetFile, group: int) -> None:
         column.path_in_schema
         for column in map(about.column, range(about.num_columns))
         if column.physical_type == "BYTE_ARRAY" and column.total_uncompressed_size > MOST_TEXT
+    }
+    large |= {
+        leaf.path.partition(".")[0]
+        for leaf in map(file.schema.column, range(about.num_columns))
+        if about.num_rows * leaf.length > MOST_FIXED
     }
     for name in file.schema_arrow.names:
         if name not in large:
@@ -141,6 +158,11 @@ def _errors(file: pq.ParquetFile, group: int) -> Iterator[pa.Array]:
         return
     # as a dictionary, one text of many rows stands in memory once, until it is short
     for chunk in file.read_row_group(group, columns=[ERROR])[ERROR].chunks:
+        if chunk.null_count == len(chunk):
+            yield pa.nulls(len(chunk), pa.string())
+            continue
+        import pyarrow.compute as pc  # which most runs go without
+
         short = pc.utf8_slice_codeunits(chunk.dictionary, 0, LONGEST_ERROR)
         yield pa.DictionaryArray.from_arrays(chunk.indices, short).cast(pa.string())
 

@@ -69,15 +69,21 @@ class Logged:
                 f"one of 0…{len(whole) - 1}" if whole else "a run with a whole generation",
                 "see `evocity status`",
             )
+        return self._joined(kind, whole if generation is None else [generation], columns, ids)
+
+    def _joined(
+        self,
+        kind: str,
+        whole: Sequence[int],
+        columns: Sequence[str] | None,
+        ids: Sequence[int] | None,
+    ) -> pa.Table:
+        """`table` of ``whole`` generations that follow each other."""
 
         def read() -> list[pa.Table]:
             tables = []
-            for piece in self._folder.pieces(kind):
-                wanted = (
-                    range(piece.first, min(piece.last, len(whole) - 1) + 1)
-                    if generation is None
-                    else range(max(piece.first, generation), min(piece.last, generation) + 1)
-                )
+            for piece in self._folder.pieces(kind) if whole else ():
+                wanted = range(max(piece.first, whole[0]), min(piece.last, whole[-1]) + 1)
                 if wanted:
                     with self._readable(piece.path, gone_is_damage=False):
                         tables.append(self._tables.rows(kind, piece, wanted, columns, ids))
@@ -108,7 +114,7 @@ class Logged:
             for generation, first, last in spans:
                 here = [one for one in missing if first <= one <= last]
                 if here:
-                    table = self.table(BIRTHS, generation, columns, here)
+                    table = self._joined(BIRTHS, [generation], columns, here)
                     for one in array_of(table["id"]).tolist():
                         missing.pop(one, None)
                     yield table

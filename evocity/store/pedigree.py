@@ -2,9 +2,8 @@
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
-from evocity.columns import array_of
+from evocity.columns import array_of, lists_of
 
 
 def ancestry(births: pa.Table, identifier: int) -> np.ndarray | None:
@@ -18,11 +17,8 @@ def ancestry(births: pa.Table, identifier: int) -> np.ndarray | None:
     order = np.argsort(ids, kind="stable")
     ordered = ids[order]
     # where the parents of each row begin, and whose they are
-    counts = _array(pc.fill_null(pc.list_value_length(births["parents"]), 0))
+    counts, parents = lists_of(births["parents"])
     starts = np.concatenate([[0], np.cumsum(counts)])
-    parents = _array(pc.drop_null(pc.list_flatten(births["parents"])))
-    if len(parents) != starts[-1]:
-        raise ValueError("a parent without a number")
 
     def rows_of(wanted: np.ndarray) -> np.ndarray:
         """The last row of each id, -1 where it has none."""

@@ -155,9 +155,10 @@ class Run:
             return found
         of = header.height, header.width, header.metres_per_pixel
         for table in self._log.rows_of(ids, ["id", "thumbnail"]):
-            for row in table.to_pylist():
-                if row["thumbnail"] is not None:
-                    found[row["id"]] = header.thumbnails.unpacked(row["thumbnail"], *of)
+            with readable(self.path):
+                for row in table.to_pylist():
+                    if row["thumbnail"] is not None:
+                        found[row["id"]] = header.thumbnails.unpacked(row["thumbnail"], *of)
         return found
 
     def _logged(self, ids: Sequence[int], stones: bool = True) -> dict[int, Birth]:

@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 from pydantic_core import from_json
 
 from evocity.citymap import MAX_PIXELS
+from evocity.columns import words_of
 from evocity.condensation import Condensation
 from evocity.errors import RunError, cut_short, plain_text
 from evocity.genome import Genome
@@ -29,7 +29,8 @@ from evocity.store.thumbnails import LONGEST, Thumbnails, thumbnail_columns, thu
 #: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
 #: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
 #: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
-#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric. 10 has thumbnails.
+#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric. 10 has thumbnails,
+#: and lists without nulls.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
 SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 
@@ -282,7 +283,17 @@ def births_schema(header: Header) -> pa.Schema:
         *thumbnail_fields(header),
         *header.chromosome.fields(header),
     ]
+    if header.schema_version > 9:
+        columns = [(name, _without_nulls(kind)) for name, kind in columns]
     return pa.schema(columns, metadata={ABOUT_RUN: header.to_json()})
+
+
+def _without_nulls(kind: pa.DataType) -> pa.DataType:
+    """A ``kind`` of lists with elements that are never null: reading them is a sixth faster. Any
+    other ``kind`` as it is."""
+    if not pa.types.is_list(kind):
+        return kind
+    return pa.list_(kind.value_field.with_nullable(False))
 
 
 def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
@@ -293,12 +304,9 @@ def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
         if table[name].null_count:
             raise ValueError(f"a row without {name}")
     for name, known in (("status", STATUSES), ("island", header.islands)):
-        if name in table.column_names:
-            told = pc.unique(table[name].cast(pa.string())).to_pylist()
-            if not set(told) <= set(known):
-                raise ValueError(
-                    f"{'an' if name == 'island' else 'a'} {name} other than {', '.join(known)}"
-                )
+        if name in table.column_names and not set(words_of(table[name])) <= set(known):
+            article = "an" if name == "island" else "a"
+            raise ValueError(f"{article} {name} other than {', '.join(known)}")
 
 
 def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
@@ -322,7 +330,7 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     columns |= again_columns(births, header) | thumbnail_columns(births, header)
     columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
-        column if isinstance(column, pa.Array) else pa.array(column, kind.type)
+        column.cast(kind.type) if isinstance(column, pa.Array) else pa.array(column, kind.type)
         for kind in schema
         for column in [columns[kind.name]]
     ]

@@ -24,7 +24,7 @@ class Thumbnails:
     higher is told as high as that."""
 
     pixels: Annotated[int, Field(ge=2, le=MAX_SIDE)]
-    metres: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    metres: Annotated[float, Field(gt=0, le=float(np.finfo(np.float32).max))]
 
     __pydantic_config__ = ConfigDict(strict=True, extra="forbid")
 

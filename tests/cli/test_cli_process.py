@@ -46,7 +46,14 @@ COMPUTING = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage",
             ("operators", "list"): {"evocity.search", "evocity.fitness"},
         },
         {("fitness", "list"): {"evocity.search", "evocity.coding"}},
-        {("status", str(OLD)): {"evocity.search.engine", "evocity.operators", "evocity.coding"}},
+        {
+            ("status", str(OLD)): {
+                "evocity.search.engine",
+                "evocity.operators",
+                "evocity.coding",
+                "pyarrow.compute",
+            }
+        },
     ],
     ids=["lists", "measures", "status"],
 )

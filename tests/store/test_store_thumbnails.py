@@ -57,6 +57,8 @@ def test_a_header_tells_how_they_are_made():
         {"pixels": 1, "metres": 40.0},
         {"pixels": 2, "metres": 0.0},
         {"pixels": 2, "metres": float("inf")},
+        {"pixels": 2, "metres": float("nan")},
+        {"pixels": 2, "metres": 1e300},
         {"pixels": "2", "metres": 40.0},
         {"pixels": 2},
         {"pixels": 2, "metres": 40.0, "more": 1},

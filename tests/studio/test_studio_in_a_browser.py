@@ -465,7 +465,6 @@ def test_sorting_leaves_no_hole(opened, folder):
             assert found == ok[ids].tolist()
 
 
-@pytest.mark.long
 def test_on_fine_screens_small_pictures_come_first_where_the_log_has_them(
     opened, browser, tmp_path
 ):
@@ -484,6 +483,7 @@ def test_on_fine_screens_small_pictures_come_first_where_the_log_has_them(
     assert set(sides[1:]) == {"192"}
 
 
+@pytest.mark.long
 def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
     recipe = evocity.read_recipe(write_toy(tmp_path, population=2, generations=GENERATIONS))
     alone = Search(recipe, tmp_path / "alone", workers=0)
