@@ -161,3 +161,17 @@ def test_processes_number_what_they_compile_apart():
     told = [subprocess.run(words, capture_output=True, text=True, check=True) for _ in range(3)]
     numbers = [int(line) for one in told for line in one.stdout.split()]
     assert len(set(numbers)) == len(numbers) >= 3
+
+
+def test_nobody_is_told_when_llvm_is_called():
+    from llvmlite.binding import ffi
+    from numba.core import event
+
+    calls = event.RecordingListener()
+    event.register("numba:llvm_lock", calls)
+    try:
+        assert kernel(lambda x: x + 1, cache=False)(1) == 2
+    finally:
+        event.unregister("numba:llvm_lock", calls)
+    assert calls.buffer == []
+    assert ffi.lib._lock._cblist == []

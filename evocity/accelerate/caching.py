@@ -11,7 +11,9 @@ kernel one number, once as another kernel calls it and once by itself, its code 
 constants. So each process counts from a number of its own.
 
 And numba loads all that it would compile with, scipy's linear algebra too, before it looks whether
-a kernel is in the cache: a third of a second, and a command takes one. Here it looks first.
+a kernel is in the cache: a third of a second, and a command takes one. Here it looks first. It
+tells whoever listens of each call of LLVM, hundreds as a kernel is loaded, which is a fifth of the
+time of that. Here nobody listens.
 """
 
 import contextlib
@@ -19,6 +21,7 @@ import itertools
 import os
 from collections.abc import Iterator
 
+from llvmlite.binding import ffi
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.runtime import rtsys
@@ -74,6 +77,12 @@ def _begin_anywhere() -> None:
     FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(6), "big"))
 
 
+def call_untold() -> None:
+    """Have numba tell nobody when LLVM is called."""
+    for callbacks in list(getattr(getattr(ffi.lib, "_lock", None), "_cblist", ())):
+        ffi.unregister_lock_callback(*callbacks)
+
+
 @contextlib.contextmanager
 def _locked(index: str) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
@@ -89,3 +98,4 @@ def _locked(index: str) -> Iterator[None]:
 
 
 count_apart()
+call_untold()
