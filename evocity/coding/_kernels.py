@@ -147,12 +147,13 @@ def moved(before, after, tolerance, sky):
 
 
 @kernel
-def scatter(values, table, sigma, layers):
-    """Adjoint of `lay_blocks` without β: each pixel's share of the flat ``values`` goes back to the
-    place in the flat ``layers``, which are overwritten, that the pixel was made from."""
+def scatter(values, pixels, places, sigma, layers):
+    """Adjoint of `lay_blocks` without β: the share that each of the ``pixels``, rising, has of the
+    flat ``values`` goes back to the one of the ``places`` in the flat ``layers``, which are
+    overwritten, that the pixel was made from."""
     layers[:] = 0
-    for p in range(table.size):
-        layers[np.uintp(table[p])] += sigma[p] * values[p]
+    for k in range(pixels.size):
+        layers[np.uintp(places[k])] += sigma[k] * values[np.uintp(pixels[k])]
 
 
 @kernel
@@ -164,10 +165,15 @@ def spread_means(means, tall, wide, heights):
     line = np.empty(columns, heights.dtype)
     fits = columns - wide + 1
     for y in range(rows - tall + 1):
-        line[:] = 0
-        for j in range(wide):
-            for x in range(fits):
-                line[x + j] += means[y, x]
+        if wide == 2 and fits > 0:  # nearly always, and in one sweep
+            line[0], line[fits] = means[y, 0], means[y, fits - 1]
+            for x in range(1, fits):
+                line[x] = means[y, x] + means[y, x - 1]
+        else:
+            line[:] = 0
+            for j in range(wide):
+                for x in range(fits):
+                    line[x + j] += means[y, x]
         for x in range(columns):
             line[x] *= scale
         for i in range(tall):

@@ -143,7 +143,7 @@ class CollageMap:
         self._sigma, beta = np.asarray(sigma, kind), np.asarray(beta, kind)
         self._slopes, self._offsets = self._sigma[self._which], beta[self._which]
         self._flat = self._condensed(self.pavement.raster(beta))
-        self._steep: np.ndarray | None = None  # σ of each pixel, once it is asked for
+        self._steep: np.ndarray | None = None  # σ of each of `sources`, once it is asked for
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
         """W applied once to ``(H, W)`` heights of W's own type."""
@@ -170,11 +170,13 @@ class CollageMap:
     def transposed(self, values: np.ndarray) -> np.ndarray:
         """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
         ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
+        pixels, places = self.sources
         if self._steep is None:
-            self._steep = self.pavement.raster(self._sigma)
+            steep = self.pavement.raster(self._sigma).ravel()
             if self._held is not None:  # W lays C there, so Wᵀ takes nothing thence
-                self._steep.ravel()[self._held] = 0
-        scatter(values.ravel(), self._table.ravel(), self._steep.ravel(), self._layers.ravel())
+                steep[self._held] = 0
+            self._steep = steep[pixels]
+        scatter(values.ravel(), pixels, places, self._steep, self._layers.ravel())
         target = np.zeros(self.shape, self._layers.dtype)
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             _shift_back(layer, *shift)
@@ -185,12 +187,14 @@ class CollageMap:
         return target
 
     @cached_property
-    def _table(self) -> np.ndarray:
-        """Int32 ``(H, W)``: which place of the layers each pixel is made from; 0 without a domain,
-        and so without σ."""
-        table = np.zeros(self.shape, np.int32)
-        gather_table(self._walk, self.shape[1], table.ravel())
-        return table
+    def sources(self) -> tuple[np.ndarray, np.ndarray]:
+        """The pixels whose range blocks have a domain, int32 ``(m,)``, rising, and the place in the
+        layers that each is made from. Others have no σ: `transposed` passes them over. Of all that
+        are `recoded` from this, once they were asked for here."""
+        table = np.full(self.shape[0] * self.shape[1], -1, np.int32)
+        gather_table(self._walk, self.shape[1], table)
+        pixels = np.flatnonzero(table >= 0).astype(np.int32)
+        return pixels, table[pixels]
 
     def _shrink_rare(self, heights: np.ndarray) -> None:
         layer = self._layers[-1]

@@ -89,6 +89,7 @@ class AttractorError:
         peak = float(city.heights.max())
         self._tolerance, self._sky = tolerance * peak, _SKY * peak
         self._collage = CollageMap(genome, dtype=np.float64)
+        _ = self._collage.sources  # the same for all codes
         self._shrink = self._collage.recoded(~genome.uniform, np.zeros(len(genome)))
         self._attractor = self._heights.copy()
         self._adjoint = np.zeros_like(self._heights)
