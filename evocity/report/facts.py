@@ -20,7 +20,6 @@ from evocity.search.algorithms import Ranked
 from evocity.search.binning import Binned, binned, grid_of_run
 from evocity.search.judging import aims_of_run, births_without_genomes
 from evocity.search.looks import alike, distinct_first, look_of
-from evocity.search.sections import RunSection
 from evocity.store import Birth, Run, Source
 from evocity.store.events import TURNS
 
@@ -75,8 +74,11 @@ class Facts:
         """Generations to be bred after the first population; None if the recipe is unreadable."""
         section = self.recipe.get("run", {})
         stated = section.get("generations") if isinstance(section, dict) else None
-        default = RunSection.model_fields["generations"].default if self.recipe else None
-        known = self.overrides.get("run.generations", default if stated is None else stated)
+        if stated is None and self.recipe:
+            from evocity.search.sections import RunSection  # which few need, and takes long
+
+            stated = RunSection.model_fields["generations"].default
+        known = self.overrides.get("run.generations", stated)
         whole = isinstance(known, int) and not isinstance(known, bool)
         return known if whole and 0 <= known <= _MOST_GENERATIONS else None
 

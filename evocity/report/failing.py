@@ -5,7 +5,6 @@ from collections import Counter
 from dataclasses import dataclass
 
 from evocity.search.differing import DIFFERS, in_words
-from evocity.search.evaluator import UNRECORDED
 from evocity.store import STATUSES, Run
 
 #: Fewer different genomes than this share of the births are worth a word.
@@ -45,6 +44,8 @@ def unrecorded(run: Run) -> str:
     lacking = [one["error"] for one in births if one["status"] == "ok" and one["error"]]
     if not lacking:
         return ""
+    from evocity.search.evaluator import UNRECORDED  # it loads all that measures
+
     first = shortened(lacking[0].removeprefix(UNRECORDED))
     return f"{len(lacking)} of {len(births)} births, such as: {first}"
 
