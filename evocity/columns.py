@@ -44,10 +44,17 @@ def lists_of(column: pa.ListArray | pa.ChunkedArray) -> tuple[np.ndarray, np.nda
     """How long the lists of numbers of a ``column`` are, int64 ``(n,)``, 0 where there is none, and
     what stands in them, one after the other. ValueError for a null among whole numbers."""
     chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
-    lengths = [np.where(_known(one), np.diff(array_of(one.offsets)), 0) for one in chunks]
-    values = [array_of(one.flatten()) for one in chunks]
-    none = np.empty(0, column.type.value_type.to_pandas_dtype())
-    return np.concatenate([np.empty(0, np.int64), *lengths]), np.concatenate([none, *values])
+    lengths = [np.empty(0, np.int64)]
+    values = [np.empty(0, column.type.value_type.to_pandas_dtype())]
+    for one in chunks:
+        offsets = array_of(one.offsets)
+        within = np.diff(offsets)
+        lengths.append(np.where(_known(one), within, 0))
+        if lengths[-1].sum() < within.sum():  # what stands where there is none is no value
+            values.append(array_of(one.flatten()))
+        elif len(one):
+            values.append(array_of(one.values)[offsets[0] : offsets[-1]])
+    return np.concatenate(lengths), np.concatenate(values)
 
 
 def known_of(column: pa.ChunkedArray) -> np.ndarray:

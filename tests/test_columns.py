@@ -57,3 +57,17 @@ def test_lists_are_those_of_arrow(data, lists):
         lengths, values = lists_of(same)
         assert lengths.tolist() == list(map(len, told))
         assert values.tolist() == [one for some in told for one in some]
+
+
+def test_what_stands_in_a_list_that_is_none_is_left_out():
+    lists = pa.ListArray.from_arrays(
+        [0, 2, 3, 5], [1, 2, 3, 4, 5], mask=pa.array([False, True, False])
+    )
+    assert lists.values[2].as_py() == 3
+    lengths, values = lists_of(lists)
+    assert (lengths.tolist(), values.tolist()) == ([2, 0, 2], [1, 2, 4, 5])
+
+
+def test_a_null_in_a_list_is_told():
+    with pytest.raises(ValueError, match="a column of int64 with nulls"):
+        lists_of(pa.array([[1, None]]))
