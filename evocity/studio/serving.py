@@ -1,6 +1,7 @@
 """The server's life: a socket of this machine alone, until Ctrl-C."""
 
 import contextlib
+import signal
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -92,7 +93,32 @@ def serve(
     with signals_raise():
         server = Server(paths, port, folder, begins)
         began(server.url)
-        server.run_until_stopped()
+        with _hangup_ends(server):
+            server.run_until_stopped()
+
+
+@contextlib.contextmanager
+def _hangup_ends(server: Server) -> Iterator[None]:
+    """Within, SIGHUP ends the ``server`` between two answers, as uvicorn has it of SIGTERM, and is
+    raised afterwards: in the middle of an answer it would be taken for a fault of that."""
+    number = getattr(signal, "SIGHUP", None)
+    before = None if number is None else signal.getsignal(number)
+    if not callable(before):  # it is ignored, or there is none
+        yield
+        return
+    came = []
+
+    def ended(*told) -> None:
+        came.append(told)
+        server.should_exit = True
+
+    signal.signal(number, ended)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+    for told in came[:1]:
+        before(*told)
 
 
 def _bound(port: int) -> socket.socket:

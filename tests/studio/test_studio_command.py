@@ -17,7 +17,9 @@ from brought import bring, footprints
 from click.testing import CliRunner
 
 from evocity.cli import main
+from evocity.search.signals import Signalled, signals_raise
 from evocity.studio.files import files
+from evocity.studio.serving import _hangup_ends
 
 EVOCITY = (sys.executable, "-m", "evocity")
 
@@ -59,6 +61,25 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_p
     assert running.returncode == 128 + getattr(signal, kind)
     assert list(tmp_path.glob("evocity-desk-*")) == []
     assert contents(night) == before
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="a signal of POSIX")
+def test_a_terminal_that_closes_in_the_middle_of_an_answer_ends_it_after_that():
+    server, answered = SimpleNamespace(should_exit=False), []
+
+    def served():
+        with signals_raise(), _hangup_ends(server):
+            signal.raise_signal(signal.SIGHUP)
+            answered.append(server.should_exit)
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup too
+    try:
+        with pytest.raises(Signalled):
+            served()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert answered == [True]
 
 
 def test_without_a_run_it_begins_at_the_desk_and_writes_nothing(tmp_path):
