@@ -27,10 +27,7 @@ def built_shares(fabric: Genome, city: CityMap) -> np.ndarray:
     """Float64 ``(len(fabric.cities),)``: the share of what is built on the ``city``, which the
     ``fabric`` decodes to, that is each source city's stone; they sum to 1, or are 0 where nothing
     is built."""
-    built, count = fabric.pavement.sums(city.built.astype(np.float32)), len(fabric.cities)
-    pixels = np.bincount(fabric.parent, fabric.part * built, count)
-    pixels += np.bincount(fabric.other, (1 - fabric.part) * built, count)
-    return pixels / max(pixels.sum(), 1)
+    return fabric.shares_of(fabric.pavement.sums(city.built.astype(np.float32)))
 
 
 __all__ = ["built_shares", "fabric_of"]

@@ -122,10 +122,14 @@ class Genome(Displayed):
     def shares(self) -> np.ndarray:
         """Float64 ``(len(cities),)``: the share of the map that is each source city's stone; they
         sum to 1. A lifs between two counts for both, by its ``part``."""
-        area, count = self.pavement.area.astype(float), len(self.cities)
-        pixels = np.bincount(self.parent, self.part * area, count)
-        pixels += np.bincount(self.other, (1 - self.part) * area, count)
-        return pixels / pixels.sum()
+        return self.shares_of(self.pavement.area.astype(float))
+
+    def shares_of(self, pixels: np.ndarray) -> np.ndarray:
+        """`shares` of so many ``pixels`` ``(n,)`` of each range block; 0 where they are none."""
+        count = len(self.cities)
+        found = np.bincount(self.parent, self.part * pixels, count)
+        found += np.bincount(self.other, (1 - self.part) * pixels, count)
+        return found / max(found.sum(), 1.0)
 
     @cached_property
     def digest(self) -> str:
