@@ -408,24 +408,26 @@ def test_what_came_before_a_scheduler_was_lost_is_kept(
     engine = cluster(machines.address, "time.sleep(0.02)")
     jobs = named(genome, *calm(40))
     expected = [one.values for one in engine.run("evaluate", jobs)]
-    take, look, came = engine._take, engine._look, []
+    take, look, came, lost = engine._take, engine._look, [], []
 
     def taken(*told):
-        if len(came) == 2:  # the next after another
-            came.append(None)
-            raise link.Lost("while hearing")
+        if lost == ["while looking"] and came:  # another came after it was connected to again
+            lost.append("while hearing")
+            raise link.Lost(lost[-1])
         came.append(found := take(*told))
         return found
 
     def looked():
-        if len(came) == 1:
-            came.append(None)
-            raise link.Lost("while looking")
+        if came and not lost:  # one chunk or more, as their times would have it
+            came.clear()
+            lost.append("while looking")
+            raise link.Lost(lost[-1])
         look()
 
     monkeypatch.setattr(engine, "_take", taken)
     monkeypatch.setattr(engine, "_look", looked)
     assert [one.values for one in engine.run("evaluate", jobs)] == expected
+    assert lost == ["while looking", "while hearing"]
     assert sum("is gone" in text for text in told) == 2
 
 
