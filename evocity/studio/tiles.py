@@ -1,10 +1,10 @@
 """Small pictures of births, kept in the user's cache: a run that is looked at is only read."""
 
 import contextlib
-import io
 import os
 import secrets
 import shutil
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,9 @@ from evocity.viewer.sheet import Sheet
 #: Bytes that the pictures of all runs may take; those of runs that nobody looked at for longest
 #: go first.
 MOST_KEPT = 500_000_000
+# Before the bytes of a picture: its height and width, px. A header of npy takes longer to read than
+# the picture.
+_SHAPE = struct.Struct("<HH")
 
 
 class Tiles:
@@ -40,31 +43,32 @@ class Tiles:
         for one, picture in made.items():
             self._keep(one, side, picture)
         found |= made
-        return Sheet.of({n: one for n, one in found.items() if one is not None}, lacking, packed=0)
+        return Sheet.of({n: one for n, one in found.items() if one is not None}, lacking, packed=False)
 
     def _file(self, one: int, side: int) -> Path | None:
-        return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.npy"
+        return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.rgb"
 
     def _kept(self, one: int, side: int) -> np.ndarray | None:
         file = self._file(one, side)
         if file is None:
             return None
         try:
-            found = np.load(io.BytesIO(file.read_bytes()), allow_pickle=False)
-        except (OSError, ValueError, EOFError, SyntaxError):  # it is not there, or not whole
+            told = file.read_bytes()
+            height, width = _SHAPE.unpack_from(told)
+            found = np.frombuffer(told, np.uint8, offset=_SHAPE.size).reshape(height, width, 3)
+        except (OSError, ValueError, struct.error):  # it is not there, or not whole
             return None
-        right = found.dtype == np.uint8 and found.ndim == 3 and found.shape[2] == 3
-        return found if right and found.size and max(found.shape[:2]) <= side else None
+        return found if 0 < max(height, width) <= side and found.size else None
 
     def _keep(self, one: int, side: int, picture: np.ndarray) -> None:
         """Nothing is lost but time where that cannot be."""
         file = self._file(one, side)
         if file is None:
             return
-        temporary = file.with_name(f".{secrets.token_hex(6)}.npy")
+        temporary = file.with_name(f".{secrets.token_hex(6)}.rgb")
         with contextlib.suppress(OSError):
             try:
-                np.save(temporary, picture)
+                temporary.write_bytes(_SHAPE.pack(*picture.shape[:2]) + picture.tobytes())
                 os.replace(temporary, file)
             finally:
                 temporary.unlink(missing_ok=True)

@@ -16,10 +16,11 @@ _ACROSS = 8
 @dataclass(frozen=True)
 class Sheet:
     """Pictures of the births ``ids``, in their order, each ``width`` × ``height`` px, ``across`` in
-    a row of the ``image``, a PNG. ``lacking``: id -> why it has none."""
+    a row of the ``image``, of the media type ``kind``. ``lacking``: id -> why it has none."""
 
     ids: list[int]
     image: bytes
+    kind: str
     across: int
     width: int
     height: int
@@ -27,13 +28,13 @@ class Sheet:
 
     @classmethod
     def of(
-        cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str], packed: int = 1
+        cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str], packed: bool = True
     ) -> "Sheet":
-        """Of ``pictures`` (height, width, 3), all of one size, by id. ``packed``: how well, 0 for
-        not at all, where room costs nothing."""
-        ids = list(pictures)
+        """Of ``pictures`` (height, width, 3), all of one size, by id. ``packed``: as PNG; else as
+        BMP, made in a fortieth of the time, where bytes cost nothing."""
+        ids, kind = list(pictures), "png" if packed else "bmp"
         if not ids:
-            return cls([], b"", 1, 0, 0, dict(lacking))
+            return cls([], b"", f"image/{kind}", 1, 0, 0, dict(lacking))
         height, width, _ = pictures[ids[0]].shape
         across = min(_ACROSS, len(ids))
         whole = np.zeros((-(-len(ids) // across) * height, across * width, 3), np.uint8)
@@ -41,14 +42,16 @@ class Sheet:
             top, left = place // across * height, place % across * width
             whole[top : top + height, left : left + width] = pictures[one]
         kept = io.BytesIO()
-        Image.fromarray(whole).save(kept, "PNG", compress_level=packed)
-        return cls(ids, kept.getvalue(), across, width, height, dict(lacking))
+        Image.fromarray(whole).save(kept, kind, compress_level=1)
+        image, kind = kept.getvalue(), f"image/{kind}"
+        return cls(ids, image, kind, across, width, height, dict(lacking))
 
     @property
     def about(self) -> dict:
         """All but the image, plain values."""
         return {
             "tiles": self.ids,
+            "kind": self.kind,
             "across": self.across,
             "width": self.width,
             "height": self.height,

@@ -142,10 +142,15 @@ def test_small_pictures_are_kept_for_the_user_and_never_trusted(asked, night, tm
     shutil.rmtree(folder, ignore_errors=True)
     watched = Watched(night)
     first = watched.sheet([1, 2, 3], 96)
-    files = sorted(folder.rglob("*.npy"))
+    files = sorted(folder.rglob("*.rgb"))
     assert [file.name.split("-")[0] for file in files] == ["1", "2", "3"]
-    files[0].write_bytes(files[0].read_bytes()[:90])
-    np.save(files[1], np.zeros((5000, 5000, 3), np.uint8))
+    whole = files[0].read_bytes()
+    for broken in (b"", whole[:3], whole[:90], whole + b"\0", bytes(4)):
+        files[0].write_bytes(broken)
+        assert Watched(night).sheet([1], 96).ids == [1]
+        assert files[0].read_bytes() == whole
+    files[0].write_bytes(whole[:90])
+    files[1].write_bytes(b"\x88\x13\x01\0" + bytes(5000 * 3))  # taller than any may be
     before, again = files[2].stat().st_mtime_ns, Watched(night)
     assert again.sheet([1, 2, 3], 96).image == first.image
     assert files[2].stat().st_mtime_ns == before

@@ -102,13 +102,16 @@ def test_the_buffer_is_ids_and_columns():
     assert births.among([13, 4, 10**30, -1, 3]) == [13, 3]
 
 
-def test_pictures_lie_side_by_side_in_their_order():
-    pictures = {n: np.full((4, 6, 3), 10 * n, np.uint8) for n in range(11)}
-    sheet = Sheet.of(pictures, {99: "timeout"})
-    seen = np.asarray(Image.open(io.BytesIO(sheet.image)))
+@pytest.mark.parametrize("kind, packed", [("PNG", True), ("BMP", False)])
+def test_pictures_lie_side_by_side_in_their_order(kind, packed):
+    pictures = {n: np.full((4, 6, 3), (10 * n, n, 255 - n), np.uint8) for n in range(11)}
+    sheet = Sheet.of(pictures, {99: "timeout"}, packed=packed)
+    opened = Image.open(io.BytesIO(sheet.image), formats=[kind])
+    assert sheet.about["kind"] == opened.get_format_mimetype() == f"image/{kind.lower()}"
+    seen = np.asarray(opened)
     for place, one in enumerate(sheet.ids):
         top, left = place // sheet.across * 4, place % sheet.across * 6
-        assert (seen[top : top + 4, left : left + 6] == 10 * one).all()
+        assert (seen[top : top + 4, left : left + 6] == pictures[one]).all()
     assert sheet.about["lacking"] == [[99, "timeout"]]
     assert Sheet.of({}, {}).image == b""
 

@@ -45,7 +45,7 @@ export async function framed(name, query = {}) {
 /** Small pictures, as `Tiles` asks for them. */
 export async function tiles(name, query) {
   const { about, content } = await framed(name, query);
-  return { ...about, image: new Blob([content], { type: "image/png" }) };
+  return { ...about, image: new Blob([content], { type: about.kind }) };
 }
 
 /** What is to be changed; the answer, JSON. */

@@ -387,7 +387,7 @@ function render({ model, el }) {
     const resolve = told && waiting.get(told.request);
     if (!resolve) return; // another view's
     waiting.delete(told.request);
-    resolve({ ...told, image: new Blob([buffers[0]], { type: "image/png" }) });
+    resolve({ ...told, image: new Blob([buffers[0]], { type: told.kind }) });
   };
   const viewer = new Viewer(el, {
     about: model.get("about"),
