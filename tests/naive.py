@@ -1467,17 +1467,17 @@ def first_cells(heights, side, origins, ways):
     rows, columns = heights.shape
     row, column = np.nonzero(~np.isnan(heights))
     west, south = (column - columns / 2) * side, (rows / 2 - row - 1) * side
-    lows = np.stack([west, south, np.zeros(len(row))], axis=1)
-    highs = np.stack([west + side, south + side, heights[row, column].astype(float)], axis=1)
+    lows = np.stack([west, south, np.zeros(len(row))])[:, None]  # (3, lines, cells)
+    highs = np.stack([west + side, south + side, heights[row, column].astype(float)])[:, None]
+    start, way = origins.T[..., None], ways.T[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        one = (lows - origins[:, None]) / ways[:, None]
-        other = (highs - origins[:, None]) / ways[:, None]
+        one, other = (lows - start) / way, (highs - start) / way
     enters, leaves = np.minimum(one, other), np.maximum(one, other)
-    first, last = enters.max(axis=2), leaves.min(axis=2)
+    first, last = enters.max(axis=0), leaves.min(axis=0)
     met = (first <= last) & (first > 0)
     nearest = np.where(met, first, np.inf).argmin(axis=1)
     lines = np.arange(len(origins))
-    part = np.array([1, 2, 0])[enters[lines, nearest].argmax(axis=1)]
+    part = np.array([1, 2, 0])[enters[:, lines, nearest].argmax(axis=0)]
     return np.where(met.any(axis=1), 3 * (row * columns + column)[nearest] + part, -1)
 
 

@@ -139,7 +139,8 @@ class Studio:
 
 @contextlib.contextmanager
 def studio() -> Iterator[Studio]:
-    with served_modules() as address, started(*WITHOUT_CARD) as browser:
+    words = (*WITHOUT_CARD, "--disable-gpu-compositing")  # which takes longer so
+    with served_modules() as address, started(*words) as browser:
         yield Studio(browser, address)
 
 

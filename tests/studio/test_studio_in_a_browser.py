@@ -25,8 +25,8 @@ import evocity
 from evocity.search import Search
 from evocity.search.binning import binned
 from evocity.store import Birth, Member, RunWriter
+from evocity.studio import watched
 from evocity.studio.serving import served
-from evocity.studio.watched import FRESH
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
@@ -136,19 +136,6 @@ def shown_ids(page) -> list[int]:
 
 def state_of(page) -> dict:
     return json.loads(unquote(page.evaluate("location.hash")[1:]))
-
-
-def test_the_token_leaves_the_address_and_the_cookie_stays(opened, folder):
-    with served(folder) as server:
-        page = opened(server)
-        assert "token" not in page.url
-        assert server._guard.token not in page.content()
-        (cookie,) = page.context.cookies()
-        assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
-        assert cookie["name"] == f"evocity-{server.port}"
-        assert page.evaluate("document.cookie") == ""
-        page.reload()
-        until(page, "studio.run?.viewer")
 
 
 def test_the_whole_job_by_keys_alone(opened, folder):
@@ -421,7 +408,8 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
         assert page.evaluate("window.hacked") is None
 
 
-def test_new_generations_arrive_and_nothing_jumps(opened, folder):
+def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
+    monkeypatch.setattr(watched, "FRESH", 0.05)
     with served(folder) as server:
         page = opened(server)
         page.locator("[role=option]").nth(3).click()
@@ -434,7 +422,7 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder):
         state = state_of(page)
         for _ in range(3):
             grown(folder)
-            time.sleep(0.55)
+            time.sleep(0.06)
         look(page)
         until(page, "studio.run.about.generation === 3")
         ids = page.evaluate("() => Array.from(studio.run.viewer.births.ids)")
@@ -501,7 +489,7 @@ def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
                     search.flush()
                     for one in pages:
                         look(one)
-            time.sleep(FRESH)
+            time.sleep(watched.FRESH)
             for one in pages:
                 look(one)
                 until(one, f"studio.run.about.generation === {GENERATIONS}")
@@ -880,10 +868,19 @@ def test_one_filter_in_all_views(opened, tmp_path):
         assert again.locator(".evocity-cell").count() == len(best)
 
 
-def test_a_server_that_ends_is_told_and_found_again(opened, folder):
+def test_the_token_leaves_the_address_and_the_cookie_stays_until_the_server_ends(opened, folder):
+    """A page tells that its server has ended, and finds it again with another token."""
     opened.lost += ("403 (Forbidden)",)
     with served(folder) as server:
         page, port = opened(server), server.port
+        assert "token" not in page.url
+        assert server._guard.token not in page.content()
+        (cookie,) = page.context.cookies()
+        assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
+        assert cookie["name"] == f"evocity-{port}"
+        assert page.evaluate("document.cookie") == ""
+        page.reload()
+        until(page, "studio.run?.viewer")
     look(page)
     until(page, "document.getElementById('trouble').textContent.includes('has ended')")
     with served(folder, port=port) as server:

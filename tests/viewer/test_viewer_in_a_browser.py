@@ -1,9 +1,9 @@
 """The page of a view in chromium without a window: one filter, what is chosen, what is drawn."""
 
+import contextlib
 import json
 import time
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -59,35 +59,41 @@ def widget(
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator:
-    with started() as found:
-        yield found
+def kept() -> Iterator:
+    """A page of a browser, for one test after the other."""
+    with started() as browser:
+        yield browser.new_page()
 
 
 @pytest.fixture
-def opened(browser):
+def opened(kept):
     """Opens the page of a widget; afterwards the console must have been silent, and nothing asked
     of another host."""
-    said, asked, open_pages = [], [], []
+    said, asked = [], []
+    heard = {
+        "console": lambda message: said.append(message.text),
+        "pageerror": lambda error: said.append(str(error)),
+        "request": lambda request: asked.append(request.url),
+    }
 
-    def open_page(shown: Widget, width: int = 900, height: int = 1100) -> SimpleNamespace:
-        server = served(shown)
-        address = server.__enter__()
-        page = browser.new_page(viewport={"width": width, "height": height})
-        open_pages.append((server, page))
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on("request", lambda request: asked.append((address, request.url)))
-        page.goto(address)
-        until(page, "window.view !== undefined")
-        return page
+    with contextlib.ExitStack() as stack:
 
-    yield open_page
-    for server, page in open_pages:
-        page.close()
-        server.__exit__(None, None, None)
+        def open_page(shown: Widget, width: int = 900, height: int = 1100):
+            address = stack.enter_context(served(shown))
+            stack.callback(kept.goto, "about:blank")
+            own.append(address)
+            kept.set_viewport_size({"width": width, "height": height})
+            kept.goto(address)
+            until(kept, "window.view !== undefined")
+            return kept
+
+        own = ["blob:", "data:", "about:blank"]
+        for name, act in heard.items():
+            kept.on(name, act)
+            stack.callback(kept.remove_listener, name, act)
+        yield open_page
     assert said == []
-    assert [url for own, url in asked if not url.startswith((own, "blob:", "data:"))] == []
+    assert [url for url in asked if not url.startswith(tuple(own))] == []
 
 
 def until(page, condition: str) -> None:

@@ -102,7 +102,7 @@ def test_the_buffer_is_ids_and_columns():
     assert births.among([13, 4, 10**30, -1, 3]) == [13, 3]
 
 
-@pytest.mark.parametrize("kind, packed", [("PNG", True), ("BMP", False)])
+@pytest.mark.parametrize(("kind", "packed"), [("PNG", True), ("BMP", False)])
 def test_pictures_lie_side_by_side_in_their_order(kind, packed):
     pictures = {n: np.full((4, 6, 3), (10 * n, n, 255 - n), np.uint8) for n in range(11)}
     sheet = Sheet.of(pictures, {99: "timeout"}, packed=packed)
