@@ -99,7 +99,7 @@ def opened(browser):
             context = browser.new_context(viewport={"width": width, "height": height})
             contexts.append(context)
         page = context.new_page()
-        page.on("console", lambda message: said.append(message.text))
+        page.on("console", lambda told: said.append(f"{told.text} {told.location['url']}"))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))
         page.goto(server.url + at)
@@ -292,6 +292,8 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
     opened.lost += ("GL Driver Message",)  # of a machine without a graphics card
     with served(folder) as server:
         page = opened(server)
+        kinds = "[...studio.run.one.seen.kinds.values()]"
+        assert page.evaluate(f"() => {kinds}.every((one) => one.disabled)")  # no birth is told yet
         page.locator("[role=option]").nth(1).click()
         page.get_by_role("button", name=button, exact=True).click()
         until(page, "studio.run.one.seen.drawn && studio.run.one.seen.drawn.kind")

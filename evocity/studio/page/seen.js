@@ -19,6 +19,7 @@ export class Seen {
     const kinds = made(parent, "div", "row", "", { role: "group", "aria-label": "picture" });
     this.kinds = new Map([...PICTURES, ...COUNTS, ...SPACES, [DIFFERENCE, DIFFERENCE]].map(([kind, text]) => {
       const button = made(kinds, "button", "", text, { type: "button" });
+      button.disabled = true; // until a birth is told
       button.addEventListener("click", () => this.picture(kind));
       return [kind, button];
     }));
