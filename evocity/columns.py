@@ -72,11 +72,7 @@ def words_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
     """Texts of a ``column``, ``(n,)``, of any type that Arrow keeps words in; None for null."""
     if not pa.types.is_dictionary(column.type):
         column = column.cast("string").dictionary_encode()
-    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
-    return np.concatenate([np.empty(0, object), *map(_words, chunks)])
-
-
-def _words(coded: pa.DictionaryArray) -> np.ndarray:
+    coded = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
     words = np.array([*coded.dictionary.to_pylist(), None], object)
     return words[np.where(_known(coded.indices), _items(coded.indices), -1)]
 

@@ -14,15 +14,9 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
+from evocity.store.packing import packing_of
 from evocity.store.parts import open_to_read
 
-#: How every Parquet file of a run is written.
-WRITTEN = {
-    "compression": "zstd",
-    "compression_level": 3,
-    "use_dictionary": True,
-    "write_page_checksum": True,
-}
 #: The key of the digest in a footer, and what stands there while it is taken.
 SEAL, UNSEALED = b"evocity.seal", b"0" * 32
 
@@ -34,7 +28,7 @@ _MOST = 1 << 28
 @contextmanager
 def sealed(path: Path, schema) -> Iterator[pq.ParquetWriter]:
     """A writer of the Parquet file ``path``, which is sealed once all is written."""
-    with pq.ParquetWriter(path, schema, **WRITTEN) as writer:
+    with pq.ParquetWriter(path, schema, **packing_of(schema)) as writer:
         yield writer
         writer.add_key_value_metadata({SEAL.decode(): UNSEALED.decode()})
     with open(path, "rb+") as file:
@@ -117,4 +111,4 @@ def _blake():
     return hashlib.blake2b(digest_size=16)
 
 
-__all__ = ["SEAL", "WRITTEN", "check_digests", "check_seal", "digests_of", "opened", "sealed"]
+__all__ = ["SEAL", "check_digests", "check_seal", "digests_of", "opened", "sealed"]

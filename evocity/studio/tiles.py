@@ -43,7 +43,9 @@ class Tiles:
         for one, picture in made.items():
             self._keep(one, side, picture)
         found |= made
-        return Sheet.of({n: one for n, one in found.items() if one is not None}, lacking, packed=False)
+        return Sheet.of(
+            {n: one for n, one in found.items() if one is not None}, lacking, packed=False
+        )
 
     def _file(self, one: int, side: int) -> Path | None:
         return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.rgb"

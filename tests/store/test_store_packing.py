@@ -1,0 +1,119 @@
+"""How the columns of a log are packed: which are compressed, and that nothing is lost by it."""
+
+import io
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from toy_runs import write_toy
+
+from evocity import read_recipe
+from evocity.search import Search
+from evocity.store.packing import packing_of
+
+SMALL = {"generation", "id", "parents", "operator", "status", "seconds", "feasible"}
+TEXTS = {"made", "error", "genome"}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """One of births and one of membership."""
+    folder = tmp_path_factory.mktemp("packed")
+    recipe = read_recipe(write_toy(folder, population=40), generations=2)
+    with Search(recipe, folder / "night", workers=0) as search:
+        for _ in search:
+            pass
+    kinds = "births", "membership"
+    return [sorted((folder / "night" / kind).glob("*.parquet"))[-1] for kind in kinds]
+
+
+def leaves(file) -> dict:
+    """What metadata tell of each column of a file's first row group, by its name."""
+    group = pq.ParquetFile(file).metadata.row_group(0)
+    found = [group.column(n) for n in range(group.num_columns)]
+    return {one.path_in_schema.removesuffix(".list.element"): one for one in found}
+
+
+def test_lists_and_texts_are_compressed_and_what_is_small_is_not(files):
+    births, membership = map(leaves, files)
+    small = {name for name, one in births.items() if one.compression == "UNCOMPRESSED"}
+    assert small == SMALL | {name for name in births if name.startswith("fitness.")}
+    others = {births[name].compression for name in births.keys() - small}
+    assert others == {"ZSTD"}
+    assert births.keys() - small > TEXTS | {"sigma", "beta", "x", "source"}
+    assert {one.compression for one in membership.values()} == {"UNCOMPRESSED"}
+
+
+def test_whole_numbers_are_differences(files):
+    births, membership = map(leaves, files)
+    differences = {
+        name
+        for name, one in [*births.items(), *membership.items()]
+        if "DELTA_BINARY_PACKED" in one.encodings
+    }
+    assert differences == {"generation", "id", "parents", "slot", "rank"}
+    assert births["id"].statistics.min is not None  # by which births are found
+
+
+def test_a_log_is_smaller_than_one_of_which_all_is_compressed(files):
+    for file in files:
+        table = pq.read_table(file)
+        compressed = {"compression": "zstd", "compression_level": 3, "write_page_checksum": True}
+        assert written(table, packing_of(table.schema)) < written(table, compressed)
+
+
+def written(table: pa.Table, packing: dict) -> int:
+    file = io.BytesIO()
+    with pq.ParquetWriter(file, table.schema, **packing) as writer:
+        writer.write_table(table)
+    return len(file.getvalue())
+
+
+WHOLE = st.one_of(st.none(), st.integers(-(2**63), 2**63 - 1))
+COLUMNS = {
+    "id": (pa.int64(), WHOLE),
+    "slot": (pa.int32(), st.one_of(st.none(), st.integers(-(2**31), 2**31 - 1))),
+    "parents": (pa.list_(pa.int64()), st.one_of(st.none(), st.lists(WHOLE, max_size=4))),
+    "operator": (pa.dictionary(pa.int32(), pa.string()), st.one_of(st.none(), st.text())),
+    "made": (pa.string(), st.one_of(st.none(), st.text())),
+    "fitness.a": (pa.float64(), st.one_of(st.none(), st.floats(allow_nan=False))),
+    "feasible": (pa.bool_(), st.one_of(st.none(), st.booleans())),
+    "x": (pa.list_(pa.uint16(), 2), st.lists(st.integers(0, 9), min_size=2, max_size=2)),
+    "sigma": (pa.list_(pa.float32()), st.lists(st.floats(width=32, allow_nan=False), max_size=9)),
+    "thumbnail": (pa.binary(3), st.one_of(st.none(), st.binary(min_size=3, max_size=3))),
+}
+
+
+@given(st.data(), st.integers(0, 20), st.sets(st.sampled_from(sorted(COLUMNS)), min_size=1))
+def test_what_is_read_is_what_was_written(data, count, names):
+    columns = {
+        name: pa.array(
+            data.draw(st.lists(COLUMNS[name][1], min_size=count, max_size=count)),
+            COLUMNS[name][0],
+        )
+        for name in names
+    }
+    table, file = pa.table(columns), io.BytesIO()
+    with pq.ParquetWriter(file, table.schema, **packing_of(table.schema)) as writer:
+        writer.write_table(table)
+    if count:
+        for name, one in leaves(pa.BufferReader(file.getvalue())).items():
+            assert (one.compression == "ZSTD") == (name in ("made", "x", "sigma", "thumbnail"))
+    assert pq.read_table(pa.BufferReader(file.getvalue())).equals(table)
+
+
+def test_other_readers_read_it(files):
+    """DuckDB and polars, as the notebook of SQL does."""
+    duckdb, polars = pytest.importorskip("duckdb"), pytest.importorskip("polars")
+    for file in files:
+        right = pq.read_table(file)
+        names = [one for one in right.schema.names if one in SMALL | {"slot", "rank"}]
+        select = ", ".join(f'"{name}"' for name in names)
+        told = duckdb.sql(f"SELECT {select} FROM read_parquet('{file}')").fetchall()
+        wanted = [tuple(row.values()) for row in right.select(names).to_pylist()]
+        assert told == wanted
+        assert polars.read_parquet(file, columns=names).rows() == wanted
+        assert np.array_equal(polars.read_parquet(file)["id"].to_numpy(), right["id"].to_numpy())
