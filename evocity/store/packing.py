@@ -26,6 +26,7 @@ def packing_of(schema: pa.Schema) -> dict:
             **dict.fromkeys(packed, "zstd"),
         },
         "compression_level": dict.fromkeys(packed, 3),
+        "write_statistics": [leaves[name] for name in plain],
         "use_dictionary": [leaf for name, leaf in leaves.items() if name not in whole],
         "column_encoding": {leaves[name]: "DELTA_BINARY_PACKED" for name in whole},
         "write_page_checksum": True,

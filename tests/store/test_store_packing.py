@@ -55,7 +55,13 @@ def test_whole_numbers_are_differences(files):
         if "DELTA_BINARY_PACKED" in one.encodings
     }
     assert differences == {"generation", "id", "parents", "slot", "rank"}
+
+
+def test_statistics_are_kept_of_what_is_small_alone(files):
+    births, membership = map(leaves, files)
     assert births["id"].statistics.min is not None  # by which births are found
+    for one in (*births.values(), *membership.values()):
+        assert one.is_stats_set == (one.compression == "UNCOMPRESSED")
 
 
 def test_a_log_is_smaller_than_one_of_which_all_is_compressed(files):
