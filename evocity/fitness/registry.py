@@ -18,14 +18,21 @@ from typing import overload
 
 from evocity.errors import EvocityError, FitnessError, check_word, near_miss, told
 from evocity.fitness.data import checked_names, data_of
+from evocity.fitness.declaring import (
+    HOW_TO_DECLARE,
+    check_function,
+    checked_bounds,
+    checked_goal,
+    checked_numbers,
+    checked_unit,
+    own,
+)
 from evocity.fitness.measure import (
-    EXTRAS,
     Family,
     Measure,
     Several,
     content_hash,
     line_in,
-    shown,
 )
 from evocity.fitness.reference import Reference
 from evocity.fitness.siblings import importing_from
@@ -36,7 +43,6 @@ PLUGINS = "evocity.fitness"
 
 #: What measures may be of.
 SUBJECTS = ("city", "shape", "curve", "site")
-_HOW_TO_DECLARE = '@evocity.fitness(goal="max", unit="m", range=(0, 1)) above def name(city):'
 
 
 _table: dict[str, Measure] = {}  # declared by this package, by plugins, in the user's session
@@ -112,15 +118,15 @@ def fitness(
     is taken.
     """
     if callable(goal):
-        raise FitnessError("@evocity.fitness without brackets", _HOW_TO_DECLARE, "add brackets")
-    several, read = _checked_names(numbers), checked_names(data)
+        raise FitnessError("@evocity.fitness without brackets", HOW_TO_DECLARE, "add brackets")
+    several, read = checked_numbers(numbers), checked_names(data)
     check_word("of", of, SUBJECTS, "leave it out for a map", FitnessError)
     each = [
         (
             number,
-            _goal(_own(goal, number, None)),
-            _unit(_own(unit, number, "")),
-            _bounds(_own(range, number, (-math.inf, math.inf))),
+            checked_goal(own(goal, number, None)),
+            checked_unit(own(unit, number, "")),
+            checked_bounds(own(range, number, (-math.inf, math.inf))),
         )
         for number in several or [None]
     ]
@@ -134,7 +140,7 @@ def fitness(
             )
 
     def declare(function: Callable) -> Measure | Family:
-        needs, takes = _check_function(function)
+        needs, takes = check_function(function)
         name, called = function.__name__, Several(function, several) if several else function
         file = function.__code__.co_filename
         found = [
@@ -302,7 +308,7 @@ def _executed(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, byt
         # a measure that the file imports is its helper
         found = [one for one in found if Path(one.file) not in imported]
         if not found:
-            raise FitnessError("no measure in it", f"at least one {_HOW_TO_DECLARE}", "add it")
+            raise FitnessError("no measure in it", f"at least one {HOW_TO_DECLARE}", "add it")
         imported |= data_of(path.parent, found)
         beside = tuple(str(one) for one in sorted(imported))
         found = [replace(one, origin=str(path), beside=beside) for one in found]
@@ -369,73 +375,3 @@ def _add(table: dict[str, Measure], found: list[Measure], taken: dict[str, Measu
 
 def _origin(measure: Measure) -> tuple[str, str]:
     return measure.function.__module__, measure.function.__qualname__
-
-
-def _check_function(function) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Which of `EXTRAS` the ``function`` needs, and which it takes."""
-    if not inspect.isfunction(function) or not function.__name__.isidentifier():
-        raise FitnessError(
-            f"@evocity.fitness(...) above {shown(function)}",
-            "a function with a name",
-            f"write {_HOW_TO_DECLARE}",
-        )
-    signature = inspect.signature(function)
-    given = dict(list(signature.parameters.items())[1:])
-    takes = tuple(name for name in EXTRAS if name in given)
-    needs = tuple(name for name in takes if given[name].default is inspect.Parameter.empty)
-    try:
-        signature.bind("city", **dict.fromkeys(takes))
-    except TypeError as error:
-        raise FitnessError(
-            f"{function.__name__}{signature}: {error}",
-            f"a function of the city map: def {function.__name__}(city):, which may ask for "
-            f"{', '.join(EXTRAS)} besides",
-            "take these alone; give other parameters default values",
-        ) from None
-    return needs, takes
-
-
-def _checked_names(numbers: Sequence[str]) -> tuple[str, ...]:
-    listed = isinstance(numbers, Sequence) and not isinstance(numbers, str)
-    names = tuple(numbers) if listed else ()
-    right = all(isinstance(name, str) and name.isidentifier() for name in names)
-    if not (listed and right and len(set(names)) == len(names)):
-        raise FitnessError(
-            f"numbers = {numbers!r}",
-            'names of the numbers that the function returns, for example ("count", "tallest")',
-            "leave it out if the function returns one number",
-        )
-    return names
-
-
-def _own(told, number: str | None, default):
-    """What is told of one ``number``, or of all."""
-    return told.get(number, default) if isinstance(told, Mapping) else told
-
-
-def _goal(goal) -> str | None:
-    if goal not in ("max", "min", None):
-        raise FitnessError(
-            f"goal = {goal!r}",
-            '"max", "min" or None',
-            "give targets in the recipe (target = 0.35, or like = a city), not here",
-        )
-    return goal
-
-
-def _unit(unit) -> str:
-    if not isinstance(unit, str):
-        raise FitnessError(f"unit = {unit!r}", 'text, for example "m"', "put the unit in quotes")
-    return unit
-
-
-def _bounds(range) -> tuple[float, float]:
-    with contextlib.suppress(TypeError, ValueError):
-        low, high = (float(bound) for bound in range)
-        if low < high:
-            return low, high
-    raise FitnessError(
-        f"range = {range!r}",
-        "two numbers, the lower first; float('inf') for no bound",
-        "write for example range=(0, 1)",
-    )
