@@ -25,7 +25,8 @@ from evocity.search.islands import (
     keys_of_islands,
     on_island,
 )
-from evocity.search.sections import Parent, SearchSection, sound_keys
+from evocity.search.searching import SearchSection, sound_keys
+from evocity.search.sections import Parent
 from evocity.search.values import parent_place, parent_title
 from evocity.search.wanted import FitnessEntry, MeasureEntry
 

@@ -13,7 +13,8 @@ from evocity.errors import shown, with_near_miss
 from evocity.fitness import Aims, Measure
 from evocity.search.algorithms import algorithms
 from evocity.search.mixture import OperatorEntry, entry_of
-from evocity.search.sections import RunSection, SearchSection, some_algorithm
+from evocity.search.searching import SearchSection, some_algorithm
+from evocity.search.sections import RunSection
 from evocity.search.values import Section, Title
 
 #: A fault: key, what was found, what is allowed.

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from evocity.errors import shown, with_near_miss
-from evocity.search.sections import bytes_of
+from evocity.search.searching import bytes_of
 from evocity.search.values import Finite, Positive, Section, fault
 from evocity.store import GENOMES
 

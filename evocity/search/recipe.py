@@ -39,17 +39,15 @@ from evocity.search.mixture import (
     usual_operators,
 )
 from evocity.search.overnight import LogSection, NotifySection, StopSection
+from evocity.search.searching import EvaluationSection, RefineSection, SearchSection
 from evocity.search.sections import (
     MOST_COURSES,
     CourseSection,
-    EvaluationSection,
     GenomeSection,
     LockedSection,
     MapSection,
     Parent,
-    RefineSection,
     RunSection,
-    SearchSection,
 )
 from evocity.search.values import (
     Section,

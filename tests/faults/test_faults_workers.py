@@ -19,7 +19,7 @@ from evocity.search import read_recipe
 from evocity.search.evaluation import Workers, processes, starting, workers
 from evocity.search.evaluation.output import MOST_PRINTED
 from evocity.search.evaluator import Setup
-from evocity.search.sections import bytes_of
+from evocity.search.searching import bytes_of
 from evocity.search.warm import DECODE
 
 linux = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
