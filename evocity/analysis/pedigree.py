@@ -83,7 +83,7 @@ def graph_of(
     import networkx
 
     graph, nodes = networkx.DiGraph(), ids.tolist()
-    # as `add_nodes_from` and `add_edges_from` leave it, in a fifth of the time
+    # as `add_nodes_from` and `add_edges_from` leave it, in a third of the time
     after, before = graph._succ, graph._pred
     with _uncollected():
         empty = dict.fromkeys(columns)

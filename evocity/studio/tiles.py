@@ -17,9 +17,11 @@ from evocity.viewer.sheet import Sheet
 #: Bytes that the pictures of all runs may take; those of runs that nobody looked at for longest
 #: go first.
 MOST_KEPT = 500_000_000
-# Before the bytes of a picture: its height and width, px. A header of npy takes longer to read than
+# Before the bytes of a picture: its height and width, px. numpy's header takes longer to read than
 # the picture.
 _SHAPE = struct.Struct("<HH")
+# How files of this release end.
+_KIND = f"-{__version__}.rgb"
 
 
 class Tiles:
@@ -32,6 +34,7 @@ class Tiles:
             if self._folder is not None:
                 self._folder.mkdir(parents=True, exist_ok=True)
                 os.utime(self._folder)
+                _remove_older(self._folder)
                 _make_room(self._folder)
 
     def sheet(self, viewed: Viewed, ids: list[int], side: int) -> Sheet:
@@ -48,7 +51,7 @@ class Tiles:
         )
 
     def _file(self, one: int, side: int) -> Path | None:
-        return None if self._folder is None else self._folder / f"{one}-{side}-{__version__}.rgb"
+        return None if self._folder is None else self._folder / f"{one}-{side}{_KIND}"
 
     def _kept(self, one: int, side: int) -> np.ndarray | None:
         file = self._file(one, side)
@@ -74,6 +77,14 @@ class Tiles:
                 os.replace(temporary, file)
             finally:
                 temporary.unlink(missing_ok=True)
+
+
+def _remove_older(folder: Path) -> None:
+    """Remove the pictures that other releases kept."""
+    with os.scandir(folder) as listed:
+        for one in listed:
+            if not one.name.startswith(".") and not one.name.endswith(_KIND):
+                os.unlink(one.path)
 
 
 def _make_room(own: Path) -> None:

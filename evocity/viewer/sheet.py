@@ -30,19 +30,21 @@ class Sheet:
     def of(
         cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str], packed: bool = True
     ) -> "Sheet":
-        """Of ``pictures`` (height, width, 3), all of one size, by id. ``packed``: as PNG; else as
-        BMP, made in a fortieth of the time, where bytes cost nothing."""
+        """Of ``pictures`` (height, width, 3), by id; a smaller one lies at the top left of its
+        place. ``packed``: as PNG; else as BMP, made in a tenth of the time or less, where bytes
+        cost nothing."""
         ids, kind = list(pictures), "png" if packed else "bmp"
         if not ids:
             return cls([], b"", f"image/{kind}", 1, 0, 0, dict(lacking))
-        height, width, _ = pictures[ids[0]].shape
+        height, width = np.max([one.shape[:2] for one in pictures.values()], axis=0).tolist()
         across = min(_ACROSS, len(ids))
         whole = np.zeros((-(-len(ids) // across) * height, across * width, 3), np.uint8)
         for place, one in enumerate(ids):
             top, left = place // across * height, place % across * width
-            whole[top : top + height, left : left + width] = pictures[one]
+            tall, wide, _ = pictures[one].shape
+            whole[top : top + tall, left : left + wide] = pictures[one]
         kept = io.BytesIO()
-        Image.fromarray(whole).save(kept, kind, compress_level=1)
+        Image.fromarray(whole).save(kept, kind, **({"compress_level": 1} if packed else {}))
         image, kind = kept.getvalue(), f"image/{kind}"
         return cls(ids, image, kind, across, width, height, dict(lacking))
 

@@ -1,6 +1,8 @@
 """How the columns of a log are packed: which are compressed, and that nothing is lost by it."""
 
 import io
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -10,10 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from toy_runs import write_toy
 
+import evocity
 from evocity import read_recipe
 from evocity.search import Search
+from evocity.store import layout, merge
 from evocity.store.packing import packing_of
 
+OLD = sorted((Path(__file__).parent.parent / "old").glob("run-*[0-9]"))
 SMALL = {"generation", "id", "parents", "operator", "status", "seconds", "feasible"}
 TEXTS = {"made", "error", "genome"}
 
@@ -61,7 +66,47 @@ def test_statistics_are_kept_of_what_is_small_alone(files):
     births, membership = map(leaves, files)
     assert births["id"].statistics.min is not None  # by which births are found
     for one in (*births.values(), *membership.values()):
-        assert one.is_stats_set == (one.compression == "UNCOMPRESSED")
+        single = one.compression == "UNCOMPRESSED" and ".list." not in one.path_in_schema
+        assert one.is_stats_set == single
+
+
+def test_of_what_is_not_compressed_words_alone_have_dictionaries(files):
+    births, membership = map(leaves, files)
+    plain = [one for one in births.items() if one[1].compression == "UNCOMPRESSED"]
+    found = {name for name, one in plain if one.has_dictionary_page}
+    assert found == {"operator", "status"}
+    assert not any(one.has_dictionary_page for one in membership.values())
+
+
+def test_a_mark_may_be_called_as_births_parents_are():
+    table, file = pa.table({"parents": [0.5, 2.0]}), io.BytesIO()
+    with pq.ParquetWriter(file, table.schema, **packing_of(table.schema)) as writer:
+        writer.write_table(table)
+    assert pq.read_table(pa.BufferReader(file.getvalue())).equals(table)
+
+
+def test_a_column_of_several_leaves_is_refused():
+    with pytest.raises(TypeError, match="a column both of struct"):
+        packing_of(pa.schema([("both", pa.struct([("a", pa.int32()), ("b", pa.int32())]))]))
+
+
+@pytest.mark.parametrize("path", OLD, ids=lambda path: path.name)
+def test_logs_of_older_releases_are_packed_anew_as_they_are_merged(path, tmp_path, monkeypatch):
+    folder = shutil.copytree(path, tmp_path / "run")
+    before = evocity.open_run(folder)
+    for module in (layout, merge):
+        monkeypatch.setattr(module, "SPANS", (4, 16))
+    merge.merge(layout.Folder(folder))
+    after = evocity.open_run(folder)
+    assert before.births().equals(after.births())
+    assert before.members().equals(after.members())
+    for kind in ("births", "membership"):
+        (file,) = (folder / kind).glob("*.parquet")
+        packing = packing_of(pq.ParquetFile(file).schema_arrow)["compression"]
+        group = pq.ParquetFile(file).metadata.row_group(1)
+        for one in map(group.column, range(group.num_columns)):
+            wanted = packing[one.path_in_schema]
+            assert one.compression == {"none": "UNCOMPRESSED", "zstd": "ZSTD"}[wanted]
 
 
 def test_a_log_is_smaller_than_one_of_which_all_is_compressed(files):
@@ -112,7 +157,8 @@ def test_what_is_read_is_what_was_written(data, count, names):
 
 
 def test_other_readers_read_it(files):
-    """DuckDB and polars, as the notebook of SQL does."""
+    """DuckDB, polars and pandas, as the notebook of SQL does."""
+    pandas = pytest.importorskip("pandas")
     duckdb, polars = pytest.importorskip("duckdb"), pytest.importorskip("polars")
     for file in files:
         right = pq.read_table(file)
@@ -122,4 +168,5 @@ def test_other_readers_read_it(files):
         wanted = [tuple(row.values()) for row in right.select(names).to_pylist()]
         assert told == wanted
         assert polars.read_parquet(file, columns=names).rows() == wanted
+        assert pandas.read_parquet(file)["id"].tolist() == right["id"].to_pylist()
         assert np.array_equal(polars.read_parquet(file)["id"].to_numpy(), right["id"].to_numpy())

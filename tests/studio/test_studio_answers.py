@@ -151,9 +151,13 @@ def test_small_pictures_are_kept_for_the_user_and_never_trusted(asked, night, tm
         assert files[0].read_bytes() == whole
     files[0].write_bytes(whole[:90])
     files[1].write_bytes(b"\x88\x13\x01\0" + bytes(5000 * 3))  # taller than any may be
+    older = [folder / files[0].parent.name / one for one in ("1-96-0.0.1.rgb", "1-96-0.0.1.npy")]
+    for one in older:
+        one.write_bytes(whole)
     before, again = files[2].stat().st_mtime_ns, Watched(night)
     assert again.sheet([1, 2, 3], 96).image == first.image
     assert files[2].stat().st_mtime_ns == before
+    assert not any(one.exists() for one in older)  # of other releases
     shutil.rmtree(folder)
     folder.write_text("in the way")
     assert Watched(night).sheet([3, 1], 96).ids == [3, 1]

@@ -411,7 +411,7 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
 
 
 def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
-    monkeypatch.setattr(watched, "FRESH", 0.05)
+    monkeypatch.setattr(watched, "FRESH", 0.0)
     with served(folder) as server:
         page = opened(server)
         page.locator("[role=option]").nth(3).click()
@@ -424,7 +424,6 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
         state = state_of(page)
         for _ in range(3):
             grown(folder)
-            time.sleep(0.06)
         look(page)
         until(page, "studio.run.about.generation === 3")
         ids = page.evaluate("() => Array.from(studio.run.viewer.births.ids)")

@@ -116,6 +116,16 @@ def test_pictures_lie_side_by_side_in_their_order(kind, packed):
     assert Sheet.of({}, {}).image == b""
 
 
+def test_a_smaller_picture_lies_at_the_top_left_of_its_place():
+    pictures = {5: np.full((3, 6, 3), 9, np.uint8), 7: np.full((4, 5, 3), 8, np.uint8)}
+    sheet = Sheet.of(pictures, {}, packed=False)
+    assert (sheet.width, sheet.height) == (6, 4)
+    seen = np.asarray(Image.open(io.BytesIO(sheet.image)))[..., 0]
+    wanted = np.zeros((4, 12), int)
+    wanted[:3, :6], wanted[:, 6:11] = 9, 8
+    assert seen.tolist() == wanted.tolist()
+
+
 def test_the_page_is_one_module_that_fetches_nothing():
     whole = joined.module()
     assert "import " not in whole
