@@ -42,6 +42,14 @@ class Form:
     crs: str | None = None
     made: Mapping = field(default_factory=dict)
 
+    def __eq__(self, other: object) -> bool:
+        """Of the same kind, in the same window, with the same arrays, bit for bit; names and
+        provenance are not compared, as of genomes."""
+        return isinstance(other, Form) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
     def __reduce__(self):
         return _again, (type(self), {one.name: getattr(self, one.name) for one in fields(self)})
 

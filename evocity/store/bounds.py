@@ -5,7 +5,6 @@ What a file says of itself is looked at before any of it is unpacked.
 """
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -59,28 +58,21 @@ def check_bounds(
 
 
 def read_bounded(
-    path: Path,
     file: pq.ParquetFile,
     kind: str,
     groups: Sequence[int],
     columns: Sequence[str] | None,
     places: np.ndarray | None = None,
 ) -> pa.Table:
-    """The ``columns``, all if None, of some row groups of the ``file`` at ``path``; of the rows at
-    ``places`` alone, ascending, if these are told. Texts of errors are cut to `LONGEST_ERROR`
-    letters; of a generation with more than `MOST_TEXT` bytes of them it is told how many there
-    are."""
+    """The ``columns``, all if None, of some row groups of a ``file``; of the rows at ``places``
+    alone, ascending, if these are told. Texts of errors, which the file is opened to have in
+    dictionaries, are cut to `LONGEST_ERROR` letters; of a generation with more than `MOST_TEXT`
+    bytes of them it is told how many there are."""
     if kind != BIRTHS or (columns is not None and ERROR not in columns):
         return _read(file, groups, columns, places)
     others = [name for name in columns or file.schema_arrow.names if name != ERROR]
     table = _read(file, groups, others, places)
-    with pq.ParquetFile(
-        path,
-        metadata=file.metadata,
-        read_dictionary=[ERROR],
-        page_checksum_verification=True,
-    ) as again:
-        errors = [one for group in groups for one in _errors(again, group)]
+    errors = [one for group in groups for one in _errors(file, group)]
     at = (columns or file.schema_arrow.names).index(ERROR)
     told = pa.chunked_array(errors, pa.string())
     return table.add_column(at, ERROR, told if places is None else _taken(told, places))

@@ -1,5 +1,6 @@
 """What a run's log holds, whichever files it stands in: a merge may replace them meanwhile."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral
@@ -10,12 +11,12 @@ import pyarrow as pa
 from evocity.columns import array_of
 from evocity.errors import EvocityError, RunError
 from evocity.store.ending import Ending
-from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
+from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece
 from evocity.store.membership import summaries_of
 from evocity.store.merge import KINDS, unlike
 from evocity.store.schema import Header
 from evocity.store.seals import opened
-from evocity.store.tables import Tables, spans_of
+from evocity.store.tables import Tables
 
 # Bytes of a table up to which its columns are one chunk each: what Arrow's lists may hold.
 _WHOLE = 2**31
@@ -58,10 +59,8 @@ class Logged:
         kind: str,
         generation: int | None,
         columns: Sequence[str] | None,
-        ids: Sequence[int] | None = None,
     ) -> pa.Table:
-        """Rows of a ``kind`` in one generation, or in all; all ``columns`` if None. ``ids``: of the
-        births these alone."""
+        """Rows of a ``kind`` in one generation, or in all; all ``columns`` if None."""
         whole = self.generations
         if generation is not None and generation not in whole:
             raise RunError(
@@ -69,15 +68,9 @@ class Logged:
                 f"one of 0…{len(whole) - 1}" if whole else "a run with a whole generation",
                 "see `evocity status`",
             )
-        return self._joined(kind, whole if generation is None else [generation], columns, ids)
+        return self._joined(kind, whole if generation is None else [generation], columns)
 
-    def _joined(
-        self,
-        kind: str,
-        whole: Sequence[int],
-        columns: Sequence[str] | None,
-        ids: Sequence[int] | None,
-    ) -> pa.Table:
+    def _joined(self, kind: str, whole: Sequence[int], columns: Sequence[str] | None) -> pa.Table:
         """`table` of ``whole`` generations that follow each other."""
 
         def read() -> list[pa.Table]:
@@ -85,8 +78,11 @@ class Logged:
             for piece in self._folder.pieces(kind) if whole else ():
                 wanted = range(max(piece.first, whole[0]), min(piece.last, whole[-1]) + 1)
                 if wanted:
-                    with self._readable(piece.path, gone_is_damage=False):
-                        tables.append(self._tables.rows(kind, piece, wanted, columns, ids))
+                    with (
+                        self._readable(piece.path, gone_is_damage=False),
+                        self._tables.opened(kind, piece) as part,
+                    ):
+                        tables.append(part.rows(wanted, columns))
             return tables
 
         tables = self._with_pieces(read)
@@ -105,27 +101,52 @@ class Logged:
 
     def rows_of(self, ids: Sequence[int], columns: Sequence[str]) -> Iterator[pa.Table]:
         """The rows of births with these ``ids``, of a generation at a time."""
-        spans, missing = [], dict.fromkeys(ids)
+        missing, largest = dict.fromkeys(ids), -1
         # where they are if as many are born in each generation; then everywhere
         for near in ({one // self._population for one in ids}, None):
-            if not missing:
-                break
-            spans = self._with_pieces(lambda near=near: self._spans(near))
-            for generation, first, last in spans:
-                here = [one for one in missing if first <= one <= last]
-                if here:
-                    table = self._joined(BIRTHS, [generation], columns, here)
-                    for one in array_of(table["id"]).tolist():
-                        missing.pop(one, None)
-                    yield table
+            if missing:
+                for table, last in self._rows_near(near, missing, columns):
+                    largest = max(largest, last)
+                    if table is not None:
+                        yield table
         if missing:
             raise RunError(
                 f"{self._path}: no individual {next(iter(missing))}",
-                f"an id from 0 to {max(last for _, _, last in spans)}"
-                if spans
-                else "a run with a whole generation",
+                f"an id from 0 to {largest}" if largest >= 0 else "a run with a whole generation",
                 self.where_ids_are,
             )
+
+    def _rows_near(
+        self, near: Collection[int] | None, missing: dict[int, None], columns: Sequence[str]
+    ) -> Iterator[tuple[pa.Table | None, int]]:
+        """Of each generation in the files of those ``near``, or in all files, the rows of births
+        that are ``missing``, which then are not any more; None without any; and its largest id. A
+        file of hundreds of generations is opened once."""
+        for attempt in range(_ATTEMPTS):
+            try:
+                with self._readable(self._path, gone_is_damage=attempt == _ATTEMPTS - 1):
+                    whole = self.generations
+                    for piece in self._folder.pieces(BIRTHS):
+                        here = near is None or any(piece.first <= g <= piece.last for g in near)
+                        if here and missing:
+                            with self._readable(piece.path, gone_is_damage=False):
+                                yield from self._rows_in(piece, whole, missing, columns)
+                return
+            except FileNotFoundError:  # merged in this moment
+                continue
+
+    def _rows_in(
+        self, piece: Piece, whole: range, missing: dict[int, None], columns: Sequence[str]
+    ) -> Iterator[tuple[pa.Table | None, int]]:
+        ids = sorted(missing)
+        with self._tables.opened(BIRTHS, piece) as part:
+            for generation, first, last in part.spans(whole):
+                table, wanted = None, ids[bisect_left(ids, first) : bisect_right(ids, last)]
+                if wanted:
+                    table = part.rows(range(generation, generation + 1), columns, wanted)
+                    for one in array_of(table["id"]).tolist():
+                        missing.pop(one, None)
+                yield table, last
 
     def check_ids(self, ids: Sequence[int]) -> None:
         """Raise `RunError` unless all ``ids`` are whole numbers."""
@@ -157,17 +178,6 @@ class Logged:
         """What to do for the id of a birth."""
         status = f"`evocity status {self._path}`"
         return f"take one from {status}, the report, or the births' `id` column"
-
-    def _spans(self, near: Collection[int] | None) -> list[tuple[int, int, int]]:
-        """(generation, least and largest id) of each whole generation that has births; of those in
-        the files of the generations ``near``, or of all."""
-        whole, spans = self.generations, []
-        for piece in self._folder.pieces(BIRTHS):
-            if near is not None and not any(piece.first <= one <= piece.last for one in near):
-                continue
-            with self._readable(piece.path, gone_is_damage=False):
-                spans += spans_of(piece, whole)
-        return spans
 
     def _summaries(self, path: Path) -> dict[int, dict]:
         with self._readable(path, gone_is_damage=False), opened(path) as file:

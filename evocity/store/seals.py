@@ -8,7 +8,7 @@ wrote no seals are read without.
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -41,11 +41,14 @@ def sealed(path: Path, schema) -> Iterator[pq.ParquetWriter]:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """The Parquet file ``path``, opened to be read; its pages are verified as they are read. Raises
-    ValueError if its footer is not the one that was written, and OSError."""
+def opened(path: Path, read_dictionary: Sequence[str] = ()) -> Iterator[pq.ParquetFile]:
+    """The Parquet file ``path``, opened to be read; its pages are verified as they are read. The
+    texts of ``read_dictionary`` stay in dictionaries. Raises ValueError if its footer is not the
+    one that was written, and OSError."""
     check_seal(path)
-    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+    with pq.ParquetFile(
+        path, read_dictionary=[*read_dictionary], page_checksum_verification=True
+    ) as file:
         yield file
 
 

@@ -1,13 +1,15 @@
 """Rows of a run's Parquet files, once these are what the run writes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from evocity.columns import array_of
-from evocity.store.bounds import check_bounds, read_bounded
+from evocity.store.bounds import ERROR, check_bounds, read_bounded
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Piece
 from evocity.store.membership import membership_schema
 from evocity.store.schema import (
@@ -16,7 +18,7 @@ from evocity.store.schema import (
     births_schema,
     check_rows,
 )
-from evocity.store.seals import check_seal, opened
+from evocity.store.seals import opened
 
 
 class Tables:
@@ -31,33 +33,56 @@ class Tables:
         self.schemas = {BIRTHS: births_schema(header), MEMBERSHIP: membership_schema(header)}
         self._known: set[bytes] = set()  # headers of files, of which hundreds tell the same
 
-    def rows(
-        self,
-        kind: str,
-        piece: Piece,
-        wanted: range,
-        columns: Sequence[str] | None,
-        ids: Sequence[int] | None = None,
-    ) -> pa.Table:
-        """Generations ``wanted`` of a file, once its header and columns are those of the run; all
-        ``columns`` if None. ``ids``: of the births these alone."""
-        with opened(piece.path) as file:
+    @contextmanager
+    def opened(self, kind: str, piece: Piece) -> "Iterator[Part]":
+        """A file, opened once its header and columns are those of the run."""
+        folded = [ERROR] if kind == BIRTHS else []
+        with opened(piece.path, read_dictionary=folded) as file:
             schema = file.schema_arrow
-            groups = [g - piece.first for g in wanted]
-            if piece.first == piece.last:  # without rows it has no row group
-                groups = range(file.num_row_groups)
-            check_bounds(file.metadata, self._header, groups, columns)
             told = schema.metadata[ABOUT_RUN]
             if told not in self._known:
                 if Header.from_json(told, piece.path) != self._header:
                     raise ValueError("it belongs to another run")
                 self._known.add(told)
+            for name in folded:
+                at = schema.get_field_index(name)
+                schema = schema.set(at, schema.field(at).with_type(pa.string()))
             if not schema.equals(self.schemas[kind]):
                 raise ValueError(f"its columns are not those of {kind}")
-            places = None if ids is None else _places(file, groups, ids)
-            table = read_bounded(piece.path, file, kind, groups, columns, places)
-            check_rows(table, self._header, kind != BIRTHS)
-            return table
+            yield Part(self._header, kind, piece, file)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A ``file`` of the run with a ``header``, which is open."""
+
+    header: Header
+    kind: str
+    piece: Piece
+    file: pq.ParquetFile
+
+    def rows(
+        self, wanted: range, columns: Sequence[str] | None, ids: Sequence[int] | None = None
+    ) -> pa.Table:
+        """Generations ``wanted``; all ``columns`` if None. ``ids``: of the births these alone."""
+        groups: Sequence[int] = [g - self.piece.first for g in wanted]
+        if self.piece.first == self.piece.last:  # without rows it has no row group
+            groups = range(self.file.num_row_groups)
+        check_bounds(self.file.metadata, self.header, groups, columns)
+        places = None if ids is None else _places(self.file, groups, ids)
+        table = read_bounded(self.file, self.kind, groups, columns, places)
+        check_rows(table, self.header, self.kind != BIRTHS)
+        return table
+
+    def spans(self, whole: range) -> Iterator[tuple[int, int, int]]:
+        """(generation, least and largest id) of each ``whole`` generation that has births."""
+        about = self.file.metadata
+        at = self.file.schema_arrow.names.index("id")
+        # a row group a generation; without rows there is none
+        for group in range(about.num_row_groups):
+            told = about.row_group(group).column(at).statistics
+            if self.piece.first + group in whole and told is not None:
+                yield self.piece.first + group, int(told.min), int(told.max)
 
 
 def _places(file: pq.ParquetFile, groups: Sequence[int], ids: Sequence[int]) -> np.ndarray:
@@ -66,18 +91,4 @@ def _places(file: pq.ParquetFile, groups: Sequence[int], ids: Sequence[int]) -> 
     return np.flatnonzero(np.isin(known, np.array(ids, np.int64)))
 
 
-def spans_of(piece: Piece, whole: range) -> list[tuple[int, int, int]]:
-    """(generation, least and largest id) of each ``whole`` generation of a file that has births."""
-    check_seal(piece.path)
-    about, spans = pq.read_metadata(piece.path), []
-    at = about.schema.to_arrow_schema().names.index("id")
-    # a row group a generation; without rows there is none
-    for group in range(about.num_row_groups):
-        column = about.row_group(group).column(at)
-        if piece.first + group in whole and column.statistics is not None:
-            least, largest = column.statistics.min, column.statistics.max
-            spans.append((piece.first + group, int(least), int(largest)))
-    return spans
-
-
-__all__ = ["Tables", "spans_of"]
+__all__ = ["Part", "Tables"]

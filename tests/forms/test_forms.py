@@ -130,6 +130,9 @@ def test_forms_are_written_and_read(fabric, tmp_path):
         form.write(path)
         again = read_form(path)
         assert again.digest == form.digest
+        assert again == form
+        assert hash(again) == hash(form)
+        assert again != forms[number - 1]
         assert type(again) is type(form)
         assert again.made == form.made
     assert again.fabric == locked

@@ -56,7 +56,6 @@ def counted(monkeypatch):
         return one(self, number, *args, **options)
 
     monkeypatch.setattr(seals, "check_seal", checking)
-    monkeypatch.setattr("evocity.store.tables.check_seal", checking)
     monkeypatch.setattr(pq.ParquetFile, "__init__", making)
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", reading)
     monkeypatch.setattr(pq.ParquetFile, "read_row_group", reading_one)
@@ -95,6 +94,18 @@ def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
         "births/generation-00000038.parquet",
         "membership/generation-00000038.parquet",
     }
+
+
+def test_births_of_many_generations_are_read_from_files_opened_once(long, counted):
+    read, checked = counted
+    born = open_run(long).individuals([8, 200, 30, 77, 0, 9])
+    assert [one.id for one in born] == [8, 200, 30, 77, 0, 9]
+    groups = {  # of generations 0, 1 and 5; 12; 33
+        "births/segment-00000000-00000015.parquet": 4,
+        "births/segment-00000032-00000035.parquet": 1,
+    }
+    assert births_read(read) == groups
+    assert all(checked[name] == 1 for name in groups)
 
 
 @pytest.mark.parametrize("at_once", [1, 30, 1 << 16])  # values: a row, some, all at a time
