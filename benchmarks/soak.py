@@ -65,6 +65,7 @@ def resident() -> float:
 
 def bred(folder: Path, generations: int) -> tuple[Path, dict[int, float]]:
     """A search of so many generations, and its memory at a tenth of them and at the end."""
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "soak.toml").write_text(RECIPE.format(generations=generations))
     memory = {}
     with evocity.Search(evocity.read_recipe(folder / "soak.toml"), out=folder / "run") as search:
