@@ -107,13 +107,12 @@ def coming(pool: Engine, plans: Iterator[Plan | None]) -> Iterator[Born]:
 
 
 def _born(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Born:
-    """The individual of a ``plan`` with its ``outcome``; if it was ``lost`` before, that is of its
-    second breeding."""
+    """The individual of a ``plan`` with its ``outcome``. If it was ``lost`` before, that is of its
+    second breeding: one that fails again is told by how it failed then, time and all."""
     if plan.operator is None:
         return Born(plan, _founder(plan), outcome)
     if outcome.genome is None:
-        seconds = outcome.seconds if lost is None else lost.seconds
-        return Born(plan, replace(outcome, seconds=seconds))
+        return Born(plan, outcome)
     return Born(plan, Outcome("ok", genome=outcome.genome), outcome if lost is None else lost)
 
 

@@ -9,8 +9,9 @@ from test_search_run import FAILING, rows, run
 
 from evocity import operators
 from evocity.search import Search, read_recipe
-from evocity.search.births import to_evaluate
-from evocity.search.evaluator import Evaluator
+from evocity.search.births import coming, to_evaluate
+from evocity.search.breeding import Plan
+from evocity.search.evaluator import Evaluator, Outcome
 from evocity.search.preparation import prepare
 from evocity.store import open_run
 
@@ -58,7 +59,7 @@ class Hanging:
     parents = (1, 1)
 
     def __call__(self, parents, rng):
-        fate = rng.integers(3)
+        fate = rng.integers(4)
         if fate == 0:
             time.sleep(1e6)
         if fate == 1:
@@ -68,18 +69,35 @@ class Hanging:
 
 def test_a_failing_operator_is_to_blame_by_name(toy, tmp_path, monkeypatch):
     monkeypatch.setitem(operators.OPERATORS, "hanging", Hanging)
-    recipe = toy(population=12, generations=1, timeout=1.0, max_failures=1.0)
+    recipe = toy(population=12, generations=1, timeout=2.0, max_failures=1.0)
     text = recipe.read_text().replace("mutation = 2", "mutation = 0\nhanging = 9")
     recipe.write_text(text)
     run(recipe, tmp_path / "run")
     table = open_run(tmp_path / "run").births(1)
     told = {row["status"]: row for row in table.to_pylist() if row["operator"] == "hanging"}
     assert set(told) == {"timeout", "died", "error"}
-    assert told["timeout"]["error"] == "hanging: no result after 1 s"
-    assert told["timeout"]["seconds"] >= 1
+    assert told["timeout"]["error"] == "hanging: no result after 2 s"
+    assert told["timeout"]["seconds"] == 2
     assert told["died"]["error"] == "hanging: the worker ended with exit code 3"
     assert "hanging: ValueError: no child today" in told["error"]["error"]
     assert all(row["genome"] is None for row in told.values())
+
+
+def test_a_birth_that_is_lost_twice_is_told_as_the_second_loss():
+    """Status, error and seconds are of one and the same attempt."""
+    plan = Plan(7, object(), (1,), (), np.random.default_rng(1))
+    died = Outcome("died", "the worker ended with exit code 3", 0.25)
+    late = Outcome("timeout", "no result after 3 s", 3.0)
+
+    class Pool:
+        def stream(self, method, jobs):
+            next(jobs)
+            yield 0, died
+            next(jobs)
+            yield 1, late
+
+    (born,) = coming(Pool(), iter([plan]))
+    assert (born.bred, born.evaluated) == (late, None)
 
 
 def test_born_is_breed_and_evaluate(toy):
