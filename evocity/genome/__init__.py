@@ -13,6 +13,7 @@ from evocity.genome.genome import Genome
 from evocity.genome.nucleotides import (
     DOMAIN,
     FIELDS,
+    MOST_PARENTS,
     NEWER,
     NUCLEOTIDES,
     PROVENANCE,
@@ -27,6 +28,7 @@ from evocity.genome.refining import Pieces, laid, merged, refined, split
 __all__ = [
     "DOMAIN",
     "FIELDS",
+    "MOST_PARENTS",
     "NEWER",
     "NUCLEOTIDES",
     "PROVENANCE",

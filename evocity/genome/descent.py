@@ -6,6 +6,7 @@ import numpy as np
 
 from evocity.errors import GenomeError
 from evocity.genome.genome import Genome
+from evocity.genome.nucleotides import MOST_PARENTS
 
 
 def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
@@ -16,10 +17,10 @@ def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.n
     """
     genomes = list(genomes)
     names = list(dict.fromkeys(city for genome in genomes for city in genome.cities))
-    if len(names) > 256:
+    if len(names) > MOST_PARENTS:
         raise GenomeError(
             f"{len(names)} source cities",
-            "at most 256",
+            f"at most {MOST_PARENTS}",
             "breed from genomes that share more of their cities",
         )
     number = {name: index for index, name in enumerate(names)}

@@ -30,6 +30,8 @@ NUCLEOTIDES: Mapping[str, Nucleotide] = {
     "dy": _nucleotide(np.int16, "px", "a multiple of the range block's side, above it; 0 = none"),
     "iso": _nucleotide(np.uint8, "", "0…7, see evocity.isometries"),
 }
+#: Source cities of a genome, and parents of one birth: ``parent`` counts them in a byte.
+MOST_PARENTS = 256
 #: Carried along with each lifs: the stone its range block is, as a place in a source city. The
 #: range block shows the square of its own side whose north-west pixel is ``source``, under the
 #: isometry ``turn``. Of a lifs between two (interpolation) that is the stone of the larger share,

@@ -5,12 +5,12 @@ import math
 from evocity import operators
 from evocity.citymap import MAX_SIDE
 from evocity.errors import GenomeError, OperatorError, shown, with_near_miss
+from evocity.genome import MOST_PARENTS
 from evocity.operators.grid import METRES
 from evocity.pavement import read_sides
 from evocity.pavement.levels import USUAL
 from evocity.search.islands import merged_operators
 from evocity.search.mixture import (
-    MOST_PARENTS,
     OperatorEntry,
     corners,
     is_range,

@@ -10,13 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from evocity import operators
 from evocity.errors import shown, with_near_miss
-from evocity.genome import Genome
+from evocity.genome import MOST_PARENTS, Genome
 from evocity.kinds import KINDS
 from evocity.operators.parameters import number_of
 from evocity.search.values import fault
 
-#: Parents of one birth, and cities of a recipe: `Genome` counts them in a byte.
-MOST_PARENTS = 256
 #: The keys of a range.
 ENDS = ("from", "to")
 
@@ -225,7 +223,6 @@ def _own(kind: type | None, fixed: Mapping[str, Any], coding: Mapping | None) ->
 
 
 __all__ = [
-    "MOST_PARENTS",
     "Drawn",
     "OperatorEntry",
     "Range",

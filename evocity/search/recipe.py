@@ -25,12 +25,12 @@ from evocity import operators
 from evocity.coding.matching import available_cores
 from evocity.displayed import Displayed
 from evocity.fitness import Measure
+from evocity.genome import MOST_PARENTS
 from evocity.kinds import KINDS, Kind, Window
 from evocity.operators import Operator
 from evocity.search.checking import fill
 from evocity.search.islands import MOST_ISLANDS, IslandSection, MigrationSection
 from evocity.search.mixture import (
-    MOST_PARENTS,
     OperatorEntry,
     drawing_of,
     entry_of,

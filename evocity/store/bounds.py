@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from evocity.columns import column_of
+from evocity.genome import MOST_PARENTS
 from evocity.store.layout import BIRTHS
 from evocity.store.schema import LONGEST_ERROR, Header
 
@@ -23,7 +24,7 @@ MOST_GROUPS = 1 << 10
 # Values of a column that are read at a time, where a few rows are wanted.
 _AT_ONCE = 1 << 16
 
-ERROR = "error"
+ERROR, PARENTS = "error", "parents"
 
 
 def check_bounds(
@@ -51,7 +52,8 @@ def check_bounds(
             column = group.column(at)
             if rows * length > MOST_FIXED:
                 raise ValueError(f"{rows * length} bytes of {name} in one generation")
-            if column.num_values > max(rows, 1) * most:
+            each = MOST_PARENTS if name == PARENTS else most
+            if column.num_values > max(rows, 1) * each:
                 raise ValueError(f"{column.num_values} values of {name} in one generation")
             if text and column.total_uncompressed_size > MOST_TEXT:
                 raise ValueError(f"{column.total_uncompressed_size} bytes of {name}")

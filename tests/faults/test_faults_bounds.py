@@ -168,6 +168,23 @@ def test_a_billion_rows_are_not_read(old_run, monkeypatch):
         open_run(old_run).births(0, columns=["id"])
 
 
+def test_more_parents_than_a_birth_can_have_are_not_read(old_run):
+    path = old_run / "births" / "generation-00000001.parquet"
+    table = pq.read_table(path)
+    at = table.column_names.index("parents")
+    kind = table.schema.field(at)
+
+    def told(each: int) -> list[int]:
+        column = pa.array([[0] * each] * len(table), kind.type)
+        pq.write_table(table.set_column(at, kind, column), path)
+        births = open_run(old_run).births(1, columns=["id", "parents"])
+        return [len(one) for one in births["parents"].to_pylist()]
+
+    assert told(256) == [256] * len(table)
+    with pytest.raises(RunError, match=f"{257 * len(table)} values of parents in one generation"):
+        told(257)
+
+
 def test_an_array_that_is_not_there_is_not_made(old_run):
     path = next((old_run / "sources").glob("*.npy"))
     head = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000), }"
