@@ -30,4 +30,9 @@ def built_shares(fabric: Genome, city: CityMap) -> np.ndarray:
     return fabric.shares_of(fabric.pavement.sums(city.built.astype(np.float32)))
 
 
-__all__ = ["built_shares", "fabric_of"]
+def told_share(share: float) -> str:
+    """A share above 0 in words."""
+    return f"{share:.0%}" if share >= 0.005 else "under 1%"
+
+
+__all__ = ["built_shares", "fabric_of", "told_share"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +11,11 @@ from evocity.analysis.births import Told
 from evocity.analysis.clusters import labelled, medoids
 from evocity.analysis.compromise import best_compromise
 from evocity.analysis.extras import library
+from evocity.analysis.fabrics import told_share
 from evocity.analysis.individual import Individual
 from evocity.analysis.likeness import Likeness
 from evocity.displayed import Displayed
+from evocity.genome import VOID
 from evocity.search.fronts import Scale
 
 if TYPE_CHECKING:
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
 
 #: So many of the archive are compared by looks, at most: some of all times, evenly.
 MOST_COMPARED = 320
+#: A source city of which no birth has a larger share of what is built has left no trace.
+TRACE = 0.01
 #: Two look alike that differ in no larger share of the map than this.
 APART = 0.05
 
@@ -34,15 +39,52 @@ class Kept:
     why: str
     gave_up: str
 
+    @cached_property
+    def built(self) -> dict[str, float]:
+        """Source city -> share of what is built that is its stone, the largest first; empty where
+        nothing is built, and of forms that are not made of stones."""
+        if not self.individual.run.header.chromosome.stones:
+            return {}
+        shares = self.individual.ancestry(built=True)
+        return dict(sorted(shares.items(), key=lambda one: -one[1]))
+
+    @property
+    def stones(self) -> str:
+        """Whose stones what is built is, in a sentence; empty where `built` is."""
+        shares = ", ".join(f"{city} {told_share(share)}" for city, share in self.built.items())
+        return f"Of what is built: {shares}." if shares else ""
+
+    @property
+    def reasons(self) -> list[str]:
+        """All that is told of it, in sentences."""
+        return [text for text in (self.why, self.gave_up, self.stones) if text]
+
     def __str__(self) -> str:
-        return f"{self.individual.id}, {self.role}. {self.why} {self.gave_up}".rstrip()
+        return f"{self.individual.id}, {self.role}. {' '.join(self.reasons)}"
 
 
 class Keeping(list[Kept], Displayed):
-    """A few births worth keeping; ``str()`` tells each in a line."""
+    """A few births worth keeping; ``str()`` tells each in a line, and what they lack."""
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self))
+        return "\n".join([*map(str, self), *filter(None, [self.lacking])])
+
+    @cached_property
+    def untraced(self) -> list[str]:
+        """The source cities of which none of them has more than a hundredth of what is built."""
+        built = [one.built for one in self]
+        if not any(built):
+            return []
+        cities = [city for city in self[0].individual.run.header.cities if city != VOID]
+        return [city for city in cities if all(one.get(city, 0.0) <= TRACE for one in built)]
+
+    @property
+    def lacking(self) -> str:
+        """That source cities are `untraced`, in a sentence; empty where none is."""
+        if not self.untraced:
+            return ""
+        cities = " or ".join(self.untraced)
+        return f"None of these has more than {TRACE:.0%} of {cities} in what is built."
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -56,14 +98,19 @@ class Keeping(list[Kept], Displayed):
 
 
 def kept_of(
-    told: Told, ids: np.ndarray, likeness: Likeness, count: int, apart: float = APART
+    told: Told,
+    ids: np.ndarray,
+    likeness: Likeness,
+    count: int,
+    where: str = "in the archive",
+    apart: float = APART,
 ) -> Keeping:
-    """``count`` of the births ``ids``, which are an archive, or as many as differ: the best
+    """``count`` of the births ``ids``, which are ``where``, or as many as differ: the best
     compromise; the best by each goal; for the rest those in the middle of the largest groups of
     births that look alike, of which none is among them yet, and then those that differ most from
     all named before. One that differs from them in no larger share of the map than ``apart`` is
     none of these. At least one birth, all measured."""
-    choice = _Choice(told, ids)
+    choice = _Choice(told, ids, where)
     choice.take(best_compromise(choice.losses, np.ones(len(told.goals))), "compromise")
     for column, goal in enumerate(told.goals):
         if len(choice.roles) < count:
@@ -88,7 +135,7 @@ def _kinds(
     rest = rest[np.linspace(0, len(rest) - 1, room).round().astype(np.intp)]
     rows = np.concatenate([own, rest])
     whole = len(rows) == len(choice.ids)
-    where = f"of the {len(rows)} " + ("in the archive" if whole else "of the archive compared")
+    where = f"of the {len(rows)} " + (choice.where if whole else "that were compared")
     matrix = likeness.matrix(choice.ids[rows], "looks")
     middle = medoids(matrix, min(count, len(rows)))
     labels = labelled(matrix, middle)
@@ -119,8 +166,8 @@ def _stands_for(others: int, where: str) -> str:
 class _Choice:
     """Those chosen so far of the births ``ids``: row to role and reason."""
 
-    def __init__(self, told: Told, ids: np.ndarray):
-        self.told, self.ids = told, ids
+    def __init__(self, told: Told, ids: np.ndarray, where: str):
+        self.told, self.ids, self.where = told, ids, where
         self.losses = told.losses[told.rows(ids)]
         self.scaled = Scale(self.losses)(self.losses)
         self.roles: dict[int, tuple[list[str], str]] = {}
@@ -150,15 +197,15 @@ class _Choice:
             worst = int(self.scaled[row].argmax())
             behind = self.scaled[row, worst]
             sentences.append(
-                f"Of the {len(self.ids)} in the archive it is nearest to the best of all goals at "
+                f"Of the {len(self.ids)} {self.where} it is nearest to the best of all goals at "
                 f"once: farthest behind in {goals[worst]}, by {behind:.0%} of the range."
                 if behind > 0
-                else f"Of the {len(self.ids)} in the archive it is the best in every goal."
+                else f"Of the {len(self.ids)} {self.where} it is the best in every goal."
             )
         best = [goal for goal in goals if f"best {goal}" in roles]
         if best:
-            told = ", ".join(f"{goal} ({self.value(row, goals.index(goal))})" for goal in best)
-            sentences.append(f"None in the archive is better by {told}.")
+            told = ", ".join(self._best_value(row, goals.index(goal)) for goal in best)
+            sentences.append(f"None of the {len(self.ids)} {self.where} is better by {told}.")
         sentences += [why] if why else []
         sentences += self._beside_parents(row) if one.operator != "source" else []
         if one.operator == "source":
@@ -167,6 +214,12 @@ class _Choice:
         if not one.alive:
             sentences.append("It does not live any more.")
         return Kept(one, ", ".join(roles), " ".join(sentences), self._gave_up(row))
+
+    def _best_value(self, row: int, column: int) -> str:
+        """A goal in which none is better, what it has, and how many have as much."""
+        others = int((self.losses[:, column] == self.losses[row, column]).sum()) - 1
+        alike = f", as {others} {'others have' if others > 1 else 'other has'}" if others else ""
+        return f"{self.told.goals[column]} ({self.value(row, column)}{alike})"
 
     def _beside_parents(self, row: int) -> list[str]:
         """In which goals it is better than every parent's own code, and in which one of these is

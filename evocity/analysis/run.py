@@ -225,26 +225,18 @@ class Run(opening.Run, Displayed):
 
         Raises `EvocityError` for weights that are none, `RunError` if there is no birth.
         """
-        told = self.told
-        ids = self._ids(of)
-        rows = told.rows(ids)
-        rows = rows[told.feasible[rows]]
-        if not len(rows):
-            raise self._nobody(f"none of {len(ids)} births keeps the constraints")
-        heavy = weights_of(weights, told.goals)
-        return self[int(told.ids[rows[best_compromise(told.losses[rows], heavy)]])]
+        ids, heavy = self._feasible(of), weights_of(weights, self.told.goals)
+        return self[int(ids[best_compromise(self.told.losses[self.told.rows(ids)], heavy)])]
 
-    def keep(self, n: int = 5) -> "Keeping":
-        """The ``n`` births of the archive that are worth keeping, or as many as differ, dead ones
-        among them: the compromise, the best by each goal, one of each kind of look. Of each
-        ``individual``, ``role``, ``why`` and what it ``gave_up``; ``print`` tells all in lines."""
+    def keep(self, n: int = 5, of: object = None) -> "Keeping":
+        """The ``n`` births of the archive, or ``of`` these, that are worth keeping, or as many as
+        differ, the dead too: the compromise, the best by each goal, one of each kind of look. Each
+        has ``individual``, ``role``, ``why``, what it ``gave_up``, whose stones are ``built``."""
         from evocity.analysis.keeping import kept_of
 
         check_count("n", n)
-        ids = self.archive.ids
-        if not len(ids):
-            raise self._nobody("no birth keeps the constraints, so the archive is empty")
-        return kept_of(self.told, ids, self._likeness, n)
+        where = "given" if of is not None else "in the archive"
+        return kept_of(self.told, self._feasible(of), self._likeness, n, where)
 
     def view(
         self, of: object = None, measures: Sequence[str] | None = None, order: str | None = None
@@ -273,6 +265,16 @@ class Run(opening.Run, Displayed):
         """The births that ``of`` names: one or many ids or individuals, a frame, a condition; None
         for the archive."""
         return ids_of_any(self.archive.ids if of is None else of, self.told)
+
+    def _feasible(self, of: object) -> np.ndarray:
+        """Those of the births that ``of`` names that keep the constraints; at least one."""
+        ids = self._ids(of)
+        found = ids[self.told.feasible[self.told.rows(ids)]]
+        if not len(found):
+            of_archive = "no birth keeps the constraints, so the archive is empty"
+            given = f"none of {len(ids)} births keeps the constraints"
+            raise self._nobody(of_archive if of is None else given)
+        return found
 
     def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
         """The `scores` of the archive, or ``of`` these births, in ``k`` groups of like ones:

@@ -139,10 +139,25 @@ _MAP_OPTIONS = (
         show_default="1 for GeoTIFF and NPY; PNG needs it",
         help="Metres of one grey level or unit of a raster.",
     ),
+    click.option(
+        "--attribution",
+        metavar="TEXT",
+        show_default="what the file says",
+        help="The line that the licence of the map's source asks for; it goes with all that is "
+        "made of the map.",
+    ),
 )
-#: Of these, the ones that are of a file and not of the window.
-FILE_OPTIONS = _MAP_OPTIONS[3:]
-_MAP_KEYS = ("pixels", "metres_per_pixel", "center", "layer", "default_height", "height_scale")
+#: Of these, the ones that several files may have in common.
+FILE_OPTIONS = _MAP_OPTIONS[3:6]
+_MAP_KEYS = (
+    "pixels",
+    "metres_per_pixel",
+    "center",
+    "layer",
+    "default_height",
+    "height_scale",
+    "attribution",
+)
 
 
 def map_options(command: Callable) -> Callable:
@@ -284,14 +299,6 @@ def near(path: str) -> str:
         relative = os.path.relpath(path)
         return path if relative.startswith("..") else relative
     return path
-
-
-def span(bounds: tuple[float, float]) -> str:
-    """The lowest and the highest value of a measure."""
-    low, high = (
-        f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞" for bound in bounds
-    )
-    return f"{low}…{high}"
 
 
 def warn(text: str) -> None:

@@ -12,7 +12,6 @@ from evocity.cli.common import (
     print_json,
     print_table,
     quiet_stdout,
-    span,
     warn,
 )
 from evocity.cli.fitness_bench import bench
@@ -120,7 +119,7 @@ def _row(measure, costs) -> tuple[str, ...]:
         measure.name,
         measure.goal or "-",
         measure.unit or "-",
-        span(measure.range),
+        measure.span,
         "-" if measure.name not in costs else "?" if seconds is None else f"{1e3 * seconds:.2g}",
         near(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
         measure.summary or "-",

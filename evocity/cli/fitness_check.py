@@ -14,7 +14,6 @@ from evocity.cli.common import (
     print_table,
     progress_bar,
     quiet_stdout,
-    span,
     told,
 )
 from evocity.cli.given import measures_of
@@ -110,7 +109,7 @@ def _tell(report, word: str) -> None:
     measure = report.measure
     unit = f" {measure.unit}" if measure.unit else ""
     echo(
-        f"{measure.name}: goal {measure.goal or 'none'}, {span(measure.range)}{unit}; "
+        f"{measure.name}: goal {measure.goal or 'none'}, {measure.span}{unit}; "
         f"{near(measure.file)}, line {measure.line}"
     )
     echo()

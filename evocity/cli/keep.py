@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, echo, json_option, print_json
+from evocity.cli.common import check_output, echo, json_option, note, print_json
 from evocity.errors import EvocityError, keyword, setting
 
 
@@ -46,10 +46,11 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
 
     They are the best compromise, the best by each goal, and such as look like none of these, out
     of all births that no other ever dominated. Each has its number, its role, the reason, and
-    what it gave up. The report of RUN begins with them. RUN may still go on, and nothing in it is
-    changed or executed.
+    what it gave up, and whose stones its buildings are. The report of RUN begins with them. RUN
+    may still go on, and nothing in it is changed or executed.
 
-    JSON keys: kept, a list of id, role, why, gave_up and scores (measure to value).
+    JSON keys: kept, a list of id, role, why, gave_up, built (source city to share of what is built)
+    and scores (measure to value); untraced, the source cities of which none has more than 0.01.
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
@@ -70,16 +71,19 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
                 "role": one.role,
                 "why": one.why,
                 "gave_up": one.gave_up,
+                "built": one.built,
                 "scores": one.individual.scores,
             }
             for one in kept
         ]
-        print_json({"kept": told})
+        print_json({"kept": told, "untraced": kept.untraced})
         return
     for one in kept:
         echo(f"{one.individual.id}  {one.role}")
-        for sentence in (one.why, one.gave_up):
+        for sentence in one.reasons:
             echo(f"    {sentence}")
+    if kept.untraced:
+        note(f"{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find such.")
     if output is not None:
         echo(f"wrote {output}")
     from evocity.analysis.placing import command_for_gis

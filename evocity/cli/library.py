@@ -49,12 +49,6 @@ Examples:
     help="Under which licence the maps may be used, such as ODbL-1.0.",
 )
 @click.option(
-    "--attribution",
-    metavar="TEXT",
-    show_default="the map's own",
-    help="The line that the licence asks for.",
-)
-@click.option(
     "--atmosphere",
     metavar="TEXT",
     default="",
@@ -71,9 +65,7 @@ Examples:
 )
 @map_options
 @json_option
-def new(
-    maps, output: Path, licence, attribution, atmosphere, isolated, classes, reading, as_json
-) -> None:
+def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_json) -> None:
     """Make a library of the buildings of MAPs.
 
     Each MAP is a map file or the name of a bundled district. Its buildings of 24 m² and more that
@@ -95,7 +87,7 @@ def new(
     for source, count in Counter(maps).items():
         if count > 1:
             raise EvocityError(f"the map {source} twice", "each map once", "leave one out")
-    made, named = [], Counter()
+    made, named, attribution = [], Counter(), reading.pop("attribution", None)
     for source in maps:
         city = evocity.read_map(source, **reading)
         told = licence or _licence_of(source)

@@ -81,8 +81,8 @@ Examples:
     multiple=True,
     metavar="LON LAT",
     show_default="the file's own window, or the middle of the buildings",
-    help="Centre of a window, degrees, longitude first. Give it once for each map file, in order, "
-    "or once for each MAP.",
+    help="Centre of a window, degrees, longitude first. Give one for each MAP that is a file, in "
+    "their order, or one for every MAP.",
 )
 @_options
 @json_option
@@ -145,7 +145,8 @@ def new(
     echo(f"wrote {output}")
     echo()
     before = "Correct what makes births fail" if found.failing else "Look at its comments"
-    echo(f"{before}, then:\n  evocity run {near(str(output))}")
+    run = f"evocity run {near(str(output))}"
+    echo(f"{before}, then:\n  {run}\nIn short, to try it:\n  {run} --generations 5")
 
 
 def _tell(text: str) -> None:
@@ -158,7 +159,7 @@ def _note_parent(city, parent) -> None:
     chosen = "default_height" in parent.model_fields_set
     otherwise = "" if chosen else "; --default-height says otherwise"
     note_heights(city, parent.default_height, otherwise)
-    note_window(city, "--center, --pixels and --metres-per-pixel choose")
+    note_window(city, "--center, --pixels and --metres-per-pixel, with --force, choose")
 
 
 def _taken(city) -> str:
@@ -237,7 +238,8 @@ def _parents(
         raise EvocityError(
             f"{len(centers)} × --center for {len(maps)} maps, {len(files)} of them files",
             "--center LON LAT once for each map file, in their order, or once for each map",
-            "give as many, or leave --center out where the files' own windows serve",
+            "give as many; or leave --center out, and write center = [LON, LAT] into the "
+            "[[parents]] that need one",
         )
     found = []
     for k, source in enumerate(maps):

@@ -98,7 +98,7 @@ def keeping_html(keeping: Keeping) -> str:
     highest = scale_end(*cities)
     shown = []
     for place, one in enumerate(keeping[:_MOST_TOLD]):
-        note = {"title": f"{one.individual.id}: {one.role}", "why": one.why, "lost": one.gave_up}
+        note = {"title": f"{one.individual.id}: {one.role}", "reasons": one.reasons}
         picture = {"uri": "", "alt": ""}
         if place < _MOST:
             picture = _small(cities[place], "", "", highest)
@@ -107,7 +107,13 @@ def keeping_html(keeping: Keeping) -> str:
     return (
         templates_of(TEMPLATES)
         .get_template("keeping.html")
-        .render(kept=shown, left=len(keeping) - len(shown), highest=highest, credit=credit)
+        .render(
+            kept=shown,
+            left=len(keeping) - len(shown),
+            lacking=keeping.lacking,
+            highest=highest,
+            credit=credit,
+        )
     )
 
 

@@ -211,6 +211,15 @@ class Measure:
         """The first paragraph of its documentation, as one line."""
         return " ".join(self.doc.partition("\n\n")[0].split())
 
+    @property
+    def span(self) -> str:
+        """Its range in words, as in ``0…∞``."""
+        low, high = (
+            f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞"
+            for bound in self.range
+        )
+        return f"{low}…{high}"
+
     @cached_property
     def source_hash(self) -> str:
         """Hexadecimal hash of the source that declares the measure, helpers included: of its whole

@@ -16,7 +16,7 @@ import shapely
 from pyproj import CRS
 
 from evocity.citymap import CityMap, Walls
-from evocity.errors import MapError
+from evocity.errors import MapError, keyword
 from evocity.io.burning import crs_of
 from evocity.io.projection import WGS84, code_of, is_metric, moved, moved_polygons, plainly
 
@@ -193,7 +193,8 @@ def no_geojson(name: str) -> MapError:
     return MapError(
         f"{name} has no place on Earth, and GeoJSON has no coordinates but longitude and latitude",
         "a map with a reference system (RFC 7946 knows WGS84 alone)",
-        "write a .gpkg instead: it takes footprints in local metres",
+        "write a .gpkg, which takes local metres; or, for a child of a run, name the source city "
+        f"on whose ground it is laid, with {keyword('at')}",
     )
 
 

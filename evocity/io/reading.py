@@ -89,6 +89,7 @@ def read_map(
     default_height: float = 6.0,
     height_scale: float | None = None,
     name: str | None = None,
+    attribution: str | None = None,
 ) -> CityMap:
     """Read a map from a file, or one of the districts that `cities` lists.
 
@@ -106,6 +107,7 @@ def read_map(
     default_height : metres of a building whose height no rule tells (see `evocity.io.heights`).
     height_scale : metres of one grey level (PNG: required), or of one unit (GeoTIFF, NPY).
     name : what to call the map; else its district, or the file's name.
+    attribution : the line that the licence of a file's source asks for; else what the file says.
 
     Returns
     -------
@@ -127,9 +129,23 @@ def read_map(
         name=name,
     )
     data, stem = data_of(source, request)
+    if attribution is not None:
+        data = _attributed(data, source, attribution)
     if isinstance(data, Footprints):
         return burnt(data, request, name or stem)
     return gridded(data, request, name or data.name or stem)
+
+
+def _attributed(
+    data: Footprints | Grid, source: str | os.PathLike, attribution: str
+) -> Footprints | Grid:
+    if _found(source)[1]:
+        raise MapError(
+            f"{keyword('attribution')} for {source}, which is bundled",
+            f"its own: {data.attribution}",
+            f"leave {keyword('attribution')} out; it is for files",
+        )
+    return dataclasses.replace(data, attribution=attribution)
 
 
 def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:

@@ -35,7 +35,7 @@ def scale_end(*cities: CityMap) -> float:
     """A round number of metres to end the colour scale of maps: above nearly all roofs of each.
 
     A single tower does not turn the rest pale: the scale ends below it if it is more than
-    twice as high as 99.5 % of what is built on its map.
+    twice as high as 98 % of what is built on its map.
     """
     return max(map(_end, cities), default=10.0)
 
@@ -44,7 +44,7 @@ def _end(city: CityMap) -> float:
     roofs = city.heights[city.built]
     if not roofs.size:
         return 10.0
-    usual, top = float(np.quantile(roofs, 0.995)), float(roofs.max())
+    usual, top = float(np.quantile(roofs, 0.98)), float(roofs.max())
     end = usual if top > 2 * usual else top
     step = 5 if end <= 50 else 10 if end <= 150 else 50
     return float(max(10, step * math.ceil(end / step)))

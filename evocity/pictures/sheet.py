@@ -56,15 +56,18 @@ def sheet_of(
             place = (left, high + tall + 4 + index * _LINE)
             draw.text(place, shortened(text, plain, side), FAINT if index else INK, plain)
     draw_scale(sheet, draw, (_GAP, low), min(width - 2 * _GAP, _SCALE), highest, plain)
-    feet = [_extent(shown[0][0])] if shown else []
+    feet = [_extent([city for city, _ in shown], highest)] if shown else []
     for index, text in enumerate([*feet, *credits]):
         draw.text((_GAP, low + 44 + index * _LINE), text, FAINT, plain)
     return sheet
 
 
-def _extent(city: CityMap) -> str:
-    rows, across = (f"{count * city.metres_per_pixel:.4g}" for count in city.shape)
-    return f"height above ground in metres; each map is {across} × {rows} m"
+def _extent(cities: Sequence[CityMap], highest: float) -> str:
+    first = cities[0]
+    rows, across = (f"{count * first.metres_per_pixel:.4g}" for count in first.shape)
+    top = max(float(city.heights.max()) for city in cities)
+    above = f"; the darkest is up to {top:.0f} m high" if top > highest else ""
+    return f"height above ground in metres; each map is {across} × {rows} m{above}"
 
 
 def draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evocity.analysis.fabrics import built_shares
+from evocity.analysis.fabrics import built_shares, told_share
 from evocity.genome import VOID
 from evocity.pages import number
 from evocity.pictures import city_colours
@@ -33,9 +33,7 @@ def told_shares(cities: Sequence[str], shares: np.ndarray) -> list[tuple[str, st
     """(city, share in words, share in percent, colour) of each that has one."""
     told = zip(cities, shares.tolist(), city_colours(cities), strict=True)
     return [
-        (city, f"{share:.0%}" if share >= 0.005 else "under 1%", 100 * share, colour)
-        for city, share, colour in told
-        if share > 0
+        (city, told_share(share), 100 * share, colour) for city, share, colour in told if share > 0
     ]
 
 

@@ -21,7 +21,7 @@ from evocity.report.kept import best_of_last, few_to_keep, title_of
 from evocity.report.pictures import pictures_of, scale_colours
 from evocity.report.plots import ticks
 from evocity.report.summary import Summary
-from evocity.report.words import WORDS
+from evocity.report.words import WORDS, told_measures
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -74,6 +74,7 @@ def page_values(facts: Facts) -> dict:
         "style": _asset("report.css"),
         "script": script,
         "words": WORDS,
+        "measures": told_measures([aim.name for aim in facts.told.logged]),
         "facts": facts,
         "header": facts.run.header,
         "summary": Summary(facts),

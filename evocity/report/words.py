@@ -1,6 +1,11 @@
 """Words of the report that a newcomer does not know, a sentence each. `docs/glossary.md` has them
 all, and where they are from."""
 
+from collections.abc import Collection
+
+from evocity.fitness import measures
+from evocity.fitness.part import own_name
+
 #: Word -> what it is. The templates explain it where it first stands, and list all at the end.
 WORDS = {
     "birth": "One child: bred, decoded, measured and written down, whether it lives on or not.",
@@ -43,4 +48,14 @@ WORDS = {
     "seed": "The number that all draws of a run come from: the same seed gives the same births.",
 }
 
-__all__ = ["WORDS"]
+
+def told_measures(logged: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """What each measure that is known here says, in a line: those a run ``logged``, by their names
+    there, and all others. Measures of the run's own files are not read."""
+    known = {one.name: f"{one.summary} {one.span} {one.unit}".rstrip() for one in measures()}
+    told = {name: known[own_name(name)] for name in logged if own_name(name) in known}
+    own = {own_name(name) for name in logged}
+    return told, {name: text for name, text in known.items() if name not in own}
+
+
+__all__ = ["WORDS", "told_measures"]

@@ -120,6 +120,7 @@ def begun(
     words = _as_long(words, recipe, seconds)
     first = prepared.sources[0]
     notes = [*prepared.notes, *left, *_invented(goals, first.city), *_reached(goals, first.name)]
+    notes += _at_best(goals, values)
     notes += [
         f"{one.name}: no bound, for it is undefined of {_undefined(values[one.name])}"
         for one in guard
@@ -130,7 +131,9 @@ def begun(
     found = Begun(text, recipe, values, bounds, seconds, prepared.sources, notes, failing)
     if words.generations != recipe.run.generations:
         found = replace(found, recipe=_read(recipe_text(words, goals, bounds, values), path))
-    told = recipe_text(words, goals, bounds, values, (found.births, seconds, found.duration))
+    cost = found.births, seconds, found.duration
+    uncredited = [k for k, one in enumerate(prepared.sources) if not one.city.attribution]
+    told = recipe_text(words, goals, bounds, values, cost, uncredited)
     return replace(found, text=told, recipe=_read(told, path))
 
 
@@ -218,6 +221,25 @@ def _reached(goals: Sequence[Goal], first: str) -> list[str]:
         f"{', '.join(told)}: the target is what the code of {first} has, so {first} has reached it "
         "before the run begins; write another target to breed towards"
     ]
+
+
+def _at_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
+    """That some parents have the best that there can be of a goal, and others have not, in words:
+    who is bred of these parents alone has it too."""
+    told = []
+    for goal in goals:
+        if goal.wanted is None:
+            continue
+        best = goal.measure.range[goal.wanted == "max"]
+        of_parents = {name: code for name, (_, code) in values[goal.measure.name].items()}
+        reached = [name for name, code in of_parents.items() if code == best]
+        if reached and len(reached) < len(of_parents):
+            told.append(
+                f"{goal.measure.name}: {' and '.join(reached)} has {best:g}, the best there can "
+                "be, so that children of it alone may win; a bound in place of this goal would "
+                "hold without that"
+            )
+    return told
 
 
 def _invented(goals: Sequence[Goal], first: CityMap) -> list[str]:

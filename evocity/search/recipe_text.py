@@ -3,7 +3,7 @@
 import json
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,11 +107,12 @@ def recipe_text(
     bounds: Sequence[Bound],
     values: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
     cost: tuple[int, float, float] | None = None,
+    uncredited: Collection[int] = (),
 ) -> str:
     """A recipe in TOML.
 
     values : measure -> parent -> what its map and its code have. cost : how many births, seconds of
-    one, and seconds of all.
+    one, and seconds of all. uncredited : the parents, by number, whose files tell no attribution.
     """
     values = values or {}
     guarded = {one.measure.name: one for one in bounds}
@@ -135,7 +136,7 @@ def recipe_text(
             {"pixels": words.pixels, "metres_per_pixel": words.metres_per_pixel},
             {"pixels": f"a window of {words.pixels * words.metres_per_pixel:g} m"},
         ),
-        *(_table("[[parents]]", one) for one in words.parents),
+        *(_parent(one, k in uncredited) for k, one in enumerate(words.parents)),
         _genome(),
         _operators(),
         _comment("-- goals: what is searched by " + "-" * 50),
@@ -224,6 +225,12 @@ def _operators() -> str:
     return _table(
         "[operators]", table, told, "weights of a mixture; a range is drawn at each birth"
     )
+
+
+def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
+    """One of [[parents]]; of an ``uncredited`` map with the place for its attribution."""
+    told = '# attribution = "…"      # the line that its licence asks for: the file tells none\n'
+    return _table("[[parents]]", entry) + (told if uncredited and "map" in entry else "")
 
 
 def _entry(entry: OperatorEntry) -> Any:

@@ -92,6 +92,7 @@ class Parent(Section):
     layer: str | None = None
     default_height: Positive = 6.0
     height_scale: Positive | None = None
+    attribution: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
 
     @model_validator(mode="after")
     def _of_one_place(self) -> "Parent":
@@ -141,7 +142,7 @@ def formed_place(parent: "Parent") -> str | None:
 #: What a parent may be, as keys.
 PLACES = ("map", "shape", "curve", "genome", "run")
 #: Options of the reading of maps.
-_OF_MAPS = ("center", "layer", "default_height", "height_scale")
+_OF_MAPS = ("center", "layer", "default_height", "height_scale", "attribution")
 
 
 #: The most courses through one city.

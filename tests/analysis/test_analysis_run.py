@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import shutil
 import sys
 import zipfile
@@ -20,6 +21,7 @@ from evocity.analysis.likeness import Likeness
 from evocity.analysis.thumbnails import highest_of
 from evocity.coding.decoded import decoded
 from evocity.errors import EvocityError, FitnessError, RunError
+from evocity.genome import VOID
 from evocity.pictures.sheet import sheet_of
 from evocity.search.looks import look_of
 
@@ -325,10 +327,13 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
             if f"best {goal}" in one.role:
                 least = losses[:, goals.index(goal)].min()
                 assert one.individual.losses[goal] == least
+                equal = int((losses[:, goals.index(goal)] == least).sum()) - 1
+                told = re.search(rf"{goal} \([^)]*, as ([0-9]+) other", one.why)
+                assert (int(told[1]) if told else 0) == equal
         assert ("not live" in one.why) == (not one.individual.alive)
         assert ("not a child" in one.why) == (one.individual.operator == "source")
     assert kept.frame.index.tolist() == ids
-    assert len(str(kept).splitlines()) == len(kept)
+    assert len(str(kept).splitlines()) == len(kept) + bool(kept.untraced)
     assert [one.individual.id for one in run.keep(1)] == ids[:1]
     most = run.keep(10**6)
     assert {one.individual.id for one in most} <= set(run.archive.ids)
@@ -337,6 +342,34 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     near = Likeness(run.told).matrix(most.frame.index.to_numpy(), "looks")
     of_their_own = [n for n, one in enumerate(most) if not one.role.startswith(("best", "comp"))]
     assert all(near[n, :n].min() > APART for n in of_their_own)
+
+
+def test_some_are_chosen_of_those_that_are_given(run):
+    feasible = run.where("feasible").index
+    some = feasible[::2]
+    kept = run.keep(3, of=some)
+    assert {one.individual.id for one in kept} <= set(some)
+    assert kept[0].individual == run.compromise(of=some)
+    assert f"of the {len(some)} given" in kept[0].why.lower()
+    assert run.keep(3, of=run.archive.ids).frame["role"].equals(run.keep(3).frame["role"])
+    with pytest.raises(RunError, match="none of 0 births keeps the constraints"):
+        run.keep(of=[])
+
+
+def test_whose_stones_the_kept_are_is_told(run):
+    kept = run.keep()
+    for one in kept:
+        assert one.built == pytest.approx(one.individual.ancestry(built=True))
+        assert list(one.built.values()) == sorted(one.built.values(), reverse=True)
+        assert one.stones.count("%") == len(one.built)
+        assert one.stones in str(one)
+    cities = set(run.header.cities) - {VOID}
+    seen = {city for one in kept for city, share in one.built.items() if share > 0.01}
+    assert set(kept.untraced) == cities - seen
+    founder = run.keep(of=[0])  # a parent's own code has no stone of another
+    assert founder.untraced == [city for city in run.header.cities[1:] if city != VOID]
+    assert str(founder).splitlines()[-1] == founder.lacking
+    assert all(city in founder.lacking for city in founder.untraced)
 
 
 def test_those_compared_by_looks_are_of_all_times(run, monkeypatch):

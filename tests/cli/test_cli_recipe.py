@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from towns import draw_town
 import evocity
 from evocity import search
 from evocity.coding import decode
-from evocity.search.calibration import _invented
+from evocity.errors import RecipeError
+from evocity.search.calibration import _at_best, _invented
+from evocity.search.preparation import prepare
+from evocity.search.reading import recipe_of
 from evocity.search.recipe_text import Goal
 
 #: Of what children have of their sources, too little for a bound of .5.
@@ -95,6 +99,34 @@ def test_targets_of_invented_heights_are_told():
     assert told(default=1, height=2) == told(height=2) == told() == []
     goals[2:] = []
     assert told(default=1)[0].startswith("mean_height: its target is made")
+
+
+def test_a_goal_that_one_parent_has_reached_is_told():
+    names = ("crumbs", "alignment", "autosimilarity", "mean_height")
+    goals = [Goal(evocity.fitness.get(name)) for name in names]
+    goals[3] = replace(goals[3], target=9.0)
+    values = {
+        "crumbs": {"left": (0, 29.0), "right": (3, 0.0)},
+        "alignment": {"left": (1, 1.0), "right": (1, 1.0)},
+        "autosimilarity": {"left": (1, 0.99), "right": (1, 0.98)},
+        "mean_height": {"left": (0, 0.0), "right": (3, 3.0)},
+    }
+    (told,) = _at_best(goals, values)
+    assert told.startswith("crumbs: right has 0, the best there can be")
+
+
+def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, towns, tmp_path):
+    text = night[0].read_text(encoding="utf-8")
+    assert text.count('# attribution = "…"') == 2  # an array tells none
+    credited = text.replace('# attribution = "…"', 'attribution = "© the towns"')
+    (night[0].parent / "credited.toml").write_text(credited, encoding="utf-8")
+    recipe = search.read_recipe(night[0].parent / "credited.toml")
+    prepared = prepare(recipe)
+    assert {one.city.attribution for one in prepared.sources} == {"© the towns"}
+    assert prepared.header.attribution == "© the towns"
+    genome = credited.replace('map = "../left.npy"', 'genome = "../left.npy"')
+    with pytest.raises(RecipeError, match="attribution beside genome"):
+        recipe_of(genome, night[0].parent, {}, name="night")
 
 
 def test_the_recipe_runs_from_where_it_lies(night, tmp_path):

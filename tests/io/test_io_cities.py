@@ -7,7 +7,8 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from evocity.io import attribution_of, bundled, cities, read_map
+from evocity.errors import MapError
+from evocity.io import attribution_of, bundled, cities, read_map, write_map
 from evocity.io.geojson import read_json
 from evocity.io.projection import moved_polygons
 from evocity.io.sources import Request
@@ -43,6 +44,24 @@ def test_bundled_district(name):
     assert city.attribution == attribution_of(name)
     assert city.built.mean() == pytest.approx(built, abs=0.02)
     assert sum(city.height_rules.values()) == buildings
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".gpkg", ".geojson", ".npy"])
+def test_what_a_licence_asks_for_can_be_told_of_any_file(tmp_path, suffix):
+    city = read_map("cape-town-salt-river", pixels=64)
+    path = tmp_path / f"town{suffix}"
+    write_map(city, path)
+    size = {"metres_per_pixel": 2.0} if suffix == ".npy" else {}
+    own = read_map(path, **size)
+    told = read_map(path, attribution="© the town", **size)
+    assert told.attribution == "© the town" != own.attribution
+    assert np.array_equal(told.heights, own.heights)
+    assert told.name == own.name
+
+
+def test_what_the_licence_of_a_bundled_city_asks_for_stays():
+    with pytest.raises(MapError, match="attribution= for lyon-1er, which is bundled"):
+        read_map("lyon-1er", attribution="mine")
 
 
 def test_lyon_is_built_as_the_project_says():

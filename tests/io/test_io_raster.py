@@ -267,6 +267,9 @@ def test_one_tower_does_not_turn_the_rest_pale():
     assert scale_end(CityMap(heights, 2.0)) == 15
     heights[0, :4] = 540
     assert scale_end(CityMap(heights, 2.0)) == 15
+    heights[0] = 540  # one of fifty of what is built
+    assert scale_end(CityMap(heights[:60], 2.0)) == 15
+    assert scale_end(CityMap(heights[:30], 2.0)) == 550
     assert scale_end(CityMap(np.zeros((4, 4)), 2.0)) == 10
 
 

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import shutil
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from PIL import Image
 
 import evocity
 from evocity import fitness
+from evocity.analysis.keeping import kept_of
+from evocity.analysis.likeness import Likeness
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.coding import decode
@@ -35,7 +38,7 @@ from evocity.report.kept import best_of_last, few_to_keep
 from evocity.report.pictures import Pictures, _caption, data_uri
 from evocity.report.plots import Axis, curve
 from evocity.report.summary import Summary, gain
-from evocity.report.words import WORDS
+from evocity.report.words import WORDS, told_measures
 from evocity.scene import scene
 from evocity.search import archive
 from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
@@ -741,6 +744,27 @@ def test_words_are_explained_where_they_stand(usual):
         assert told.endswith(".")
     for word in ("front", "birth", "hypervolume", "lifs", "seed", "rank", "crowding"):
         assert f'<abbr title="{WORDS[word]}">' in usual[1]
+
+
+def test_measures_say_what_they_measure(usual):
+    logged, others = told_measures(["gsi", "alignment@old-town", "of-a-strangers-file"])
+    assert list(logged) == ["gsi", "alignment@old-town"]
+    gsi = evocity.fitness.get("gsi")
+    assert logged["gsi"] == f"{gsi.summary} 0…1"
+    assert "alignment" not in others
+    assert {*logged, *others} > {one.name for one in evocity.fitness.measures()} - {"alignment"}
+    columns = Facts(open_run(usual[0])).told.logged
+    for name, text in told_measures([aim.name for aim in columns])[0].items():
+        assert f"<dt>{name}</dt><dd>{escape(text)}</dd>" in usual[1]
+
+
+def test_parents_of_which_no_trace_is_left_are_told(tmp_path):
+    facts = Facts(open_run(told_run(tmp_path / "run", generations=3)))
+    assert bool(facts.kept_few.untraced) == ("None of these has more than" in page_of(facts))
+    founder = kept_of(facts.told, np.array([0]), Likeness(facts.told), 1)
+    assert founder.untraced
+    facts.__dict__["kept_few"] = founder
+    assert escape(founder.lacking) in page_of(facts)
 
 
 def test_the_void_is_no_parent(tmp_path):
