@@ -87,7 +87,7 @@ def prepare(
     notes: list[str] = []
     founders: dict[int, Any] = {}
     for number, parent in enumerate(recipe.parents):
-        tell(f"reading {parent.place}")
+        tell(f"reading {parent.name or parent.place}")
         if parent.map is None:
             city, founders[number] = founder_of(recipe, parent)
         else:

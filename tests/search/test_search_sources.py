@@ -55,3 +55,12 @@ def test_who_evaluates_elsewhere_may_ask_here(toy):
 
 def test_maps_stay_here_unless_a_measure_asks(toy):
     assert prepare(read_recipe(toy())).setup.sources == ()
+
+
+def test_progress_calls_a_parent_by_its_name(toy):
+    path = toy()
+    named = path.read_text().replace('map = "left.npy"', 'map = "left.npy"\nname = "the old town"')
+    path.write_text(named)
+    said = []
+    prepare(read_recipe(path), said.append)
+    assert said[:2] == ["reading the old town", "reading right.npy"]

@@ -210,6 +210,11 @@ export class Breed {
       context.font = "12px system-ui, sans-serif";
       context.textAlign = "center";
       if (!tile) context.fillText(stage === "failed" ? "failed" : "…", SIZE / 2, SIZE / 2 + 4);
+      const wide = context.measureText(place).width + 6;
+      context.fillStyle = "#f9f8f5";
+      context.fillRect(0, SIZE - 16, wide, 16);
+      context.fillStyle = "#34302e";
+      context.fillText(place, wide / 2, SIZE - 4);
       const isKept = this.kept.has(place);
       if (isKept) {
         context.fillStyle = "#b0403f";
