@@ -177,16 +177,15 @@ def errand(words, folder, key="on_improvement") -> Errand:
 
 def test_commands_follow_each_other_and_the_last_alone_waits(tmp_path):
     script = (
-        "import sys, time; open('log', 'a').write(f'{sys.argv[1]}+'); time.sleep(.5);"
-        "open('log', 'a').write('-')"
+        "import os, sys, time\nopen('log', 'a').write(f'{sys.argv[1]}+')\n"
+        "while not os.path.exists('go'): time.sleep(.02)\nopen('log', 'a').write('-')"
     )
-    runner = Runner(20.0)
-    begun = time.monotonic()
+    runner, until = Runner(60.0), time.monotonic() + 60
     for number in range(5):
-        runner.ask(errand([PYTHON, "-c", script, str(number)], tmp_path))
-        time.sleep(0.05 if number else 0.3)
-    assert time.monotonic() - begun < 0.6  # nobody waits for them
-    until = time.monotonic() + 20
+        runner.ask(errand([PYTHON, "-c", script, str(number)], tmp_path))  # waits for none
+        while not (tmp_path / "log").exists() and time.monotonic() < until:
+            time.sleep(0.02)
+    (tmp_path / "go").touch()
     while len(ended := runner._ended) < 2 and time.monotonic() < until:
         time.sleep(0.05)
     assert [one.code for one in ended] == [0, 0]

@@ -73,9 +73,12 @@ class Client:
         except (BrokenPipeError, ConnectionResetError):
             pass  # it has said no already
         answer = connection.getresponse()
-        found = Told(answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read())
+        try:
+            content = answer.read()
+        except ConnectionResetError:
+            content = b""  # it said no, and closed before it had read all that was sent
         connection.close()
-        return found
+        return Told(answer.status, {k.lower(): v for k, v in answer.getheaders()}, content)
 
     def get(self, path: str) -> Told:
         return self.ask("GET", path)
