@@ -129,6 +129,10 @@ class Individual(Displayed):
         """Its row of the log."""
         return self.run.individuals([self.id], rebred=False)[0]
 
+    def read_by(self, birth: Birth) -> None:
+        """Its row of the log, where somebody else has read it already."""
+        vars(self)["birth"] = birth
+
     @property
     def error(self) -> str | None:
         """Why it failed; of one that did not, why a recorded measure has no value."""

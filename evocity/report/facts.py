@@ -288,7 +288,11 @@ class Facts:
         likeness = Likeness(self.told)
         for one in [*self.shown, *self.shown_gone]:
             likeness.note(one.birth.id, one.city)
-        return kept_of(self.told, self.archive.ids, likeness, MOST_KEPT)
+        kept = kept_of(self.told, self.archive.ids, likeness, MOST_KEPT)
+        births = self.individuals([one.individual.id for one in kept])
+        for one, birth in zip(kept, births, strict=True):
+            one.individual.read_by(birth)
+        return kept
 
     @cached_property
     def _cities(self) -> dict[int, CityMap]:
