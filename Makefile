@@ -24,7 +24,7 @@ test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/python tests/compiled.py
-	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile
+	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 
 test-long: .venv/installed-dev  ## the tests that take more than ten seconds each
 	$(BIN)/pytest -m long

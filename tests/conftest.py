@@ -22,6 +22,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+#: Files of a minute of tests, and such as have one long test: begun last, one process would be
+#: waited for by all others.
+FIRST = ("test_growth.py", "test_notebooks.py", "test_docs.py", "test_faults_night.py")
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda one: one.path.name not in FIRST)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def _state_of_its_own(tmp_path_factory):
     """What evocity remembers for its user stays out of the home of whoever tests."""

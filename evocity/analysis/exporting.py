@@ -15,6 +15,7 @@ import numpy as np
 
 from evocity.analysis.births import Told
 from evocity.analysis.individual import Individual
+from evocity.analysis.keeping import Kept
 from evocity.analysis.thumbnails import highest_of
 from evocity.analysis.wanted import Aim
 from evocity.errors import RunError, check_word, keyword, setting
@@ -80,17 +81,21 @@ def _explored(
 
 
 def write_several(
-    individuals: Sequence[Individual], path: str | os.PathLike, at: str | None = None
+    individuals: Sequence[Individual],
+    path: str | os.PathLike,
+    at: str | None = None,
+    roles: Mapping[int, str] | None = None,
 ) -> None:
     """These births in one file, see `Run.save`: all of each in a ``path`` that ends in .zip, their
-    maps on a contact sheet in one that ends in .png. ``at``: see `Individual.save`.
+    maps on a contact sheet in one that ends in .png. ``at``: see `Individual.save`. ``roles``: of
+    some, by id, what they are kept for.
 
     Raises `RunError` for another ending, and where it cannot be written; nothing is left
     half-written.
     """
     path = Path(path)
-    writers = {".zip": _write_zip, ".png": _write_sheet}
-    if path.suffix.lower() not in writers:
+    suffix = path.suffix.lower()
+    if suffix not in (".zip", ".png"):
         raise RunError(
             f"{path.name} for several births",
             "a name that ends in .zip, or in .png for a contact sheet",
@@ -98,12 +103,24 @@ def write_several(
         )
     if not individuals:
         raise RunError("no births to save", "one at least", "name some, for example run.front()")
-    writers[path.suffix.lower()](list(dict.fromkeys(individuals)), path, at)
+    each = list(dict.fromkeys(individuals))
+    if suffix == ".zip":
+        _write_zip(each, path, at)
+    else:
+        _write_sheet(each, path, at, roles or {})
 
 
-def _write_sheet(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
-    """Their maps side by side with their ids and scores, on the scale of all pictures of the
-    run."""
+def roles_of(which: object) -> dict[int, str]:
+    """By id what those are kept for that `Run.keep` chose; nothing of what else names births."""
+    several = which if isinstance(which, list | tuple) else [which]
+    return {one.individual.id: one.role for one in several if isinstance(one, Kept)}
+
+
+def _write_sheet(
+    individuals: Sequence[Individual], path: Path, at: str | None, roles: Mapping[int, str]
+) -> None:
+    """Their maps side by side with their ids, ``roles`` and scores, on the scale of all pictures of
+    the run."""
     if at is not None:
         raise RunError(
             f"{setting('at', at)} for {path.name}, a contact sheet",
@@ -115,7 +132,11 @@ def _write_sheet(individuals: Sequence[Individual], path: Path, at: str | None) 
             f"{len(individuals)} births on one sheet", f"at most {MOST}", "choose fewer of them"
         )
     told = individuals[0].told
-    cells = [(one.city, caption(one.id, told.logged, one.scores)) for one in individuals]
+    cells = []
+    for one in individuals:
+        head, *scores = caption(one.id, told.logged, one.scores)
+        role = [roles.get(one.id, "")] if roles else []
+        cells.append((one.city, [head, *role, *scores]))
     attribution = told.run.header.attribution
     columns = columns_for(len(cells))
     sheet = sheet_of(cells, told.run.path.resolve().name, highest_of(told), attribution, columns)

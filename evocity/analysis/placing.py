@@ -37,4 +37,9 @@ def command_for_gis(run: str, identifier: int, ground: str | None) -> str:
     return f"evocity decode {shlex.quote(run)} --id {identifier}{at} -o {identifier}.gpkg"
 
 
-__all__ = ["command_for_gis", "ground_of", "place_of"]
+def command_for_blender(run: str, identifier: int) -> str:
+    """What a shell takes to write one individual of the run in the folder ``run`` as a scene."""
+    return f"evocity scene {shlex.quote(run)} --id {identifier} -o {identifier}.glb"
+
+
+__all__ = ["command_for_blender", "command_for_gis", "ground_of", "place_of"]

@@ -428,9 +428,9 @@ class Run(opening.Run, Displayed):
 
         at : a source city on whose ground all in a .zip are laid, as in `Individual.save`.
         """
-        from evocity.analysis.exporting import write_several
+        from evocity.analysis.exporting import roles_of, write_several
 
-        write_several([self[int(one)] for one in self._ids(which)], path, at)
+        write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which))
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
         """This run beside an ``other``: frames ``recipes``, what differs in them; ``hypervolume``

@@ -99,7 +99,9 @@ def scored(
     setup = _setup(run, measures, asked, sources)
     compile_once(setup.sides, setup.parts, lambda text: None)
     count = min(workers, len(jobs))
-    engine = Workers(setup, count, timeout) if count else Here(setup)
+    # a script is run again in workers only where its own measures may need that
+    main = bool(setup.shipped)
+    engine = Workers(setup, count, timeout, main=main) if count else Here(setup)
     with closing(engine):
         outcomes = engine.run("evaluate", [job[1:] for job in jobs])
     for (place, *_), outcome in zip(jobs, outcomes, strict=True):

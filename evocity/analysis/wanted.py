@@ -124,15 +124,21 @@ def aims_of(run: Run) -> list[Aim]:
     for told in (recipe_of(run).get("fitness"), run.provenance.get("fitness")):
         entries = told if isinstance(told, list) else []
         stated |= {str(one.get("name")): one for one in entries if isinstance(one, dict)}
-    return [_aim(name, stated.get(name, {})) for name in run.header.measures]
+    return [stated_aim(name, stated.get(name, {})) for name in run.header.measures]
 
 
 def recorded_of(run: Run) -> list[Aim]:
     """One a measure that is recorded besides; nothing is wanted of it."""
-    return [replace(_aim(name, {}), goal="none") for name in run.header.recorded]
+    told = run.provenance.get("recorded")
+    entries = told if isinstance(told, list) else []
+    noted = {str(one.get("name")): one for one in entries if isinstance(one, dict)}
+    return [
+        replace(stated_aim(name, noted.get(name, {})), goal="none") for name in run.header.recorded
+    ]
 
 
-def _aim(name: str, stated: dict) -> Aim:
+def stated_aim(name: str, stated: dict) -> Aim:
+    """The measure ``name``, with what is ``stated`` of it, as a recipe or provenance has it."""
     known = {measure.name: measure for measure in fitness.measures()}.get(own_name(name))
     target, low, high = (number_of(stated.get(key)) for key in ("target", "min", "max"))
     own = known.goal if known else None
@@ -142,14 +148,19 @@ def _aim(name: str, stated: dict) -> Aim:
     total = stated.get("objective")
     return Aim(
         name,
-        known.unit if known else "",
+        known.unit if known else _plain(stated.get("unit")),
         goal,
         target,
         low,
         high,
-        "".join(filter(str.isprintable, total)) if isinstance(total, str) else None,
-        known.summary if known else "",
+        _plain(total) if isinstance(total, str) else None,
+        known.summary if known else _plain(stated.get("summary")),
     )
+
+
+def _plain(told: object) -> str:
+    """A text of a stranger's file that can be shown; "" for what is none."""
+    return "".join(filter(str.isprintable, told)) if isinstance(told, str) else ""
 
 
 def number_of(value: object) -> float | None:
@@ -162,4 +173,4 @@ def number_of(value: object) -> float | None:
         return None
 
 
-__all__ = ["Aim", "aims_of", "number_of", "overrides_of", "recipe_of", "recorded_of"]
+__all__ = ["Aim", "aims_of", "number_of", "overrides_of", "recipe_of", "recorded_of", "stated_aim"]

@@ -152,7 +152,7 @@ def of_all(measure: Measure, trials: Sequence[Trial]) -> Iterator[Finding]:
     """What only all ``trials`` together show, and what the measure does not say of itself."""
     known = [t.value for t in trials if t.value is not None and not math.isnan(t.value)]
     undefined = [t for t in trials if t.value is not None and math.isnan(t.value)]
-    if undefined and not known:
+    if undefined and len(undefined) == len(trials):  # where others failed, that comes first
         yield _finding(
             measure,
             "error",

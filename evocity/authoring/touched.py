@@ -9,10 +9,11 @@ from evocity.citymap import CityMap
 
 
 def unlocked(city: CityMap) -> list[str]:
-    """What of the heights and views somebody made writable, by name: ``city.buildings.area``."""
+    """What of the heights and views somebody made writable, by name: ``city.buildings.area``. What
+    a view keeps to itself may be writable from the first."""
     found = {}
     for name, held in vars(city).items():
-        for path, one, _ in _paired(f"city.{name}", held, held):
+        for path, one, _ in _paired(f"city.{name}", held, held, private=False):
             if isinstance(one, np.ndarray) and one.flags.writeable:
                 found[path] = True
     return list(found)
@@ -33,16 +34,20 @@ def altered(city: CityMap, fresh: CityMap, *, views: bool) -> list[str]:
     return list(found)
 
 
-def _paired(path: str, held, right) -> Iterator[tuple[str, object, object]]:
+def _paired(
+    path: str, held, right, *, private: bool = True
+) -> Iterator[tuple[str, object, object]]:
     """What is ``held`` in the end, within tuples and tables such as `Buildings`, each with its
-    path and with what stands there on the ``right`` map."""
+    path and with what stands there on the ``right`` map; ``private`` fields too, unless told."""
     if type(held) is type(right) and is_dataclass(held) and hasattr(held, "__dict__"):
         for name, one in vars(held).items():  # what is computed when first asked for too
-            inner = path if name.startswith("_") else f"{path}.{name}"
-            yield from _paired(inner, one, getattr(right, name, None))
+            own = name.startswith("_")
+            if private or not own:
+                inner = path if own else f"{path}.{name}"
+                yield from _paired(inner, one, getattr(right, name, None), private=private)
     elif _tuples(held, right):
         for one, other in zip(held, right, strict=True):
-            yield from _paired(path, one, other)
+            yield from _paired(path, one, other, private=private)
     else:
         yield path, held, right
 

@@ -86,10 +86,11 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
         note(f"{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find such.")
     if output is not None:
         echo(f"wrote {output}")
-    from evocity.analysis.placing import command_for_gis
+    from evocity.analysis.placing import command_for_blender, command_for_gis
 
     first = kept[0].individual
     echo(f"\nOne of them as a file for QGIS:\n  {command_for_gis(run, first.id, first.ground)}")
+    echo(f"For Blender:\n  {command_for_blender(run, first.id)}")
 
 
 __all__ = ["keep"]

@@ -327,10 +327,13 @@ def _remedy(error: BaseException, file: str) -> str:
                 "it loads"
             )
         return f"install {error.name} beside evocity, or do without it"
-    if isinstance(error, AttributeError) and isinstance(error.obj, CityMap):
-        offered = [name for name in dir(CityMap) if not name.startswith("_")]
-        hint = near_miss(error.name, [*offered, "heights", "metres_per_pixel"])
-        return hint or f"a city has {', '.join(offered)}"
+    if isinstance(error, AttributeError) and error.name:
+        offered = [name for name in dir(error.obj) if not name.startswith("_")]
+        if hint := near_miss(error.name, offered):
+            return hint
+        if type(error.obj).__module__.startswith("evocity."):
+            kind = "city" if isinstance(error.obj, CityMap) else type(error.obj).__name__
+            return f"a {kind} has {', '.join(offered)}"
     return (
         "correct that line, or return evocity.fitness.Undefined(reason) where the measure has no "
         "meaning"

@@ -9,6 +9,7 @@ from evocity.analysis.asked import ids_of_any
 from evocity.analysis.births import Told, unknown
 from evocity.analysis.fabrics import fabric_of
 from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
+from evocity.analysis.wanted import stated_aim
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, shown
 from evocity.genome import Genome
@@ -52,6 +53,11 @@ def aim_on(told: Told, measure: str) -> Aim:
     return aims_on(told, [measure])[0]
 
 
+def aim_named(name: str) -> Aim:
+    """What a measure that no run logged is and should be, as far as it is known here."""
+    return stated_aim(name, {})
+
+
 def worded(aim: Aim) -> str:
     """A measure, its unit and its sign: "street_width, m ↑"."""
     named = f"{aim.name}, {aim.unit}" if aim.unit else aim.name
@@ -81,6 +87,7 @@ def city_of(thing: object) -> CityMap:
 
 
 __all__ = [
+    "aim_named",
     "aim_on",
     "aims_on",
     "cities_of",

@@ -12,7 +12,8 @@ from evocity.analysis.clusters import labelled, medoids
 from evocity.analysis.likeness import Likeness
 from evocity.errors import EvocityError, check_word, shown
 from evocity.plot.chosen import (
-    aims_on,
+    aim_named,
+    aim_on,
     cities_of,
     highest_of,
     rows_of,
@@ -68,8 +69,8 @@ def gallery(
     of : a frame of births, ids or individuals, at most 400; who lives, the best first, unless it
         is given.
     columns : maps beside each other, 1 to 20.
-    order : a measure, the best by it first; "looks", so that neighbours look alike; as they are
-        given unless it is told.
+    order : a measure, the best by it first; a column of numbers of a frame that is given, such as
+        of `Run.score`; "looks", so that neighbours look alike; as they are given unless it is told.
     clusters : so many groups of those that look alike, each from a new line on, the one that all
         of a group are nearest to first.
 
@@ -78,13 +79,14 @@ def gallery(
     """
     told = told_of(run)
     rows = rows_of(told, of, told.ranked()[0])
-    _check(told, rows, columns, order, clusters)
+    _check(told, rows, columns, [*told.run.header.columns, *_numbers_in(of)], order, clusters)
+    by = None if order in (None, "looks") else _By.of(told, rows, of, order)
     cities = cities_of(told, told.ids[rows].tolist())
-    groups = _grouped(told, rows, cities, order, clusters)
+    groups = _grouped(told, rows, cities, by, order == "looks", clusters)
     width = _WIDTH if ax is None else ax.get_position().width * ax.figure.get_figwidth()
     columns = min(columns, max([1, *(len(group) for _, group in groups)]))
     inch = min(_LARGEST, (width - 0.9) / (columns * (1 + _GAP)))
-    caption = (1 + (order not in (None, "looks"))) * 1.3 * SMALL / 72 / inch
+    caption = (1 + (by is not None)) * 1.3 * SMALL / 72 / inch
     header, tall = 0.0 if clusters is None else 2.2 * PLAIN / 72 / inch, 1.0
     if cities:
         height, across = next(iter(cities.values())).shape
@@ -106,7 +108,7 @@ def gallery(
     for name, at in lines if clusters is not None else ():
         ax.text(0, at + 0.75 * header, name, fontsize=PLAIN, color=INKS, va="bottom")
     for cell in cells:
-        _draw(ax, told, cell, cities.get(int(told.ids[cell.row])), tall, highest, inch, order)
+        _draw(ax, told, cell, cities.get(int(told.ids[cell.row])), tall, highest, inch, by)
     if not cells:
         note(ax, "no individual")
     for city in [*cities.values()][:1]:
@@ -116,7 +118,37 @@ def gallery(
     return fit(ax)
 
 
-def _draw(ax, told: Told, cell: _Cell, city, tall, highest, inch, order) -> None:
+def _numbers_in(of: object) -> list[str]:
+    """The names of the columns of numbers of a pandas frame; none of anything else."""
+    if not hasattr(of, "select_dtypes"):
+        return []
+    return [str(name) for name in of.select_dtypes("number").columns]
+
+
+@dataclass(frozen=True)
+class _By:
+    """What individuals are ordered by: ``values`` and ``losses``, by row of all births, NaN where
+    there is none."""
+
+    values: dict[int, float]
+    losses: dict[int, float]
+    unit: str
+
+    @classmethod
+    def of(cls, told: Told, rows: np.ndarray, given: object, order: str) -> "_By":
+        """By the measure ``order`` of the run; else by that column of the frame ``given``, the
+        highest first unless a measure is called so that should be low."""
+        if order in told.run.header.columns:
+            aim, values = aim_on(told, order), told.value(order)[rows]
+            losses = aim.losses(values)
+        else:
+            aim, values = aim_named(order), np.asarray(given[order], float)
+            losses = values if aim.goal == "min" else -values
+        pairs = (dict(zip(rows.tolist(), one.tolist(), strict=True)) for one in (values, losses))
+        return cls(*pairs, aim.unit)
+
+
+def _draw(ax, told: Told, cell: _Cell, city, tall, highest, inch, by: _By | None) -> None:
     row = cell.row
     if city is None:
         ax.add_patch(Rectangle((cell.left, cell.top), 1, tall, facecolor=GROUNDS))
@@ -126,16 +158,15 @@ def _draw(ax, told: Told, cell: _Cell, city, tall, highest, inch, order) -> None
         picture = thumbnail(city, highest, max(16, int(1.25 * inch * DPI)))
         lay(ax, picture, (cell.left, cell.top, 1, tall))
     text = f"{told.ids[row]}" + ("" if told.feasible[row] else " ×")
-    if order not in (None, "looks"):
-        (aim,) = aims_on(told, [order])
-        value = told.value(order)[row]
-        text += "\n" + ("–" if np.isnan(value) else f"{value:.4g} {aim.unit}".rstrip())
+    if by is not None:
+        value = by.values[row]
+        text += "\n" + ("–" if np.isnan(value) else f"{value:.4g} {by.unit}".rstrip())
     caption = ax.text(cell.left, cell.top + tall + 0.02, plain(text), va="top", fontsize=SMALL,
                       color=INKS if told.feasible[row] else BROKEN, linespacing=1.15)  # fmt: skip
     caption.set_in_layout(False)  # as its map
 
 
-def _check(told: Told, rows, columns, order, clusters) -> None:
+def _check(told: Told, rows, columns, measures, order, clusters) -> None:
     def whole(value, low, high):
         number = isinstance(value, int | np.integer) and not isinstance(value, bool)
         return number and low <= value <= high
@@ -149,8 +180,12 @@ def _check(told: Told, rows, columns, order, clusters) -> None:
             "choose some: of=run.archive.ids[:100], or of=run.most_different(100)",
         )
     if order is not None:
-        known = ["looks", *told.run.header.columns]
-        check_word("order", order, known, "leave it out for that in which they are given")
+        check_word(
+            "order",
+            order,
+            ["looks", *dict.fromkeys(measures)],
+            "leave it out for that in which they are given",
+        )
     if clusters is not None and not whole(clusters, 1, max(1, len(rows))):
         raise EvocityError(
             f"clusters = {shown(clusters)}",
@@ -159,17 +194,18 @@ def _check(told: Told, rows, columns, order, clusters) -> None:
         )
 
 
-def _grouped(told: Told, rows, cities, order, clusters) -> list[tuple[str, np.ndarray]]:
+def _grouped(
+    told: Told, rows, cities, by: _By | None, looks: bool, clusters
+) -> list[tuple[str, np.ndarray]]:
     """(heading, rows) of each group, in the order in which they stand."""
     matrix = None
     known = np.array([int(told.ids[row]) in cities for row in rows], bool)
-    if (order == "looks" or clusters is not None) and known.any():
+    if (looks or clusters is not None) and known.any():
         matrix = Likeness(told).matrix(told.ids[rows[known]], "looks")
-    if order not in (None, "looks"):
-        (aim,) = aims_on(told, [order])
-        losses = aim.losses(told.value(order)[rows])
+    if by is not None:
+        losses = np.array([by.losses[row] for row in rows.tolist()])
         at = np.lexsort((np.arange(len(rows)), losses, np.isnan(losses), ~told.feasible[rows]))
-    elif order == "looks" and matrix is not None:
+    elif looks and matrix is not None:
         at = np.concatenate([np.flatnonzero(known)[_chain(matrix)], np.flatnonzero(~known)])
     else:
         at = np.arange(len(rows))

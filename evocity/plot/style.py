@@ -46,10 +46,17 @@ class Panel(Axes):
 
 
 class Panels(np.ndarray):
-    """Several `Panel`, which a notebook shows together."""
+    """Several `Panel` of one ``figure``, which a notebook shows together."""
+
+    @property
+    def figure(self) -> Figure:
+        """That all of them are on. Raises AttributeError if there are none."""
+        if not self.size:
+            raise AttributeError("no axes, and so no figure")
+        return self.flat[0].figure
 
     def _repr_png_(self) -> bytes | None:
-        return _png(self.flat[0].figure) if self.size else None
+        return _png(self.figure) if self.size else None
 
 
 def _png(figure: Figure) -> bytes:
@@ -173,13 +180,17 @@ def plain(text: str) -> str:
 
 
 def fit(ax: Axes) -> Axes:
-    """Take the room beneath that a figure of ours has too much; returns ``ax``. Pictures keep their
-    shape, so their axes are as wide as they may be once the figure is made too tall."""
+    """Take the room beneath that a figure of ours has too much, and make room for a key that is
+    wider than what it has; returns ``ax``. Pictures keep their shape, so their axes are as wide as
+    they may be once the figure is made too tall."""
     figure = ax.figure
     if isinstance(ax, Panel):
         figure.set_figheight(figure.get_figheight() + _TOO_TALL)
         figure.get_layout_engine().execute(figure)
-        figure.set_figheight(figure.get_tightbbox().height + 0.25)
+        box, wide = figure.get_tightbbox(), figure.get_figwidth()
+        figure.set_figheight(box.height + 0.25)
+        if box.x1 > wide:
+            figure.set_figwidth(box.x1 + 0.1)
     return ax
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evocity import fitness, store
 from evocity.citymap import CityMap
-from evocity.errors import MapError
+from evocity.errors import MapError, cut_short
 from evocity.search.keeping import Kept, beside_of, kept_by, relative
 from evocity.search.preparation import Prepared, map_of
 from evocity.search.recipe import Recipe
@@ -17,6 +17,8 @@ from evocity.search.wanted import FitnessEntry, MeasureEntry
 
 _PACKAGE = Path(fitness.__file__).parent.parent
 
+# Bytes that are kept of what a measure says of itself.
+_MOST_SAID = 500
 #: Besides the .shp itself, what of a Shapefile decides the map that is read.
 _SHAPEFILE = (".dbf", ".shx", ".prj")
 
@@ -169,6 +171,8 @@ def _source_of(entry: MeasureEntry, measure: fitness.Measure, kept: Kept) -> dic
     about = {"file": told, "hash": measure.source_hash}
     if entry.within is not None:
         about["within"] = entry.within
+    if not ours:  # who opens the run may not have it
+        about |= {"unit": measure.unit, "summary": cut_short(measure.summary, _MOST_SAID)}
     if entry.file is not None:
         about |= {"file": entry.file, "kept": kept.places[measure.name]}
         if measure.beside:

@@ -4,6 +4,7 @@ import csv
 import os
 import re
 import shutil
+import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -304,6 +305,21 @@ def test_measures_of_afterwards_by_workers(run, tmp_path, monkeypatch):
     assert there.equals(here)
 
 
+def test_a_script_without_a_guard_may_score_by_what_is_not_its_own(run, tmp_path):
+    """Workers run it once more only for measures that it declares."""
+    script = tmp_path / "morning.py"
+    script.write_text(
+        "import evocity\n"
+        "print('begun')\n"
+        f"run = evocity.open_run({str(run.path)!r})\n"
+        "print(run.score([9, 10], ['sky_view_factor'], workers=2)['error'].isna().all())\n"
+    )
+    cache = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    words = [sys.executable, script]
+    told = subprocess.run(words, capture_output=True, text=True, env=cache, timeout=100)
+    assert (told.stdout.split(), told.returncode) == (["begun", "True"], 0), told.stderr
+
+
 def test_an_unknown_measure_is_refused(run):
     with pytest.raises(FitnessError, match="no measure is called"):
         run.score(9, "gsj")
@@ -573,6 +589,10 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     for (city, lines), one in zip(cells, kept, strict=True):
         assert np.array_equal(city.heights, one.individual.city.heights)
         assert lines[0] == f"individual {one.individual.id}"
+        assert lines[1] == one.role
+        assert [line.split()[0] for line in lines[2:]] == list(one.individual.scores)
+    run.save([one.individual for one in kept], tmp_path / "sheet.png")
+    for (_, lines), one in zip(drawn[2][0], kept, strict=True):
         assert [line.split()[0] for line in lines[1:]] == list(one.individual.scores)
     assert [lines[0] for _, lines in drawn[1][0]] == [f"individual {kept[0].individual.id}"]
     monkeypatch.setattr("evocity.analysis.exporting.MOST", 1)

@@ -137,8 +137,12 @@ def test_which_to_keep_is_told_as_in_python(going_on):
     for one in kept:
         assert f"{one.individual.id}  {one.role}\n    {one.why}\n    {one.gave_up}\n" in text
     first = kept[0].individual.id
-    assert text.endswith(f"evocity decode {going_on} --id {first} -o {first}.gpkg\n")
-    told = json.loads(call("keep", going_on, "--count", 3, "--json").stdout)["kept"]
+    assert f"evocity decode {going_on} --id {first} -o {first}.gpkg\n" in text
+    assert text.endswith(f"evocity scene {going_on} --id {first} -o {first}.glb\n")
+    document = json.loads(call("keep", going_on, "--count", 3, "--json").stdout)
+    told = document["kept"]
+    assert document["untraced"] == kept.untraced
+    assert told[0]["built"] == kept[0].built
     assert [one["id"] for one in told] == [one.individual.id for one in kept]
     assert told[0]["scores"] == kept[0].individual.scores
     assert (told[0]["why"], told[0]["gave_up"]) == (kept[0].why, kept[0].gave_up)
@@ -146,11 +150,15 @@ def test_which_to_keep_is_told_as_in_python(going_on):
 
 def test_several_of_a_run_become_a_contact_sheet(tmp_path, stopped):
     call("keep", stopped, "-o", tmp_path / "kept.png")
-    ids = [one.individual.id for one in evocity.open_run(stopped).keep()]
+    run = evocity.open_run(stopped)
+    run.save(run.keep(), tmp_path / "as-kept.png")
+    assert (tmp_path / "kept.png").read_bytes() == (tmp_path / "as-kept.png").read_bytes()
+    ids = [one.individual.id for one in run.keep()]
+    run.save(ids, tmp_path / "plain.png")
     each = [word for one in ids for word in ("--id", one)]
     assert len(ids) > 1
     call("show", stopped, *each, "-o", tmp_path / "shown.png")
-    assert (tmp_path / "kept.png").read_bytes() == (tmp_path / "shown.png").read_bytes()
+    assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "shown.png").read_bytes()
     refused(tmp_path, "keep", stopped, "-o", tmp_path / "k.gpkg", says=".gpkg cannot be written")
     output = ("-o", tmp_path / "s.png")
     words = ("show", stopped, *each, "--id", 10**6, *output)

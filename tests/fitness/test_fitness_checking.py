@@ -1,5 +1,6 @@
 """Trying a measure: what a call gave, every fault with its line, and what measures cost."""
 
+import functools
 import linecache
 import math
 import sys
@@ -155,6 +156,30 @@ def test_a_number_of_several_is_tried_like_any_other(measure):
     report = check(spread, TOWNS)
     assert report.measure.name == "tried.low"
     assert report.usable
+
+
+VIEWS = [
+    name
+    for name, held in vars(CityMap).items()
+    if isinstance(held, property | functools.cached_property) and not name.startswith("_")
+]
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_who_reads_a_view_has_not_changed_it(measure, view):
+    tried = measure(
+        f"one = city.{view}\n"
+        "for name in dir(one) if not isinstance(one, tuple | np.ndarray) else ():\n"
+        "    if not name.startswith('_'): getattr(one, name)\n"
+        "return city.heights.mean()"
+    )
+    assert [one.found for one in check(tried, TOWNS).findings] == []
+
+
+def test_of_a_measure_that_fails_it_is_not_told_that_it_is_undefined(measure):
+    body = "if not city.built.any(): return evocity.fitness.Undefined('empty')\nreturn 1 / 0"
+    report = check(measure(body), TOWNS)
+    assert [one.about for one in report.findings if one.kind == "error"] == ["exception"]
 
 
 # -- a map that is changed -------------------------------------------------------------------

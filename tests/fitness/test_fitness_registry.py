@@ -539,6 +539,8 @@ def test_where_a_measure_comes_from_is_known(write):
         ('open("nothing.csv")', "pathlib.Path(__file__)"),
         ("import nothing_such", "install nothing_such"),
         ("city.height", "did you mean heights?"),
+        ("city.street_graph.lenght.sum()", "did you mean length?"),
+        ("city.streets.nothing_like_it", "a Streets has length, "),
         ("raise SystemExit('bye')", "correct that line"),
     ],
 )

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 from written_runs import CITY, written
 
@@ -215,6 +216,17 @@ def test_dollars_and_backslashes_in_names_are_text(tmp_path):
         figure.draw_without_rendering()
         texts = [one.get_text() for one in figure.findobj(Text)]
         assert not [one for one in texts if re.search(r"(?<!\\)\$", one)]
+
+
+def test_a_key_of_long_names_is_not_cut(tmp_path, monkeypatch):
+    """One of few pictures is a narrow figure."""
+    births = [[{"id": 0}], [{"id": 1, "parents": (0,)}]]
+    run = written(tmp_path / "run", births, wanted=GOALS[:1])
+    patches = [Patch(label="a-city-with-a-name-of-40-letters-in-all!")]
+    monkeypatch.setattr("evocity.plot.pedigrees.city_patches", lambda cities: patches)
+    ax = plot.pedigree(run, 1)
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().x1 <= ax.figure.bbox.x1
 
 
 def test_a_pedigree_tells_where_it_is_cut(tmp_path):

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from evocity import plot
 from evocity.coding.usage import usage
+from evocity.errors import EvocityError
 from evocity.pictures import city_colours, render
 from evocity.plot.fronts import _wide_apart
 from evocity.plot.generations import in_place, quantiles
@@ -211,6 +212,27 @@ def test_gallery_orders_and_clusters(run):
     assert values == sorted(values, reverse=True)
     assert sorted(shown(order="looks")) == sorted(ids)
     assert sorted(shown(clusters=2)) == sorted(ids)
+
+
+@pytest.mark.parametrize(("name", "first"), [("sky_view_factor", "high"), ("slivers", "low")])
+def test_gallery_is_in_the_order_of_what_was_scored_later(run, name, first):
+    ids = run.told.ids[run.told.ok][:6]
+    table = run.score(ids, name, workers=0)
+    table.loc[ids[2], name] = np.nan
+    ax = plot.gallery(run, of=table, order=name)
+    told = [one.get_text().split("\n") for one in ax.texts if "\n" in one.get_text()]
+    order = [int(head.split()[0]) for head, _ in told if run[int(head.split()[0])].feasible]
+    values = table[name][order]
+    assert values.dropna().tolist() == sorted(values.dropna(), reverse=first == "high")
+    assert [value for head, value in told if head.split()[0] == str(ids[2])] == ["–"]
+    with pytest.raises(EvocityError, match=rf"order = 'error'[\s\S]*{name}"):
+        plot.gallery(run, of=table, order="error")
+
+
+def test_several_axes_have_their_figure(run):
+    axes = plot.objectives(run)
+    assert axes.figure is axes.flat[0].figure
+    assert not hasattr(axes[:0], "figure")
 
 
 @pytest.mark.parametrize("what", ["sigma", "lambda", "side", "usage"])

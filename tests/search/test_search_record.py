@@ -5,14 +5,18 @@ import json
 import math
 import re
 import shutil
+from unittest.mock import patch
 
 import pytest
 from test_search_recipe import faults, replaced
 from test_search_run import run
 
+import evocity
 from evocity import fitness
+from evocity.analysis.wanted import recorded_of
 from evocity.coding import decode
 from evocity.errors import RunError
+from evocity.fitness import registry
 from evocity.report import unrecorded, write_report
 from evocity.report.facts import Facts
 from evocity.search import Search, archive, read_recipe
@@ -265,3 +269,24 @@ def test_of_a_whole_file_what_is_a_goal_already_is_not_recorded_twice(toy):
     assert [one.name for one in recipe.recorded] == ["most"]
     found = Evaluator(prepare(recipe).setup).header
     assert found.recorded == ("most",)
+
+
+def test_what_an_own_measure_says_of_itself_is_known_without_it(toy, tmp_path):
+    """Its unit and its meaning, wanted or recorded; a later process has not loaded its file."""
+    told = {"widest": ("max", "m²"), "farthest": (None, "km")}
+    head = "import evocity\n@evocity.fitness(goal={!r}, unit={!r})\ndef {}(city):\n"
+    body = '    """The {}.\n\n    By far.\n    """\n    return city.heights.max()\n'
+    recipe = toy(population=4, generations=0)
+    for name, (goal, unit) in told.items():
+        text = head.format(goal, unit, name) + body.format(name)
+        (recipe.parent / f"{name}.py").write_text(text)
+    text = recipe.read_text().replace('file = "toys.py"', 'file = "widest.py"')
+    recipe.write_text(text.replace("[run]", '[run]\nrecord = ["farthest.py"]'))
+    run(recipe, tmp_path / "run", workers=0)
+    with patch.object(registry, "_from_files", {}):
+        found = evocity.open_run(tmp_path / "run")
+        aims = [*found.aims, *recorded_of(found)]
+    assert [(one.name, one.unit, one.meaning) for one in aims] == [
+        ("widest", "m²", "The widest."),
+        ("farthest", "km", "The farthest."),
+    ]

@@ -50,7 +50,9 @@ def places_of(
     shape = tuple(side - 2 for side in ground.open.shape)
     middles, count = ground.middles, len(ground.hubs) - 1
     if not (kept.any() and count):
-        return Places((), np.empty(0), np.empty(0)), np.full(shape, -1, np.int32)
+        none = np.empty(0)
+        none.setflags(write=False)
+        return Places((), none, none), np.full(shape, -1, np.int32)
     import shapely
 
     own = np.concatenate([[0], np.arange(1, count + 1) * kept])[middles]
