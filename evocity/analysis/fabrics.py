@@ -31,8 +31,10 @@ def built_shares(fabric: Genome, city: CityMap) -> np.ndarray:
 
 
 def told_share(share: float) -> str:
-    """A share above 0 in words."""
-    return f"{share:.0%}" if share >= 0.005 else "under 1%"
+    """A share in words: of one that is neither nothing nor all, neither 0 % nor 100 %."""
+    if 0 < share < 0.005:
+        return "under 1%"
+    return "over 99%" if 0.995 <= share < 1 else f"{share:.0%}"
 
 
 __all__ = ["built_shares", "fabric_of", "told_share"]

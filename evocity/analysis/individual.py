@@ -129,9 +129,9 @@ class Individual(Displayed):
         """Its row of the log."""
         return self.run.individuals([self.id], rebred=False)[0]
 
-    def read_by(self, birth: Birth) -> None:
-        """Its row of the log, where somebody else has read it already."""
-        vars(self)["birth"] = birth
+    def is_known(self, birth: Birth, city: CityMap) -> None:
+        """Take its row of the log, and its map, from who has read and decoded them already."""
+        vars(self).update(birth=birth, city=city.replace(city.heights, name=self._title))
 
     @property
     def error(self) -> str | None:

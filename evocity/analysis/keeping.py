@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: So many of the archive are compared by looks, at most: some of all times, evenly.
 MOST_COMPARED = 320
-#: A source city of which no birth has a larger share of what is built has left no trace.
+#: A source city of which no larger share of what is built is made has left no trace.
 TRACE = 0.01
 #: Two look alike that differ in no larger share of the map than this.
 APART = 0.05
@@ -32,7 +32,8 @@ APART = 0.05
 @dataclass(frozen=True)
 class Kept:
     """A birth worth keeping. ``role``: "compromise", "best NAME", "one of its kind"; ``why``: in a
-    sentence or two; ``gave_up``: in which goal it is farthest behind the best, and how far."""
+    sentence or two; ``gave_up``: in which goal it is farthest behind the best, and how far;
+    ``built``: of which source cities its buildings are made, ``stones`` in words."""
 
     individual: Individual
     role: str
@@ -50,7 +51,10 @@ class Kept:
 
     @property
     def stones(self) -> str:
-        """Whose stones what is built is, in a sentence; empty where `built` is."""
+        """Whose stones what is built is, in a sentence; empty where `built` is, and where there is
+        one source city alone."""
+        if sum(city != VOID for city in self.individual.run.header.cities) < 2:
+            return ""
         shares = ", ".join(f"{city} {told_share(share)}" for city, share in self.built.items())
         return f"Of what is built: {shares}." if shares else ""
 
@@ -71,11 +75,12 @@ class Keeping(list[Kept], Displayed):
 
     @cached_property
     def untraced(self) -> list[str]:
-        """The source cities of which none of them has more than a hundredth of what is built."""
+        """The source cities, such as have buildings, of which in none of them more than a hundredth
+        of what is built is made."""
         built = [one.built for one in self]
         if not any(built):
             return []
-        cities = [city for city in self[0].individual.run.header.cities if city != VOID]
+        cities = [one.name for one in self[0].individual.told.sources if one.city.built.any()]
         return [city for city in cities if all(one.get(city, 0.0) <= TRACE for one in built)]
 
     @property
@@ -84,7 +89,7 @@ class Keeping(list[Kept], Displayed):
         if not self.untraced:
             return ""
         cities = " or ".join(self.untraced)
-        return f"None of these has more than {TRACE:.0%} of {cities} in what is built."
+        return f"In none of these is more than {TRACE:.0%} of what is built from {cities}."
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -201,9 +206,11 @@ class _Choice:
                 f"once: farthest behind in {goals[worst]}, by {behind:.0%} of the range."
                 if behind > 0
                 else f"Of the {len(self.ids)} {self.where} it is the best in every goal."
+                if len(self.ids) > 1
+                else f"It is the only one {self.where}."
             )
         best = [goal for goal in goals if f"best {goal}" in roles]
-        if best:
+        if best and self.scaled[row].any():  # else it is the best in all
             told = ", ".join(self._best_value(row, goals.index(goal)) for goal in best)
             sentences.append(f"None of the {len(self.ids)} {self.where} is better by {told}.")
         sentences += [why] if why else []

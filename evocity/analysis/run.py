@@ -235,7 +235,7 @@ class Run(opening.Run, Displayed):
         from evocity.analysis.keeping import kept_of
 
         check_count("n", n)
-        where = "given" if of is not None else "in the archive"
+        where = "in the archive" if of is None else "given that keep the constraints"
         return kept_of(self.told, self._feasible(of), self._likeness, n, where)
 
     def view(
@@ -268,7 +268,7 @@ class Run(opening.Run, Displayed):
 
     def _feasible(self, of: object) -> np.ndarray:
         """Those of the births that ``of`` names that keep the constraints; at least one."""
-        ids = self._ids(of)
+        ids = np.unique(self._ids(of))
         found = ids[self.told.feasible[self.told.rows(ids)]]
         if not len(found):
             of_archive = "no birth keeps the constraints, so the archive is empty"

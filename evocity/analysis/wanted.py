@@ -139,7 +139,7 @@ def recorded_of(run: Run) -> list[Aim]:
 
 def stated_aim(name: str, stated: dict) -> Aim:
     """The measure ``name``, with what is ``stated`` of it, as a recipe or provenance has it."""
-    known = {measure.name: measure for measure in fitness.measures()}.get(own_name(name))
+    known = {measure.name: measure for measure in fitness.measures(None)}.get(own_name(name))
     target, low, high = (number_of(stated.get(key)) for key in ("target", "min", "max"))
     own = known.goal if known else None
     if (low, high) != (None, None) and stated.get("goal") is None and target is None:

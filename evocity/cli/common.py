@@ -72,7 +72,7 @@ def _in_options(text: str, command: click.Command) -> str:
     def typed(name: str, joint: str, value: str) -> str:
         if name in options:
             return _as_typed(options[name], value) if joint else _none_of(options[name])
-        if by_recipe and name in _MAP_KEYS:
+        if by_recipe and name in _MAP_OPTIONS:
             section = "[map]" if name in ("pixels", "metres_per_pixel") else "[[parents]]"
             return _as_key(name, value, section)
         return f"{name if joint else ''}{joint}{value}"
@@ -101,20 +101,20 @@ def _as_key(name: str, value: str, section: str) -> str:
     return f"{name} = {value} in {section}" if value else f"{name} in {section}"
 
 
-_MAP_OPTIONS = (
-    click.option(
+_MAP_OPTIONS = {
+    "pixels": click.option(
         "--pixels",
         type=int,
         show_default="256 for footprints, a raster's own size",
         help="Side of the square window, pixels.",
     ),
-    click.option(
+    "metres_per_pixel": click.option(
         "--metres-per-pixel",
         type=float,
         show_default="2.0 for footprints, a GeoTIFF's own; PNG and NPY need it",
         help="Side of a pixel, metres.",
     ),
-    click.option(
+    "center": click.option(
         "--center",
         type=float,
         nargs=2,
@@ -122,42 +122,33 @@ _MAP_OPTIONS = (
         show_default="the file's own window, or the middle of the buildings",
         help="Centre of the window, degrees, longitude first.",
     ),
-    click.option(
+    "layer": click.option(
         "--layer",
         show_default="the one of the buildings, if it can be told",
         help="Layer of a GeoPackage.",
     ),
-    click.option(
+    "default_height": click.option(
         "--default-height",
         type=float,
         show_default="6.0",
         help="Metres of a building whose height the file does not tell.",
     ),
-    click.option(
+    "height_scale": click.option(
         "--height-scale",
         type=float,
         show_default="1 for GeoTIFF and NPY; PNG needs it",
         help="Metres of one grey level or unit of a raster.",
     ),
-    click.option(
+    "attribution": click.option(
         "--attribution",
         metavar="TEXT",
         show_default="what the file says",
-        help="The line that the licence of the map's source asks for; it goes with all that is "
-        "made of the map.",
+        help="The line that the licence of a file's source asks for; it goes with all that is made "
+        "of the map. Bundled districts keep their own.",
     ),
-)
+}
 #: Of these, the ones that several files may have in common.
-FILE_OPTIONS = _MAP_OPTIONS[3:6]
-_MAP_KEYS = (
-    "pixels",
-    "metres_per_pixel",
-    "center",
-    "layer",
-    "default_height",
-    "height_scale",
-    "attribution",
-)
+FILE_OPTIONS = [_MAP_OPTIONS[key] for key in ("layer", "default_height", "height_scale")]
 
 
 def map_options(command: Callable) -> Callable:
@@ -165,10 +156,10 @@ def map_options(command: Callable) -> Callable:
 
     @functools.wraps(command)
     def gathered(**given):
-        reading = {key: given.pop(key) for key in _MAP_KEYS}
+        reading = {key: given.pop(key) for key in _MAP_OPTIONS}
         return command(reading={k: v for k, v in reading.items() if v is not None}, **given)
 
-    for option in reversed(_MAP_OPTIONS):
+    for option in reversed(_MAP_OPTIONS.values()):
         gathered = option(gathered)
     return gathered
 

@@ -119,7 +119,7 @@ def _row(measure, costs) -> tuple[str, ...]:
         measure.name,
         measure.goal or "-",
         measure.unit or "-",
-        measure.span,
+        measure.told_range,
         "-" if measure.name not in costs else "?" if seconds is None else f"{1e3 * seconds:.2g}",
         near(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
         measure.summary or "-",

@@ -109,7 +109,7 @@ def _tell(report, word: str) -> None:
     measure = report.measure
     unit = f" {measure.unit}" if measure.unit else ""
     echo(
-        f"{measure.name}: goal {measure.goal or 'none'}, {measure.span}{unit}; "
+        f"{measure.name}: goal {measure.goal or 'none'}, {measure.told_range}{unit}; "
         f"{near(measure.file)}, line {measure.line}"
     )
     echo()

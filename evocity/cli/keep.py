@@ -49,8 +49,9 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
     what it gave up, and whose stones its buildings are. The report of RUN begins with them. RUN
     may still go on, and nothing in it is changed or executed.
 
-    JSON keys: kept, a list of id, role, why, gave_up, built (source city to share of what is built)
-    and scores (measure to value); untraced, the source cities of which none has more than 0.01.
+    JSON keys: kept, a list of id, role, why, gave_up, built (source city to share of what is built;
+    null where nothing is made of stones) and scores (measure to value); untraced, the source cities
+    of which in none of them more than 0.01 of what is built is made.
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
@@ -71,7 +72,7 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
                 "role": one.role,
                 "why": one.why,
                 "gave_up": one.gave_up,
-                "built": one.built,
+                "built": one.built if opened.header.chromosome.stones else None,
                 "scores": one.individual.scores,
             }
             for one in kept
@@ -83,7 +84,7 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
         for sentence in one.reasons:
             echo(f"    {sentence}")
     if kept.untraced:
-        note(f"{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find such.")
+        note(f"{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find others.")
     if output is not None:
         echo(f"wrote {output}")
     from evocity.analysis.placing import command_for_blender, command_for_gis

@@ -87,7 +87,7 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
     for source, count in Counter(maps).items():
         if count > 1:
             raise EvocityError(f"the map {source} twice", "each map once", "leave one out")
-    made, named, attribution = [], Counter(), reading.pop("attribution", None)
+    made, named = [], Counter()
     for source in maps:
         city = evocity.read_map(source, **reading)
         told = licence or _licence_of(source)
@@ -105,7 +105,6 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
             city,
             licence=told,
             atmosphere=atmosphere,
-            attribution=attribution,
             attached=not isolated,
             table=table,
         )

@@ -146,7 +146,9 @@ def new(
     echo()
     before = "Correct what makes births fail" if found.failing else "Look at its comments"
     run = f"evocity run {near(str(output))}"
-    echo(f"{before}, then:\n  {run}\nIn short, to try it:\n  {run} --generations 5")
+    echo(
+        f"{before}, then:\n  {run}\nIn short, to try it:\n  {run} --generations 5 --out runs/trial"
+    )
 
 
 def _tell(text: str) -> None:

@@ -112,6 +112,7 @@ def keeping_html(keeping: Keeping) -> str:
             left=len(keeping) - len(shown),
             lacking=keeping.lacking,
             highest=highest,
+            top=max((float(city.heights.max()) for city in cities), default=0.0),
             credit=credit,
         )
     )

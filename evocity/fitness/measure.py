@@ -212,7 +212,7 @@ class Measure:
         return " ".join(self.doc.partition("\n\n")[0].split())
 
     @property
-    def span(self) -> str:
+    def told_range(self) -> str:
         """Its range in words, as in ``0…∞``."""
         low, high = (
             f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞"

@@ -67,6 +67,9 @@ READERS: dict[str, Reader] = {
 }
 
 
+#: Letters of an attribution, at most.
+MOST_CREDIT = 1000
+
 _PARQUET = (
     "of GeoParquet, export GeoPackage or GeoJSON; of a genome, `evocity decode` makes a map first"
 )
@@ -107,7 +110,8 @@ def read_map(
     default_height : metres of a building whose height no rule tells (see `evocity.io.heights`).
     height_scale : metres of one grey level (PNG: required), or of one unit (GeoTIFF, NPY).
     name : what to call the map; else its district, or the file's name.
-    attribution : the line that the licence of a file's source asks for; else what the file says.
+    attribution : the line that the licence of a file's source asks for, 1000 letters at most, in
+        place of what the file says. A bundled district keeps its own.
 
     Returns
     -------
@@ -129,23 +133,11 @@ def read_map(
         name=name,
     )
     data, stem = data_of(source, request)
-    if attribution is not None:
-        data = _attributed(data, source, attribution)
+    if attribution is not None and not _found(source)[1]:
+        data = dataclasses.replace(data, attribution=_line("attribution", attribution))
     if isinstance(data, Footprints):
         return burnt(data, request, name or stem)
     return gridded(data, request, name or data.name or stem)
-
-
-def _attributed(
-    data: Footprints | Grid, source: str | os.PathLike, attribution: str
-) -> Footprints | Grid:
-    if _found(source)[1]:
-        raise MapError(
-            f"{keyword('attribution')} for {source}, which is bundled",
-            f"its own: {data.attribution}",
-            f"leave {keyword('attribution')} out; it is for files",
-        )
-    return dataclasses.replace(data, attribution=attribution)
 
 
 def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:
@@ -210,6 +202,17 @@ def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...], dict[str, str]]
         origins[suffix] = origin_of(entry)
 
     return found, load_plugins("evocity.readers", take), origins
+
+
+def _line(name: str, text: object) -> str:
+    """A ``text`` to be shown. Raises `MapError` for what is none."""
+    if not isinstance(text, str) or not text.strip() or len(text) > MOST_CREDIT:
+        raise MapError(
+            setting(name, text),
+            f"a text of 1 to {MOST_CREDIT} letters",
+            f"leave {keyword(name)} out where the file tells it",
+        )
+    return text.strip()
 
 
 def _found(source: str | os.PathLike) -> tuple[Path, str]:

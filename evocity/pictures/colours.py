@@ -31,20 +31,20 @@ def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
     return table.take(steps.astype(np.int16), axis=0)
 
 
-def scale_end(*cities: CityMap) -> float:
+def scale_end(*cities: CityMap, share: float = 0.98) -> float:
     """A round number of metres to end the colour scale of maps: above nearly all roofs of each.
 
     A single tower does not turn the rest pale: the scale ends below it if it is more than
-    twice as high as 98 % of what is built on its map.
+    twice as high as a ``share`` of what is built on its map.
     """
-    return max(map(_end, cities), default=10.0)
+    return max((_end(city, share) for city in cities), default=10.0)
 
 
-def _end(city: CityMap) -> float:
+def _end(city: CityMap, share: float) -> float:
     roofs = city.heights[city.built]
     if not roofs.size:
         return 10.0
-    usual, top = float(np.quantile(roofs, 0.98)), float(roofs.max())
+    usual, top = float(np.quantile(roofs, share)), float(roofs.max())
     end = usual if top > 2 * usual else top
     step = 5 if end <= 50 else 10 if end <= 150 else 50
     return float(max(10, step * math.ceil(end / step)))

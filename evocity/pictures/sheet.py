@@ -37,9 +37,12 @@ def sheet_of(
     tall = round(side * rows / across)
     step = tall + _GAP + _LINE * max((len(lines) for _, lines in shown), default=0)
     width = max(_GAP + columns * (side + _GAP), _SCALE + 2 * _GAP)
-    credits = wrapped(attribution, plain, width - 2 * _GAP)
+    about = _extent([city for city, _ in shown], highest) if shown else ""
+    feet = [
+        line for text in (about, attribution) for line in wrapped(text, plain, width - 2 * _GAP)
+    ]
     low = _TOP + -(-len(cells) // columns) * step + 8
-    sheet = Image.new("RGB", (width, low + 52 + _GAP + _LINE * (1 + len(credits))), PAPER)
+    sheet = Image.new("RGB", (width, low + 52 + _GAP + _LINE * len(feet)), PAPER)
     draw = ImageDraw.Draw(sheet)
     large = font(22)
     draw.text((_GAP, 20), shortened(title, large, width - 2 * _GAP), INK, large)
@@ -56,8 +59,7 @@ def sheet_of(
             place = (left, high + tall + 4 + index * _LINE)
             draw.text(place, shortened(text, plain, side), FAINT if index else INK, plain)
     draw_scale(sheet, draw, (_GAP, low), min(width - 2 * _GAP, _SCALE), highest, plain)
-    feet = [_extent([city for city, _ in shown], highest)] if shown else []
-    for index, text in enumerate([*feet, *credits]):
+    for index, text in enumerate(feet):
         draw.text((_GAP, low + 44 + index * _LINE), text, FAINT, plain)
     return sheet
 

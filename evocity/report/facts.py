@@ -291,7 +291,7 @@ class Facts:
         kept = kept_of(self.told, self.archive.ids, likeness, MOST_KEPT)
         births = self.individuals([one.individual.id for one in kept])
         for one, birth in zip(kept, births, strict=True):
-            one.individual.read_by(birth)
+            one.individual.is_known(birth, self.city(birth))
         return kept
 
     @cached_property

@@ -17,7 +17,7 @@ from evocity.report.front import Front, curves, curves_of
 from evocity.report.gallery import Galleries, city_key, parents
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands
-from evocity.report.kept import best_of_last, few_to_keep, title_of
+from evocity.report.kept import best_of_last, few_to_keep, search_for, title_of
 from evocity.report.pictures import pictures_of, scale_colours
 from evocity.report.plots import ticks
 from evocity.report.summary import Summary
@@ -74,15 +74,17 @@ def page_values(facts: Facts) -> dict:
         "style": _asset("report.css"),
         "script": script,
         "words": WORDS,
-        "measures": told_measures([aim.name for aim in facts.told.logged]),
+        "measures": told_measures(facts.told.logged),
         "facts": facts,
         "header": facts.run.header,
         "summary": Summary(facts),
         "highest": highest,
+        "top": max(float(source.city.heights.max()) for source in facts.sources),
         "colours": scale_colours(highest),
         "ticks": [(f"{metres / highest:.1%}", f"{metres:g}") for metres in ticks(0, highest)],
         "kept": kept,
         "kept_title": title_of(kept),
+        "search_for": search_for(facts.kept_few.untraced),
         "best": [] if kept else best_of_last(facts, highest),
         "parents": parents(facts, pictures),
         "front": Front(facts),

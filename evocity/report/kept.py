@@ -115,6 +115,16 @@ def title_of(kept: Sequence[Worth]) -> str:
     return f"{_NUMBERS[many] if many < len(_NUMBERS) else many} to keep".capitalize()
 
 
+def search_for(untraced: Sequence[str]) -> str:
+    """Python that finds births with stones of the source cities that are ``untraced``."""
+    return (
+        'import evocity\nrun = evocity.open_run("RUN")\n'
+        'shares = run.ancestry("feasible")\n'
+        f"some = shares[(shares[{list(untraced)!r}] > 0.05).all(axis=1)]\n"
+        "print(run.keep(5, of=some))"
+    )
+
+
 @dataclass(frozen=True)
 class Best:
     """One of the best of the last generation in three dimensions."""
@@ -156,4 +166,4 @@ def _bounded(facts: Facts, one: Shown) -> str:
     return f". {verb.capitalize()}: {told}" if told else ""
 
 
-__all__ = ["Best", "Compared", "Worth", "best_of_last", "few_to_keep", "title_of"]
+__all__ = ["Best", "Compared", "Worth", "best_of_last", "few_to_keep", "search_for", "title_of"]

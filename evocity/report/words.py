@@ -1,8 +1,9 @@
 """Words of the report that a newcomer does not know, a sentence each. `docs/glossary.md` has them
 all, and where they are from."""
 
-from collections.abc import Collection
+from collections.abc import Sequence
 
+from evocity.analysis import Aim
 from evocity.fitness import measures
 from evocity.fitness.part import own_name
 
@@ -49,13 +50,19 @@ WORDS = {
 }
 
 
-def told_measures(logged: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
-    """What each measure that is known here says, in a line: those a run ``logged``, by their names
-    there, and all others. Measures of the run's own files are not read."""
-    known = {one.name: f"{one.summary} {one.span} {one.unit}".rstrip() for one in measures()}
-    told = {name: known[own_name(name)] for name in logged if own_name(name) in known}
-    own = {own_name(name) for name in logged}
-    return told, {name: text for name, text in known.items() if name not in own}
+def told_measures(logged: Sequence[Aim]) -> tuple[dict[str, str], dict[str, str]]:
+    """What measures say, in a line each: those that a run ``logged``, by their names there; and
+    all others of maps that are known here."""
+    known = {
+        one.name: f"{one.summary} {one.told_range} {one.unit}".rstrip() for one in measures(None)
+    }
+    told = {}
+    for aim in logged:
+        own = f"{aim.meaning or 'A measure of its own.'} {aim.unit}".rstrip()
+        told[aim.name] = known.get(own_name(aim.name), own)
+    names = {own_name(name) for name in told}
+    others = [one.name for one in measures() if one.name not in names]
+    return told, {name: known[name] for name in others}
 
 
 __all__ = ["WORDS", "told_measures"]

@@ -107,8 +107,9 @@ def coming(pool: Engine, plans: Iterator[Plan | None]) -> Iterator[Born]:
 
 
 def _born(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Born:
-    """The individual of a ``plan`` with its ``outcome``. If it was ``lost`` before, that is of its
-    second breeding: one that fails again is told by how it failed then, time and all."""
+    """The individual of a ``plan`` with its ``outcome``. If it was ``lost`` before, the outcome is
+    that of its second breeding: one that fails again is told by how it failed then, time and
+    all."""
     if plan.operator is None:
         return Born(plan, _founder(plan), outcome)
     if outcome.genome is None:

@@ -225,7 +225,7 @@ def _reached(goals: Sequence[Goal], first: str) -> list[str]:
 
 def _at_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
     """That some parents have the best that there can be of a goal, and others have not, in words:
-    who is bred of these parents alone has it too."""
+    who is bred of the former alone has it too."""
     told = []
     for goal in goals:
         if goal.wanted is None:
@@ -234,10 +234,11 @@ def _at_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
         of_parents = {name: code for name, (_, code) in values[goal.measure.name].items()}
         reached = [name for name, code in of_parents.items() if code == best]
         if reached and len(reached) < len(of_parents):
+            have, them = ("have", "these") if len(reached) > 1 else ("has", "it")
             told.append(
-                f"{goal.measure.name}: {' and '.join(reached)} has {best:g}, the best there can "
-                "be, so that children of it alone may win; a bound in place of this goal would "
-                "hold without that"
+                f"{goal.measure.name}: {' and '.join(reached)} {have} {best:g} already, the best "
+                f"there can be; children of {them} alone may win, which a bound in place of the "
+                "goal prevents"
             )
     return told
 

@@ -171,7 +171,7 @@ def _source_of(entry: MeasureEntry, measure: fitness.Measure, kept: Kept) -> dic
     about = {"file": told, "hash": measure.source_hash}
     if entry.within is not None:
         about["within"] = entry.within
-    if not ours:  # who opens the run may not have it
+    if entry.file is not None or not ours:  # who opens the run may not have it
         about |= {"unit": measure.unit, "summary": cut_short(measure.summary, _MOST_SAID)}
     if entry.file is not None:
         about |= {"file": entry.file, "kept": kept.places[measure.name]}

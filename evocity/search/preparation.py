@@ -23,6 +23,9 @@ from evocity.search.sections import Parent
 from evocity.search.values import PARENTS, free_name, resolved
 from evocity.store import Header, Source, Thumbnails
 
+# Small maps in the log tell the heights of more towers than colours do.
+_TOLD = 0.995
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -291,5 +294,5 @@ def _header(
         islands=tuple(one.name for one in recipe.islands),
         genomes=recipe.log.genomes,
         kind=recipe.kind.name,
-        thumbnails=Thumbnails.of(*cities[0].shape, scale_end(*cities)),
+        thumbnails=Thumbnails.of(*cities[0].shape, scale_end(*cities, share=_TOLD)),
     )

@@ -11,6 +11,7 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
+    StringConstraints,
     model_validator,
 )
 
@@ -92,7 +93,10 @@ class Parent(Section):
     layer: str | None = None
     default_height: Positive = 6.0
     height_scale: Positive | None = None
-    attribution: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
+    attribution: (
+        Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=1000)]
+        | None
+    ) = None
 
     @model_validator(mode="after")
     def _of_one_place(self) -> "Parent":

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evocity.citymap import MAX_PIXELS
 from evocity.columns import column_of
 from evocity.genome import MOST_PARENTS
 from evocity.store.layout import BIRTHS
@@ -123,10 +124,15 @@ def _rows(file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | 
 def read_through(file: pq.ParquetFile, group: int) -> None:
     """Read a row group, one column after the other, and keep none: what is damaged raises. Texts of
     more than `MOST_TEXT` bytes are left out, and other bytes of more than `MOST_FIXED`. Raises
-    ValueError for more than `MOST_ROWS`."""
+    ValueError for more than `MOST_ROWS`, and for more values in a column than births can have."""
     about = file.metadata.row_group(group)
     if about.num_rows > MOST_ROWS:
         raise ValueError(f"{about.num_rows} rows in one generation")
+    for column in map(about.column, range(about.num_columns)):
+        name = column.path_in_schema.partition(".")[0]
+        each = MOST_PARENTS if name == PARENTS else MAX_PIXELS
+        if column.num_values > max(about.num_rows, 1) * each:
+            raise ValueError(f"{column.num_values} values of {name} in one generation")
     large = {
         column.path_in_schema
         for column in map(about.column, range(about.num_columns))

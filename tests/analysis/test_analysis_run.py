@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -366,8 +367,11 @@ def test_some_are_chosen_of_those_that_are_given(run):
     kept = run.keep(3, of=some)
     assert {one.individual.id for one in kept} <= set(some)
     assert kept[0].individual == run.compromise(of=some)
-    assert f"of the {len(some)} given" in kept[0].why.lower()
+    assert f"of the {len(some)} given that keep the constraints" in kept[0].why.lower()
     assert run.keep(3, of=run.archive.ids).frame["role"].equals(run.keep(3).frame["role"])
+    (alone,) = run.keep(3, of=[some[0]] * 3)
+    assert "only one given" in alone.why
+    assert "better by" not in alone.why
     with pytest.raises(RunError, match="none of 0 births keeps the constraints"):
         run.keep(of=[])
 
@@ -379,13 +383,19 @@ def test_whose_stones_the_kept_are_is_told(run):
         assert list(one.built.values()) == sorted(one.built.values(), reverse=True)
         assert one.stones.count("%") == len(one.built)
         assert one.stones in str(one)
-    cities = set(run.header.cities) - {VOID}
+    cities = {one.name for one in run.sources()} - {VOID}
     seen = {city for one in kept for city, share in one.built.items() if share > 0.01}
     assert set(kept.untraced) == cities - seen
     founder = run.keep(of=[0])  # a parent's own code has no stone of another
     assert founder.untraced == [city for city in run.header.cities[1:] if city != VOID]
     assert str(founder).splitlines()[-1] == founder.lacking
     assert all(city in founder.lacking for city in founder.untraced)
+
+
+def test_a_source_without_buildings_leaves_no_trace_that_is_missed(run, monkeypatch):
+    bare = [replace(one, city=one.city.replace(0 * one.city.heights)) for one in run.sources()]
+    monkeypatch.setattr(type(run), "sources", lambda self: bare)
+    assert run.keep(of=[0]).untraced == []
 
 
 def test_those_compared_by_looks_are_of_all_times(run, monkeypatch):

@@ -112,7 +112,11 @@ def test_a_goal_that_one_parent_has_reached_is_told():
         "mean_height": {"left": (0, 0.0), "right": (3, 3.0)},
     }
     (told,) = _at_best(goals, values)
-    assert told.startswith("crumbs: right has 0, the best there can be")
+    assert told.startswith("crumbs: right has 0 already, the best there can be; children of it")
+    values["crumbs"]["middle"] = (0, 0.0)
+    (told,) = _at_best(goals, values)
+    assert told.startswith("crumbs: right and middle have 0 already")
+    assert "children of these alone may win" in told
 
 
 def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, towns, tmp_path):
@@ -124,6 +128,8 @@ def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, town
     prepared = prepare(recipe)
     assert {one.city.attribution for one in prepared.sources} == {"© the towns"}
     assert prepared.header.attribution == "© the towns"
+    with pytest.raises(RecipeError, match=r"parents\[0\].attribution"):
+        recipe_of(credited.replace("© the towns", "  ", 1), night[0].parent, {}, name="night")
     genome = credited.replace('map = "../left.npy"', 'genome = "../left.npy"')
     with pytest.raises(RecipeError, match="attribution beside genome"):
         recipe_of(genome, night[0].parent, {}, name="night")

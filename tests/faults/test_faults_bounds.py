@@ -15,6 +15,7 @@ from evocity.errors import GenomeError, MapError, RunError
 from evocity.io import computed, mending, read_map
 from evocity.report import failures
 from evocity.store import bounds, open_run
+from evocity.store.bounds import read_through
 
 CORNER = (770000.0, 6270000.0)
 
@@ -181,8 +182,22 @@ def test_more_parents_than_a_birth_can_have_are_not_read(old_run):
         return [len(one) for one in births["parents"].to_pylist()]
 
     assert told(256) == [256] * len(table)
+    assert len(open_run(old_run).generations) > 1
     with pytest.raises(RunError, match=f"{257 * len(table)} values of parents in one generation"):
         told(257)
+
+
+def test_more_parents_in_the_last_generation_are_not_read_either(old_run):
+    """Whether it can be read is looked at first of all."""
+    whole = len(open_run(old_run).generations)
+    path = sorted((old_run / "births").iterdir())[-1]
+    table = pq.read_table(path)
+    at = table.column_names.index("parents")
+    column = pa.array([[0] * 257] * len(table), table.schema.field(at).type)
+    pq.write_table(table.set_column(at, table.schema.field(at), column), path)
+    with pytest.raises(ValueError, match="values of parents in one generation"):
+        read_through(pq.ParquetFile(path), 0)
+    assert len(open_run(old_run).generations) == whole - 1
 
 
 def test_an_array_that_is_not_there_is_not_made(old_run):

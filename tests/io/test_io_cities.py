@@ -60,8 +60,15 @@ def test_what_a_licence_asks_for_can_be_told_of_any_file(tmp_path, suffix):
 
 
 def test_what_the_licence_of_a_bundled_city_asks_for_stays():
-    with pytest.raises(MapError, match="attribution= for lyon-1er, which is bundled"):
-        read_map("lyon-1er", attribution="mine")
+    assert read_map("lyon-1er", attribution="mine").attribution == attribution_of("lyon-1er")
+
+
+@pytest.mark.parametrize("told", ["", "  ", 5, ["a"], "x" * 1001], ids=repr)
+def test_what_is_no_line_of_attribution_is_refused(tmp_path, told):
+    path = tmp_path / "town.npy"
+    np.save(path, np.ones((8, 8), np.float32))
+    with pytest.raises(MapError, match=r"attribution = .*\s+expected: a text of 1 to 1000"):
+        read_map(path, metres_per_pixel=2.0, attribution=told)
 
 
 def test_lyon_is_built_as_the_project_says():

@@ -6,11 +6,13 @@ import io
 import json
 import re
 import shutil
-from html import escape
+from html import escape, unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 from codes import uniformly
 from PIL import Image
@@ -20,6 +22,7 @@ from evocity import fitness
 from evocity.analysis.keeping import kept_of
 from evocity.analysis.likeness import Likeness
 from evocity.analysis.thumbnails import highest_of
+from evocity.analysis.wanted import Aim
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import RunError
@@ -34,7 +37,7 @@ from evocity.report.failing import shortened
 from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
 from evocity.report.html import page_of
-from evocity.report.kept import best_of_last, few_to_keep
+from evocity.report.kept import best_of_last, few_to_keep, search_for
 from evocity.report.pictures import Pictures, _caption, data_uri
 from evocity.report.plots import Axis, curve
 from evocity.report.summary import Summary, gain
@@ -747,24 +750,39 @@ def test_words_are_explained_where_they_stand(usual):
 
 
 def test_measures_say_what_they_measure(usual):
-    logged, others = told_measures(["gsi", "alignment@old-town", "of-a-strangers-file"])
-    assert list(logged) == ["gsi", "alignment@old-town"]
+    own = Aim("of-ones-own", "km", "max", meaning="How far.")
+    names = ("gsi", "alignment@old-town", "bare", "built_area_lost")
+    logged, others = told_measures([own, *(Aim(name, "", "max") for name in names)])
     gsi = evocity.fitness.get("gsi")
     assert logged["gsi"] == f"{gsi.summary} 0…1"
-    assert "alignment" not in others
-    assert {*logged, *others} > {one.name for one in evocity.fitness.measures()} - {"alignment"}
+    assert logged["alignment@old-town"] == f"{evocity.fitness.get('alignment').summary} 0…1"
+    assert (logged["of-ones-own"], logged["bare"]) == ("How far. km", "A measure of its own.")
+    assert logged["built_area_lost"].endswith("0…1")
+    assert set(others) == {one.name for one in evocity.fitness.measures()} - {"gsi", "alignment"}
     columns = Facts(open_run(usual[0])).told.logged
-    for name, text in told_measures([aim.name for aim in columns])[0].items():
+    for name, text in told_measures(columns)[0].items():
         assert f"<dt>{name}</dt><dd>{escape(text)}</dd>" in usual[1]
 
 
 def test_parents_of_which_no_trace_is_left_are_told(tmp_path):
     facts = Facts(open_run(told_run(tmp_path / "run", generations=3)))
-    assert bool(facts.kept_few.untraced) == ("None of these has more than" in page_of(facts))
+    assert bool(facts.kept_few.untraced) == ("In none of these is more than" in page_of(facts))
     founder = kept_of(facts.told, np.array([0]), Likeness(facts.told), 1)
     assert founder.untraced
     facts.__dict__["kept_few"] = founder
-    assert escape(founder.lacking) in page_of(facts)
+    page = page_of(facts)
+    assert escape(founder.lacking) in page
+    assert search_for(founder.untraced) in unescape(page)
+
+
+@pytest.mark.parametrize("name", ["plain", "it's & \\n", 'say "x"', "</pre>", "\u2028"])
+def test_what_finds_them_is_python_whatever_they_are_called(name):
+    shares = pandas.DataFrame({name: [0.5, 0.01], "other": [0.2, 0.9]}, [3, 4])
+    run = SimpleNamespace(ancestry=lambda which: shares, keep=lambda n, of: list(of.index))
+    said = []
+    names = {"evocity": SimpleNamespace(open_run=lambda path: run), "print": said.append}
+    exec(search_for([name, "other"]).removeprefix("import evocity\n"), names)
+    assert said == [[3]]
 
 
 def test_the_void_is_no_parent(tmp_path):
