@@ -30,7 +30,7 @@ SHORT = 0.1
 Examples:
   evocity breed pavement_fusion lyon.parquet montpellier.parquet -o child.parquet
   evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --seed 7 \\
-      --set size_max=8 --set fill=0.3 --set domains=2,3 -o child.parquet
+      --set side_max=64 --set fill=0.3 --set domains=2,3 -o child.parquet
   evocity breed mutation runs/lyon-x-montpellier --id 97 --set repair=none -o child.parquet"""
 )
 @click.argument("operator", metavar="OPERATOR")

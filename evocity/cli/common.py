@@ -101,6 +101,9 @@ def _as_key(name: str, value: str, section: str) -> str:
     return f"{name} = {value} in {section}" if value else f"{name} in {section}"
 
 
+# Files of three dimensions, which `evocity scene` alone writes.
+_SCENES = (".glb", ".obj", ".wrl", ".x3d")
+
 _MAP_OPTIONS = {
     "pixels": click.option(
         "--pixels",
@@ -205,10 +208,11 @@ def check_output(path: Path, source: str, suffixes: Collection[str] = ()) -> Non
     ``path`` may end in, any if there are none.
     """
     if suffixes and path.suffix.lower() not in suffixes:
+        first = "write a .tif, then: evocity scene FILE.tif -o " + path.name
         raise EvocityError(
             f"{path.name}: {path.suffix or 'a file without a suffix'} cannot be written here",
             f"a name that ends in {', '.join(sorted(suffixes))}",
-            "choose another name after -o",
+            first if path.suffix.lower() in _SCENES else "choose another name after -o",
         )
     if path.is_dir():
         raise EvocityError(

@@ -1,5 +1,6 @@
 """`evocity encode`: a map becomes a genome."""
 
+from collections.abc import Sequence
 from math import gcd, inf
 from pathlib import Path
 
@@ -158,10 +159,13 @@ Examples:
 )
 @click.option(
     "--lock",
+    "locks",
+    multiple=True,
     metavar="FILE",
     show_default="nothing",
     help="Footprints, or a mask above 0 where it counts, on the map: what they cover keeps its "
-    "heights pixel for pixel, in this genome and in all that are bred of it.",
+    "heights pixel for pixel, in this genome and in all that are bred of it. Give it once for each "
+    "of several.",
 )
 @click.option(
     "--lock-heights",
@@ -184,7 +188,7 @@ def encode(
     fit,
     settle,
     topological,
-    lock,
+    locks,
     lock_heights,
     reading,
     as_json,
@@ -199,7 +203,7 @@ def encode(
     range blocks, coded without search), pairs (range and domain blocks compared), seconds (of
     the search, and of the fit if asked for).
     """
-    for source in (map, lock, lock_heights):
+    for source in (map, *locks, lock_heights):
         if isinstance(source, str):
             check_output(output, source)
     check_no_map_name(output)
@@ -207,7 +211,7 @@ def encode(
     city = evocity.read_map(map, **reading)
     note_reading(city, reading)
     check_block(city, block)
-    city, layer = _locked(city, lock, lock_heights)
+    city, layer = _locked(city, locks, lock_heights)
     if sigma_max >= 1:
         warn(f"--sigma-max {sigma_max:g}: decoding may diverge; below 1 it always converges")
     with progress_bar(f"coding {city.name}") as progress:
@@ -264,9 +268,9 @@ def encode(
     echo(f"wrote {output}")
 
 
-def _locked(city, lock: str | None, heights: float | str | None):
+def _locked(city, locks: Sequence[str], heights: float | str | None):
     """The map with the attribution of what is locked in it, and that layer, or None."""
-    if lock is None:
+    if not locks:
         if heights is not None:
             raise EvocityError(
                 f"--lock-heights {heights} without --lock",
@@ -274,13 +278,13 @@ def _locked(city, lock: str | None, heights: float | str | None):
                 "name footprints or a mask with --lock, or leave --lock-heights out",
             )
         return city, None
+    from evocity.condensation import merged
+    from evocity.genome import joined
     from evocity.io import read_condensation
 
-    layer, attribution = read_condensation(lock, city, heights)
-    from evocity.genome import joined
-
-    told = joined([city.attribution, attribution])
-    return city.replace(city.heights, attribution=told), layer
+    layers, told = zip(*(read_condensation(one, city, heights) for one in locks), strict=True)
+    credit = joined([city.attribution, *told])
+    return city.replace(city.heights, attribution=credit), merged(layers)
 
 
 def _leaves(pavement) -> str:

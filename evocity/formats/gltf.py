@@ -27,16 +27,17 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
 
     Source: Khronos, glTF 2.0 specification.
     """
+    place = {"crs": about.crs or "", "offset": list(about.offset), "attribution": about.attribution}
     document = {
         "asset": {"version": "2.0", "generator": "evocity", "copyright": about.attribution},
         "scene": 0,
-        "scenes": [{"name": about.name, "nodes": []}],
+        # programs that show it, such as Blender, keep the extras of a scene, and no others
+        "scenes": [{"name": about.name, "nodes": [], "extras": place}],
         "nodes": [],
         "meshes": [],
         "materials": [],
         "accessors": [],
         "bufferViews": [],
-        "extras": {"crs": about.crs or "", "offset": list(about.offset)},
     }
     if not about.attribution:
         del document["asset"]["copyright"]

@@ -1,6 +1,8 @@
 """`evocity breed` and `evocity operators list`: any operator, by name, with its parameters."""
 
 import json
+import re
+import shlex
 import tomllib
 from dataclasses import fields
 
@@ -11,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evocity
-from evocity.cli.breed import _note_street_blocks, chosen
+from evocity.cli.breed import _note_street_blocks, breed, chosen
 from evocity.cli.settings import settings_of, value_of
 from evocity.errors import EvocityError
 from evocity.operators import OPERATORS, make, operators
@@ -45,6 +47,13 @@ def test_a_child_is_the_librarys(tmp_path, towns):
     assert told["cities"]["right"] == pytest.approx((child.parent == 1).mean())
     assert told["made"]["fill_reached"] == child.made["fill_reached"]
     assert (told["operator"], told["seed"]) == ("pavement_fusion", 5)
+
+
+def test_the_example_of_the_help_is_carried_out(tmp_path):
+    (example,) = re.findall(r"evocity (breed .*--seed 7[\s\S]*?\.parquet)", breed.epilog)
+    words = shlex.split(example.replace("\\\n", " "))
+    call(*words[:-1], tmp_path / words[-1])
+    assert (tmp_path / words[-1]).is_file()
 
 
 def test_what_was_made_is_told_in_words(tmp_path, towns):

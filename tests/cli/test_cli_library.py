@@ -3,9 +3,10 @@
 import json
 
 import numpy as np
-from cli_tools import call, refused
+from cli_tools import AT_2_M, call, refused, write_town
 from towns import draw_town
 
+from evocity.io import attribution_of
 from evocity.scene.library import TABLE, Library
 
 READING = ("--pixels", 160, "--metres-per-pixel", 2)
@@ -26,8 +27,12 @@ def test_the_command_makes_a_library_of_maps(tmp_path):
     assert f"wrote {folder / TABLE}" in text
     again = Library.read(folder)
     assert not again.attached.any()
-    for column, value in (("licences", "own"), ("atmospheres", "slabs"), ("attributions", "me")):
+    for column, value in (("licences", "own"), ("atmospheres", "slabs")):
         assert set(getattr(again, column)) == {value}
+    assert set(again.attributions) == {attribution_of(maps[0])}  # a bundled district keeps its own
+    town = write_town(tmp_path / "town.npy", side=64)
+    call("library", "new", town, *AT_2_M, *words[1:], "-o", folder)
+    assert set(Library.read(folder).attributions) == {"me"}
 
 
 def test_the_command_takes_a_table_of_classes(tmp_path):

@@ -56,6 +56,20 @@ def test_encode_keeps_what_a_mask_covers(tmp_path, town_file):
     assert np.array_equal(back[layer.mask], city.heights[layer.mask])
 
 
+def test_several_locks_are_all_kept(tmp_path, town_file):
+    river = write_mask(tmp_path / "river.npy", slice(20, 24), slice(0, 32))
+    park = write_mask(tmp_path / "park.npy", slice(2, 22), slice(8, 12))
+    locks = ("--lock", river, "--lock", park)
+    path = tmp_path / "g.parquet"
+    told = call("encode", town_file, *AT_2_M, *locks, "--lock-heights", 0, "-o", path)
+    both = np.load(river) | np.load(park)
+    assert f"locked: {both.sum()} of 1024 px" in told.stdout
+    call("decode", path, "-o", tmp_path / "back.npy")
+    assert not np.load(tmp_path / "back.npy")[both].any()
+    refused(tmp_path, "encode", town_file, *AT_2_M, *locks[:3], tmp_path / "none.npy", "-o", path,
+            says="none.npy")  # fmt: skip
+
+
 def test_encode_keeps_what_footprints_cover_and_show_draws_it(tmp_path):
     plan = square(tmp_path / "plan.geojson", *LYON)
     path = tmp_path / "g.parquet"

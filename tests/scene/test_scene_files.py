@@ -384,6 +384,17 @@ def test_indices_of_glb_are_of_16_bits_however_many_buildings(tmp_path):
     assert np.abs(triangles[:, :, 2]).max() == 6
 
 
+def test_glb_keeps_where_it_lies_with_its_scene(scene, tmp_path):
+    """Of extras Blender takes those of scenes, and of what is in them."""
+    document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
+    (kept,) = [one["extras"] for one in document["scenes"]]
+    assert kept == {
+        "crs": scene.about.crs or "",
+        "offset": list(scene.about.offset),
+        "attribution": scene.city.attribution,
+    }
+
+
 def test_colours_of_glb_are_linear(tmp_path):
     scene = scene_of("one_pixel")
     document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
