@@ -16,8 +16,17 @@ from evocity.cli.common import (
     note_compiling,
     output_option,
 )
-from evocity.cli.given import decoded, decoded_name, fabric_in, genome_of, id_option, is_run
-from evocity.errors import EvocityError, keyword, setting
+from evocity.cli.given import (
+    at_option,
+    decoded,
+    decoded_name,
+    fabric_in,
+    genome_of,
+    id_option,
+    is_run,
+    place_at,
+)
+from evocity.errors import EvocityError, setting
 
 # What is written in these lies somewhere.
 _PLACED = (".gpkg", ".tif", ".tiff")
@@ -42,12 +51,7 @@ Examples:
     ".png (a picture), .npy (bare heights); overwritten if it exists.",
 )
 @id_option
-@click.option(
-    "--at",
-    metavar="CITY",
-    show_default="where all source cities lie, else nowhere on Earth",
-    help="Source city of the run on whose ground the map is laid, in its reference system.",
-)
+@at_option
 @click.option(
     "--zoom",
     type=float,
@@ -108,7 +112,7 @@ def decode(
     note_compiling()
     code = genome_of(genome, identifier)
     if at is not None:
-        code = code.replace(**_place(genome, at))
+        code = code.replace(**place_at(genome, at))
     if getattr(code, "kind", "fabric") != "fabric":
         _write_form(code, genome, identifier, zoom, filters, output, raw)
         return
@@ -159,18 +163,6 @@ def _note_nowhere(run, code) -> None:
             "it lies nowhere on Earth, since its parents lie in several places; "
             f"--at {shlex.quote(ground)} lays it on the ground of the one that it has most of"
         )
-
-
-def _place(run: str, at: str) -> dict:
-    if not is_run(run):
-        raise EvocityError(
-            f"{setting('at', at)} with {run}, which is no run folder",
-            "the folder of a run, whose source cities lie on Earth",
-            f"leave {keyword('at')} out",
-        )
-    from evocity.analysis.placing import place_of
-
-    return place_of(evocity.open_run(run), at)
 
 
 def _filtered(code, name: str, f_c: float, count: str) -> tuple:

@@ -41,6 +41,28 @@ id_option = click.option(
 )
 
 
+at_option = click.option(
+    "--at",
+    metavar="CITY",
+    show_default="where all source cities lie, else nowhere on Earth",
+    help="Source city of the run on whose ground the map is laid, in its reference system.",
+)
+
+
+def place_at(run: str, at: str) -> dict:
+    """Where on Earth the source city ``at`` of a ``run`` lies, for ``replace``. Raises
+    `EvocityError` for what is no run, and no such city."""
+    if not is_run(run):
+        raise EvocityError(
+            f"{setting('at', at)} with {run}, which is no run folder",
+            "the folder of a run, whose source cities lie on Earth",
+            f"leave {keyword('at')} out",
+        )
+    from evocity.analysis.placing import place_of
+
+    return place_of(evocity.open_run(run), at)
+
+
 def ids_option(told: str):
     """The option ``--id`` of a command that takes several runs; ``told`` is its help."""
     return click.option(

@@ -16,7 +16,16 @@ from evocity.cli.common import (
     output_option,
     print_json,
 )
-from evocity.cli.given import city_of, decoded, genome_of, id_option, is_genome, is_run
+from evocity.cli.given import (
+    at_option,
+    city_of,
+    decoded,
+    genome_of,
+    id_option,
+    is_genome,
+    is_run,
+    place_at,
+)
 from evocity.errors import EvocityError
 
 #: As `evocity.views.walls.DETAIL`, which is slow to load.
@@ -131,12 +140,14 @@ Examples:
     show_default="900",
     help="Of .png: width of what is drawn, px.",
 )
+@at_option
 @map_options
 @json_option
 def scene(
     what: str,
     output: Path,
     identifier,
+    at,
     detail,
     angles,
     storeys,
@@ -198,7 +209,9 @@ def scene(
     if classes is not None and check_suffix(output) == ".png":
         drawn = {"colours": "classes"} | drawn
     found = []
+    place = {} if at is None else place_at(what, at)
     for path, city in _levels(what, reading, identifier, zoom, output):
+        city = city.replace(city.heights, **place)
         made = evocity.scene(city, rng=np.random.default_rng(seed), **how)
         made.write(path, **drawn)
         found.append((path, made))

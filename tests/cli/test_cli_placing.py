@@ -42,6 +42,20 @@ def test_it_lies_where_that_town_lies(run, tmp_path, town):
     assert [west, north] == pytest.approx(window["center"])
 
 
+def test_a_scene_of_it_lies_there_too(run, tmp_path):
+    opened = evocity.open_run(run)
+    source = opened.sources()[1].city
+    call("scene", run, "--id", 2, "--at", source.name, "-o", tmp_path / "a.city.json")
+    opened[2].save(tmp_path / "b.city.json", at=source.name)
+    here, there = (json.loads((tmp_path / f"{n}.city.json").read_text()) for n in "ab")
+    assert here["transform"] == there["transform"]
+    assert here["vertices"] == there["vertices"]
+    words = ("scene", run, "--id", 2, "--at", "paris", "-o", tmp_path / "c.glb")
+    refused(tmp_path, *words, says="'paris'")
+    refused(tmp_path, "scene", "lyon-1er", "--at", "lyon-1er", "-o", tmp_path / "c.glb",
+            says="which is no run folder")  # fmt: skip
+
+
 def test_python_lays_it_there_too(run, tmp_path):
     opened = evocity.open_run(run)
     source = opened.sources()[1].city
@@ -58,7 +72,8 @@ def test_python_lays_it_there_too(run, tmp_path):
 def test_keep_says_how_to_lay_it(run):
     shares = evocity.open_run(run).keep()[0].individual.ancestry()
     town = max(("lyon-1er", "montpellier-pas-du-loup"), key=lambda name: shares.get(name, 0))
-    assert f" --at {town} -o " in call("keep", run).stdout.splitlines()[-1]
+    lines = call("keep", run).stdout.splitlines()
+    assert f" --at {town} -o " in next(line for line in lines if "evocity decode" in line)
 
 
 def test_other_places_are_refused(run, tmp_path):
