@@ -228,7 +228,8 @@ class CityMap(Displayed):
     @cached_property
     def buildings(self) -> Buildings:
         """The buildings, told apart by gaps and by steps of height of more than half a storey:
-        their labels and a table. `told_apart` takes another step. About 2 ms at 256²."""
+        their labels and a table, whose courtyards are those that a building encloses alone; see
+        open_space for others. `told_apart` takes another step. About 2 ms at 256²."""
         pixel, zones = self.metres_per_pixel, self.building_labels
         return measured(self.heights, self.labels, zones, pixel, self.site)
 

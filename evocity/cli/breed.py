@@ -56,7 +56,8 @@ def breed(
 
     `evocity operators list` names the operators and their parameters. A PARENT is a genome
     file, a run folder with --id, a map file or the name of a bundled district; maps are coded
-    first. All must have one size, one pixel and, but for some operators, one block.
+    first. All must have one size, one pixel and, but for some operators, one block. What is locked
+    in one, by `evocity encode --lock`, stays in the child.
 
     JSON keys: operator, seed, lifs, cities (each source city's share of the map), made (what
     the operator tells: what it reached, how many lifs were repaired).
@@ -94,14 +95,20 @@ def breed(
 
 
 def _note_fill(made: Mapping[str, object]) -> None:
-    """Say if the parents' shares are farther from what was asked for than the margin allows."""
+    """Say if the parents' shares are farther from what was asked for than the margin allows, or
+    nothing of one was laid."""
     if not {"fill", "fill_reached", "margin"} <= made.keys():
         return
-    off = max(abs(a - b) for a, b in zip(made["fill"], made["fill_reached"], strict=True))
-    if off > made["margin"]:
+    shares = list(zip(made["fill"], made["fill_reached"], strict=True))
+    off = max(abs(asked - reached) for asked, reached in shares)
+    none = [str(k) for k, (asked, reached) in enumerate(shares, 1) if asked and not reached]
+    more = "a larger tolerance= lets in more, see evocity operators list"
+    if none:
+        note(f"nothing was laid of parent {' and '.join(none)}: no group fits; {more}")
+    elif off > made["margin"]:
         note(
             f"a share is {off:.2f} off what fill asks for, margin {made['margin']:g}: too few "
-            "groups fit; a larger tolerance= lets in more, see evocity operators list"
+            f"groups fit; {more}"
         )
 
 

@@ -17,7 +17,8 @@ def settings_option(default: str):
         multiple=True,
         metavar="KEY=VALUE",
         show_default=default,
-        help="A parameter, its value as in TOML; lists do without brackets. Give it once for each.",
+        help="A parameter, its value as in TOML; a list does without its outer brackets: 2,3 or "
+        "[64,64],[256,256]. Give it once for each.",
     )
 
 

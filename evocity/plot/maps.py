@@ -153,7 +153,7 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
         map_on(one, np.asarray(picture), pixel, short(city.name, 44))
     height_scale(axes[1], highest)
     map_on(axes[2], change_colours(change.metres, change.end), pixel,
-           f"difference: {change.apart:.0%} by over a storey")  # fmt: skip
+           f"second less first: {change.apart:.0%} by over a storey")  # fmt: skip
     scale = change_colours(np.linspace(-change.end, change.end, 256), change.end)
     colour_scale(axes[2], scale, -change.end, change.end, "m")
     credit(axes[0], change.attribution)

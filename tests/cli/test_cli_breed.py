@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evocity
-from evocity.cli.breed import _note_street_blocks, breed, chosen
+from evocity.cli.breed import _note_fill, _note_street_blocks, breed, chosen
 from evocity.cli.settings import settings_of, value_of
 from evocity.errors import EvocityError
 from evocity.operators import OPERATORS, make, operators
@@ -98,9 +98,22 @@ def test_much_less_than_was_asked_for_is_noted(capsys, asked, made, says):
 def test_shares_that_are_missed_are_noted(tmp_path, towns):
     words = ("breed", "pavement_fusion", *towns, "-o", tmp_path / "child.parquet", "--set")
     missed = call(*words, "tolerance=0.001")
-    assert "Note: a share is" in missed.stderr
-    assert "margin 0.1" in missed.stderr
+    assert "Note: nothing was laid of parent 2: no group fits; a larger tolerance=" in missed.stderr
     assert "Note:" not in call(*words, "tolerance=1000").stderr
+
+
+@pytest.mark.parametrize(
+    ("reached", "says"),
+    [
+        ((0.9, 0.1), "a share is 0.40 off what fill asks for, margin 0.1"),
+        ((1.0, 0.0), "nothing was laid of parent 2: no group fits"),
+        ((0.5, 0.45), ""),
+    ],
+)
+def test_how_shares_are_missed_is_told(capsys, reached, says):
+    _note_fill({"fill": [0.5, 0.5], "fill_reached": list(reached), "margin": 0.1})
+    told = capsys.readouterr().err
+    assert told.startswith(f"Note: {says}") if says else not told
 
 
 def test_the_seed_decides(tmp_path, towns):
