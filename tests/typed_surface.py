@@ -108,6 +108,10 @@ assert_type(view, View)
 view.selected = [2, 3]
 view.brushes = {"gsi": [(0.2, 0.4)]}
 picked: list[Individual] = view.selected
+few = run.keep(3, of=[2, 3])
+assert_type(few[0].built, dict[str, float])
+assert_type(few.untraced, list[str])
+run.save(few, "few.png")
 evocity.plot.convergence(run)
 archive = evocity.archive(run)
 assert_type(archive, Archive)
@@ -125,7 +129,7 @@ assert_type(scene, Scene)
 scene.write("lyon.glb")
 assert_type(evocity.scene.Library.of(lyon, licence="ODbL 1.0"), Library)
 try:
-    evocity.read_map("nowhere.gpkg")
+    evocity.read_map("nowhere.gpkg", attribution="© the surveyors")
 except evocity.EvocityError as error:
     told: tuple[str, str, str] = error.found, error.expected, error.remedy
 

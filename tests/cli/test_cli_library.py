@@ -6,6 +6,7 @@ import numpy as np
 from cli_tools import AT_2_M, call, refused, write_town
 from towns import draw_town
 
+import evocity
 from evocity.io import attribution_of
 from evocity.scene.library import TABLE, Library
 
@@ -33,6 +34,19 @@ def test_the_command_makes_a_library_of_maps(tmp_path):
     town = write_town(tmp_path / "town.npy", side=64)
     call("library", "new", town, *AT_2_M, *words[1:], "-o", folder)
     assert set(Library.read(folder).attributions) == {"me"}
+
+
+def test_what_a_licence_asks_for_goes_with_a_genome_and_its_child(tmp_path):
+    """A bundled parent beside the file keeps its own line."""
+    town = write_town(tmp_path / "town.npy", side=32)
+    genome, child = tmp_path / "town.parquet", tmp_path / "child.parquet"
+    call("encode", town, *AT_2_M, "--attribution", "© the town", "-o", genome)
+    assert evocity.read_genome(genome).attribution == "© the town"
+    words = ("lyon-1er", town, "--pixels", 32, *AT_2_M, "--attribution", "© the town", "-o", child)
+    call("breed", "direct_fusion", *words)
+    credit = evocity.read_genome(child).attribution
+    assert "© the town" in credit
+    assert attribution_of("lyon-1er") in credit
 
 
 def test_the_command_takes_a_table_of_classes(tmp_path):
