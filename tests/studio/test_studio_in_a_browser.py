@@ -231,6 +231,24 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         assert page.locator("main script, img[src=x]").count() == 0
 
 
+def test_a_pedigree_is_told_behind_another_tab(opened, tmp_path):
+    """Pictures may come while it is hidden: lines are of those who are laid, not of the newest."""
+    with served(shutil.copytree(OLD / "run-6", tmp_path / "night")) as server:
+        page = opened(server)
+        wake = "(id) => studio.run.woken(id)"
+        last = len(evocity.open_run(tmp_path / "night")) - 1
+        page.evaluate(wake, last)
+        laid = "studio.run.one.pedigree.nodes[0]?.id"
+        until(page, f"{laid} === {last}")
+        page.get_by_role("tab", name="picks").click()
+        page.evaluate(wake, last - 1)
+        until(page, f"studio.run.one.pedigree.told.steps[0][0] === {last - 1}")
+        page.evaluate("studio.run.one.arrived()")
+        assert page.evaluate(laid) == last
+        page.get_by_role("tab", name="birth").click()
+        until(page, f"{laid} === {last - 1}")
+
+
 @pytest.mark.long
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there")
 def test_who_cannot_see_it_can_use_it(opened, tmp_path):

@@ -12,7 +12,7 @@ export class Pedigree {
     this.canvas = made(this.root, "canvas", "", "", { "aria-hidden": "true" });
     this.more = made(parent, "p", "faint");
     this.born = new Born(made(parent, "div"));
-    this.nodes = [];
+    this.nodes = this.links = [];  // of one birth, also while another one is told to a hidden tab
     new ResizeObserver(() => this.lay()).observe(this.root);
   }
 
@@ -30,6 +30,7 @@ export class Pedigree {
     const width = this.width = this.root.clientWidth, { steps, cities, more } = this.told;
     const widest = Math.max(...steps.map((ids) => ids.length));
     this.size = Math.min(LARGEST, Math.floor(width / widest) - 4);
+    this.links = this.told.links;
     const tall = this.size + CAPTION + BETWEEN;
     for (const { button } of this.nodes) button.remove();
     this.nodes = steps.flatMap((ids, step) => ids.map((id, place) => {
@@ -53,11 +54,11 @@ export class Pedigree {
   }
 
   draw() {
-    if (!this.told || !this.width) return;
+    if (!this.width) return;
     const context = sized(this.canvas, this.width, parseFloat(this.root.style.height));
     const at = new Map(this.nodes.map((one) => [one.id, one]));
     context.strokeStyle = COLOURS.faint;
-    for (const [parent, child] of this.told.links) {
+    for (const [parent, child] of this.links) {
       const [from, to] = [at.get(parent), at.get(child)];
       context.beginPath();
       context.moveTo(from.x, from.y + this.size + CAPTION);
