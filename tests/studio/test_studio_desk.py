@@ -7,6 +7,7 @@ import http.client
 import json
 import os
 import signal
+import tempfile
 import threading
 import time
 import tomllib
@@ -55,8 +56,11 @@ def two(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("desk") / "runs"
+    """Its folder of maps lies where no other process lays any."""
+    folder, own = tmp_path_factory.mktemp("desk") / "runs", tmp_path_factory.mktemp("own")
     with at_desk(folder, CITIES) as found:
+        with patch.object(tempfile, "tempdir", str(own)):
+            assert found.server.studio._begins.desk.maps.folder.parent == own
         yield found
     assert not folder.exists()  # it comes with the first run
 
