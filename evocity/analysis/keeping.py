@@ -31,7 +31,7 @@ APART = 0.05
 
 @dataclass(frozen=True)
 class Kept:
-    """A birth worth keeping. ``role``: "compromise", "best NAME", "one of its kind"; ``why``: in a
+    """A birth worth keeping. ``role``: "compromise", "best NAME", "of another kind"; ``why``: in a
     sentence or two; ``gave_up``: in which goal it is farthest behind the best, and how far;
     ``built``: of which source cities its buildings are made, ``stones`` in words."""
 
@@ -118,12 +118,12 @@ def kept_of(
     choice = _Choice(told, ids, where)
     choice.take(best_compromise(choice.losses, np.ones(len(told.goals))), "compromise")
     for column, goal in enumerate(told.goals):
-        if len(choice.roles) < count:
+        if len(choice.roles) < count and choice.differ(column):
             choice.take(choice.best(column), f"best {goal}")
     wanted = min(count, len(ids))
     kinds = _kinds(choice, likeness, count, apart) if len(choice.roles) < wanted else ()
     for row, why in kinds:
-        choice.take(row, "one of its kind", why)
+        choice.take(row, "of another kind", why)
         if len(choice.roles) == wanted:  # they would go on
             break
     return Keeping(choice.told_of(row) for row in choice.roles)
@@ -164,8 +164,8 @@ def _stands_for(others: int, where: str) -> str:
     """How many ``others`` one stands for, of those that were compared."""
     if not others:
         return f"It looks like no other {where}."
-    many = f"{others} others {where} look" if others > 1 else f"1 other {where} looks"
-    return f"{many} most like it."
+    many = f"{others} others {where} that look" if others > 1 else f"1 other {where} that looks"
+    return f"It stands for {many} most like it."
 
 
 class _Choice:
@@ -177,6 +177,10 @@ class _Choice:
         self.scaled = Scale(self.losses)(self.losses)
         self.roles: dict[int, tuple[list[str], str]] = {}
         self._aims = {aim.name: aim for aim in told.aims}
+
+    def differ(self, column: int) -> bool:
+        """Whether some are better than others by one goal."""
+        return bool(self.scaled[:, column].any())
 
     def best(self, column: int) -> int:
         """The row that is best by one goal; of equal ones the best by the sum of all."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, echo, json_option, note, print_json
+from evocity.cli.common import check_output, echo, json_option, print_json
 from evocity.errors import EvocityError, keyword, setting
 
 
@@ -84,7 +84,7 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
         for sentence in one.reasons:
             echo(f"    {sentence}")
     if kept.untraced:
-        note(f"{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find others.")
+        echo(f"\n{kept.lacking} docs/analysis.md#children-of-all-parents tells how to find others.")
     if output is not None:
         echo(f"wrote {output}")
     from evocity.analysis.placing import command_for_blender, command_for_gis

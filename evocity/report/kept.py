@@ -119,8 +119,9 @@ def search_for(untraced: Sequence[str]) -> str:
     """Python that finds births with stones of the source cities that are ``untraced``."""
     return (
         'import evocity\nrun = evocity.open_run("RUN")\n'
+        f"untraced = {list(untraced)!r}\n"
         'shares = run.ancestry("feasible")\n'
-        f"some = shares[(shares[{list(untraced)!r}] > 0.05).all(axis=1)]\n"
+        "some = shares[(shares[untraced] > 0.05).all(axis=1)]\n"
         "print(run.keep(5, of=some))"
     )
 

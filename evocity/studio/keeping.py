@@ -78,7 +78,13 @@ def keep(run: Run, breeding: Breeding, asked: Keep, is_own: bool) -> dict:
             raise
         raise _unwritten(folder, error) from error
     files = sorted(path.name for path in folder.iterdir())
-    return {"folder": str(folder), "files": files, "recipe": str(path), "left": left}
+    return {
+        "folder": str(folder),
+        "files": files,
+        "recipe": str(path),
+        "left": left,
+        "ours": is_ours(run),
+    }
 
 
 def _made(run: Run, is_own: bool) -> Path:

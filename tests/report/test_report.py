@@ -677,8 +677,8 @@ def test_no_near_duplicate_fills_up_those_worth_keeping(tmp_path):
     """There are two cities and their copies: beside the best by number, one of each at most."""
     facts = Facts(open_run(told_run(tmp_path / "run", generations=20)))
     assert len(facts.archive) > 5
-    kinds = [one.individual.id % 2 for one in facts.kept_few if one.role == "one of its kind"]
-    best = [one.individual.id % 2 for one in facts.kept_few if one.role != "one of its kind"]
+    kinds = [one.individual.id % 2 for one in facts.kept_few if one.role == "of another kind"]
+    best = [one.individual.id % 2 for one in facts.kept_few if one.role != "of another kind"]
     assert len(kinds) == len({0, 1} - set(best))
 
 

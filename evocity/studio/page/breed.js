@@ -47,6 +47,7 @@ export class Breed {
     this.one = made(parent, "div");
     this.keep = made(parent, "button", "", "", { type: "button" });
     this.keep.addEventListener("click", () => this.keepThese());
+    this.unmarked = made(parent, "span", "faint", " Click a child and tick “keep it”, or click it twice.");
     this.said = made(parent, "p", "", "", { role: "status" });
     this.inform();
     this.tell({ brood: 0, busy: false, error: null, left: {}, children: [] });
@@ -180,9 +181,7 @@ export class Breed {
     this.small.want(children.filter((one) => ["bred", "measured"].includes(one.stage)).map((one) => one.number), 96);
     this.draw();
     this.detail();
-    this.keep.hidden = !children.length;
-    this.keep.disabled = !this.kept.size || busy;
-    this.keep.textContent = `keep ${this.kept.size} with a recipe`;
+    this.tellMarked();
     this.go.disabled = busy || !this.on.ids().length || !this.operators.length;
   }
 
@@ -196,6 +195,7 @@ export class Breed {
       this.detail();
       this.draw();
     });
+    button.addEventListener("dblclick", () => this.mark(place, !this.kept.has(place)));
     return button;
   }
 
@@ -257,17 +257,11 @@ export class Breed {
     const head = made(this.one, "div", "row");
     made(head, "h2", "", `child ${child.number}`);
     const label = made(head, "label");
-    const box = made(label, "input", "", "", { type: "checkbox" });
+    const box = this.box = made(label, "input", "", "", { type: "checkbox" });
     box.checked = this.kept.has(child.number);
     box.disabled = !["bred", "measured"].includes(child.stage);
     label.append("keep it");
-    box.addEventListener("change", () => {
-      if (box.checked) this.kept.add(child.number);
-      else this.kept.delete(child.number);
-      this.keep.disabled = !this.kept.size || this.isBusy;
-      this.keep.textContent = `keep ${this.kept.size} with a recipe`;
-      this.draw();
-    });
+    box.addEventListener("change", () => this.mark(child.number, box.checked));
     if (hadFocus) box.focus();
     made(this.one, "p", "faint", `${child.operator.replaceAll("_", " ")} of ${child.parents.join(", ")}`);
     if (child.error) made(this.one, "p", "lack", child.error);
@@ -276,6 +270,22 @@ export class Breed {
     else this.image.hidden = true;
     this.image.addEventListener("load", () => { this.image.hidden = false; });
     tellValues(this.one, child, this.on.births());
+  }
+
+  /** Whether a child is to be kept. */
+  mark(place, isKept) {
+    if (!["bred", "measured"].includes(this.children[place].stage)) return;
+    this.kept[isKept ? "add" : "delete"](place);
+    this.tellMarked();
+    this.draw();
+    if (place === this.shown) this.box.checked = isKept;
+  }
+
+  tellMarked() {
+    this.keep.hidden = !this.children.length;
+    this.unmarked.hidden = this.keep.hidden || this.kept.size > 0;
+    this.keep.disabled = !this.kept.size || this.isBusy;
+    this.keep.textContent = `keep ${this.kept.size} with a recipe`;
   }
 
   async keepThese() {
@@ -311,9 +321,11 @@ export function tellValues(parent, { values, parents }, births, marked = null) {
 }
 
 /** Where children are kept, and how to go on from them. */
-export function tellKept(parent, { folder, recipe, left }) {
+export function tellKept(parent, { folder, recipe, left, ours }) {
   parent.replaceChildren();
   made(parent, "span", "", `Kept in ${folder}. Go on from them and the picks:`);
   made(parent, "code", "command", `evocity run ${recipe}`);
-  if (left.length) made(parent, "span", "", `Left out of the recipe: ${left.join(", ")}.`);
+  if (!left.length) return;
+  made(parent, "span", "", `Left out of the recipe: ${left.join(", ")}.` +
+    (ours ? "" : " The run was not begun on this machine: what would execute or read files is not taken from it."));
 }

@@ -14,7 +14,7 @@ export class Picks {
     this.undo = this.button(first, "undo", () => this.change({ change: "undo" }));
     this.chooseThese = this.button(first, "choose the picks", () => on.choose(this.ids));
     this.list = made(parent, "ul", "picks");
-    this.nobody = made(parent, "p", "faint", "Nobody is picked. Choose births, and pick them; each may have a note.");
+    this.nobody = made(parent, "p", "faint", "Nobody is picked. Click births to choose them, with Ctrl for one more, and pick them; each may have a note.");
     this.steer = made(parent, "div", "row");
     this.button(this.steer, "have the run breed from these too", () => this.command("pick"));
     this.button(this.steer, "no longer", () => this.command("drop"));
