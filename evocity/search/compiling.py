@@ -61,16 +61,17 @@ def compile_once(sides: Sides, parts: Sequence[str], tell: Callable[[str], None]
     folder = accelerate.cache_folder()
     if folder is None:
         return
-    notes = {part: folder / _note(sides, part) for part in parts}
+    stamp = accelerate.stamp()  # it looks at every file of kernels
+    notes = {part: folder / _note(stamp, sides, part) for part in parts}
     missing = [part for part in parts if not notes[part].is_file()]
     if missing:
         with contextlib.suppress(OSError):
             _Crew(sides, missing, notes).work(tell)
 
 
-def _note(sides: Sides, part: str) -> str:
+def _note(stamp: tuple, sides: Sides, part: str) -> str:
     """Name of the file that says that a ``part`` was compiled."""
-    told = repr((accelerate.stamp(), sides, part)).encode()
+    told = repr((stamp, sides, part)).encode()
     return f"evocity-{hashlib.blake2b(told, digest_size=16).hexdigest()}.compiled"
 
 

@@ -1,5 +1,6 @@
 """What a run was made with: command, versions, hashes."""
 
+import functools
 import hashlib
 import os
 import platform
@@ -73,6 +74,7 @@ def hash_of_mask(mask: np.ndarray) -> str:
     return state.hexdigest()
 
 
+@functools.cache
 def _version(name: str) -> str | None:
     try:
         return metadata.version(name)
