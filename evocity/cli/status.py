@@ -31,7 +31,8 @@ def status(run: str, as_json: bool) -> None:
 
     Safe while it goes on: nothing is changed, and only whole generations are seen. Individuals
     of the front stand by their numbers, for --id of decode, score and show; all of them with
-    --json.
+    --json. The hypervolume is measured by the first population of RUN: its rise says how much
+    better the run gets, its height nothing beside another run.
 
     JSON keys: generation (the last whole one, null before the first), births, failures,
     hypervolume, best (measure to the best value among the living; constraints are left out),

@@ -6,7 +6,7 @@ export const bytes = (count) => (count >= 1e9 ? `${number(count / 1e9)} GB` : co
 /** What calibrating found: how long the run takes, and what the parents have of each measure. */
 export function tellFound(parent, found) {
   const { estimate, values, bounds } = found;
-  made(parent, "p", "", `${counted(estimate.births)} births, ${counted(found.generations)} generations: about ${estimate.time} on ${found.workers} cores, ` +
+  made(parent, "p", "", `${counted(estimate.births)} births, ${counted(found.generations)} generations: about ${estimate.time} on ${found.workers} cores once it has started, ` +
     `at most ${bytes(estimate.size)} of the disk (${bytes(estimate.free)} free).`);
   if (!estimate.fits) made(parent, "p", "lack", "The disk will not hold this run: free some, or breed fewer generations.");
   if (found.failing) made(parent, "p", "lack", found.failing);
