@@ -361,6 +361,15 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     assert all(near[n, :n].min() > APART for n in of_their_own)
 
 
+def test_a_goal_in_which_all_are_equal_gives_no_role(run, monkeypatch):
+    (first, second, *_), ids, losses = run.told.goals, run.archive.ids, run.told.losses.copy()
+    losses[:, 0] = 1.0
+    monkeypatch.setitem(vars(run.told), "losses", losses)
+    roles = ", ".join(one.role for one in run.keep(of=ids))
+    assert f"best {second}" in roles
+    assert f"best {first}" not in roles
+
+
 def test_some_are_chosen_of_those_that_are_given(run):
     feasible = run.where("feasible").index
     some = feasible[::2]

@@ -136,6 +136,8 @@ def test_which_to_keep_is_told_as_in_python(going_on):
     text = call("keep", going_on, "--count", 3).stdout
     for one in kept:
         assert f"{one.individual.id}  {one.role}\n    {one.why}\n    {one.gave_up}\n" in text
+    told = f"\n{kept.lacking} docs/analysis.md#children-of-all-parents" in text
+    assert told == bool(kept.untraced)
     first = kept[0].individual.id
     assert f"evocity decode {going_on} --id {first} -o {first}.gpkg\n" in text
     assert text.endswith(f"evocity scene {going_on} --id {first} -o {first}.glb\n")
