@@ -11,7 +11,7 @@ BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py))
 .DEFAULT_GOAL := help
 # Tests start hundreds of processes: without bytecode each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test test-long soak bench docs format clean
+.PHONY: help demo test test-slow test-long soak bench coverage types docs format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -20,20 +20,36 @@ demo: .venv/installed  ## breed Lyon x Montpellier for a minute or two; leaves a
 	$(BIN)/evocity run
 
 # A process a core; more than eight wait for the longest file anyway.
-test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tests, in under ten minutes
+PYTEST = $(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+
+test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tests that are not slow
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/python tests/compiled.py
-	$(BIN)/pytest -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	$(PYTEST)
 
-test-long: .venv/installed-dev  ## the tests that take more than ten seconds each
-	$(BIN)/pytest -m long
+test-slow: .venv/installed-dev .venv/installed-node  ## the tests that take some seconds each
+	$(PYTEST) -m 'slow and not long'
+
+test-long: .venv/installed-dev  ## tests of more than ten seconds, and properties on new examples
+	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -m 'long or hypothesis'
 
 soak: .venv/installed-dev  ## long tests under faults: hours of them
 	$(BIN)/pytest -m long tests/faults
 
 bench: .venv/installed-bench  ## every side-by-side measurement of benchmarks/
 	@for script in $(BENCHMARKS); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+coverage: .venv/installed-dev .venv/installed-node  ## share of lines that `make test` reaches, in percent
+	$(PIP) install 'coverage>=7.10'
+	$(BIN)/python tests/compiled.py
+	rm -rf build/coverage && mkdir -p build/coverage
+	-$(BIN)/coverage run -m pytest -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --format=total
+
+types: .venv/installed-dev  ## mypy over the package, and its list of excused modules
+	$(BIN)/python tests/excused_modules.py
 
 docs: .venv/installed-docs  ## the documentation as a site, in build/docs/site
 	$(BIN)/python docs/site/build.py
@@ -43,7 +59,7 @@ format: .venv/installed-dev  ## put the code into the one format
 	$(BIN)/ruff check --fix .
 
 clean:  ## remove .venv and the caches; runs stay
-	rm -rf .venv .pytest_cache .ruff_cache .hypothesis build dist
+	rm -rf .venv .pytest_cache .ruff_cache .mypy_cache .hypothesis build dist
 	find evocity tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp each, so that a second make starts at once. A half-made .venv is made anew.

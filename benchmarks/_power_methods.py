@@ -10,12 +10,12 @@ import numpy as np
 
 import evocity
 from evocity.operators import make
-from evocity.operators.crossing import Draft, Drafting, raw_heights
+from evocity.operators.crossover import Draft, Drafting, raw_heights
 from evocity.operators.grid import common_grid
-from evocity.operators.lambda_crossover import interpolated
+from evocity.operators.lambda_crossover import interpolate
 from evocity.search import Observer
-from evocity.search.beginning import Crew, pool_of
-from evocity.search.preparation import prepare
+from evocity.search.preparation.preparation import prepare
+from evocity.search.preparation.startup import Crew, start_engine
 from evocity.search.toolbox import deap_toolbox
 
 POPULATION = 48
@@ -137,7 +137,7 @@ def bench(case: Case) -> Iterator["Bench"]:
     """Parents of a case, and workers that breed and evaluate its births."""
     recipe = case.recipe(0)
     prepared = prepare(recipe)
-    pool = pool_of(prepared, Crew(2), (), lambda text: None, lambda text: None)
+    pool = start_engine(prepared, Crew(2), (), lambda text: None, lambda text: None)
     try:
         yield Bench(case, recipe, [one.genome for one in prepared.sources], prepared, pool)
     finally:
@@ -247,7 +247,7 @@ class Choice(Drafting):
         rows = np.arange(grid.rows) * side // grid.rows
         columns = np.arange(grid.columns) * side // grid.columns
         lambdas = mask[np.ix_(rows, columns)].ravel()
-        child = interpolated(self.name, parents, grid, lambdas, rng)
+        child = interpolate(self.name, parents, grid, lambdas, rng)
         weight = grid.raster(lambdas.astype(np.float32))
         first, second = (raw_heights(parent) for parent in parents)
         return Draft(child, weight * first + (1 - weight) * second, {})

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from evocity.search.evaluation import Engine
-from evocity.search.evaluator import Outcome
+from evocity.evaluation import Engine
+from evocity.evaluation.evaluator import Outcome
 
 _END = object()
 

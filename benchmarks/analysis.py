@@ -26,7 +26,7 @@ COMPARED = 320
 def main(path: Path, asked: list[str]) -> None:
     print(description())
     run = evocity.open_run(path)
-    ids = run.told.ids[run.told.ok]
+    ids = run.columns.ids[run.columns.ok]
     last = int(ids[-1])
     some = ids[np.linspace(0, len(ids) - 1, COMPARED).astype(int)]
     print(

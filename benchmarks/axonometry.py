@@ -79,7 +79,7 @@ PREPARED = """async () => {
       columns.context.getImageData(0, 0, 1, 1);
     },
     three(camera) {
-      const { sin, cos, steep, flat, scale, low } = axonometry.laid(city, camera, 480, 360);
+      const { sin, cos, steep, flat, scale, low } = axonometry.placement(city, camera, 480, 360);
       Object.assign(eye, { left: -240 / scale, right: 240 / scale, top: low / scale,
         bottom: (low - 360) / scale, near: 1, far: 4000 });
       eye.position.set(-2000 * flat * sin, -2000 * flat * cos, 2000 * steep);

@@ -24,7 +24,7 @@ from scipy.interpolate import make_lsq_spline
 import evocity
 from evocity.scene import fabric_edges
 from evocity.shapes import Detailed, fit_curve, known, resampled, rms_of
-from evocity.shapes.fitting import _Model, bezier_maps
+from evocity.shapes.curve_fit import _Model, bezier_maps
 from evocity.shapes.lines import lengths_of
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))

@@ -17,11 +17,11 @@ from _machine import description
 
 import evocity
 from evocity import fitness
+from evocity.evaluation import Workers
+from evocity.evaluation.cluster.engine import Cluster
+from evocity.evaluation.cluster.parcel import parcel_of
+from evocity.evaluation.evaluator import Setup
 from evocity.kinds import KINDS
-from evocity.search.evaluation import Workers
-from evocity.search.evaluation.cluster import Cluster
-from evocity.search.evaluation.parcels import parcel_of
-from evocity.search.evaluator import Setup
 
 MEASURE = """
 import time

@@ -17,8 +17,8 @@ from skimage.measure import label, regionprops
 import evocity
 from evocity import isometries
 from evocity.citymap import BUILT_ABOVE
+from evocity.evaluation.evaluator import Evaluator, Setup
 from evocity.fitness import order, sizes
-from evocity.search.evaluator import Evaluator, Setup
 
 BLOCK, REACH = 4, 12
 

@@ -19,10 +19,10 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.search.algorithms import algorithms
-from evocity.search.algorithms.algorithm import First
-from evocity.search.individual import Individual
-from evocity.store import open_run
+from evocity.selection.algorithms import algorithms
+from evocity.selection.algorithms.algorithm import First
+from evocity.selection.individual import Individual
+from evocity.store import RunLog
 from evocity.store.membership import Member, membership_table
 from evocity.store.schema import births_of, births_table
 
@@ -119,7 +119,7 @@ def written(size: int) -> float:
         recipe = evocity.read_recipe("demo", generations=0, population=12)
         with evocity.Search(recipe, out=Path(folder) / "run", workers=0) as search:
             list(search)
-        run = open_run(Path(folder) / "run")
+        run = RunLog(Path(folder) / "run")
         few = births_of(run.births(0), run.header)
         births = [few[k % len(few)] for k in range(size)]
         marks = dict.fromkeys(run.header.marks, 0.0)

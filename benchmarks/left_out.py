@@ -21,8 +21,8 @@ from _machine import description
 
 import evocity
 from evocity.search import Observer
-from evocity.search.leaving import Leaving
-from evocity.search.stopping import size_of
+from evocity.search.breeding.omitted_genomes import OmittedGenomes
+from evocity.search.steering.stop_rules import size_of
 from evocity.store import GENOMES, RunWriter
 
 RUN = Path(__file__).parent.parent / "runs" / "lyon-x-montpellier.toml"
@@ -32,7 +32,7 @@ class Written(Observer):
     """The births of a search, written down by ``genomes`` into ``out``."""
 
     def __init__(self, search: evocity.Search, out: Path, genomes: str):
-        self._search, self._leaving, self._genomes = search, Leaving(genomes), genomes
+        self._search, self._leaving, self._genomes = search, OmittedGenomes(genomes), genomes
         self._writer, self.out, self.last = None, out, 0
 
     def generation(self, generation, births, members) -> None:
@@ -41,7 +41,7 @@ class Written(Observer):
             header = replace(made.header, genomes=self._genomes)
             self._writer = RunWriter.create(self.out, "", {}, header, made.sources)
         before = self.size
-        births = self._leaving.written(births, members)
+        births = self._leaving.omit_from(births, members)
         self._writer.write_generation(generation.number, births, members, {})
         self.last = self.size - before
 

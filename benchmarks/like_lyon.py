@@ -20,7 +20,7 @@ import tomli_w
 from _machine import description
 
 import evocity
-from evocity.search.judging import aims_of_run
+from evocity.search.record.aims import aims_of_run
 
 RECIPE = Path(__file__).parent.parent / "runs" / "like-lyon.toml"
 

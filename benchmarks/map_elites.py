@@ -27,7 +27,7 @@ from _machine import description
 
 import evocity
 from evocity.errors import RunError
-from evocity.search.binning import binned, grid_of_run
+from evocity.search.record.grid import binned, grid_of_run
 
 POPULATION = 48
 WANTED = 1.4

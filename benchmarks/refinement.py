@@ -22,10 +22,10 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.search.beginning import Crew, pool_of
-from evocity.search.breeding import founders_of
-from evocity.search.refinement.refine import score_of
-from evocity.search.rereading import read_again
+from evocity.search.breeding.plans import founder_indices
+from evocity.search.preparation.startup import Crew, start_engine
+from evocity.search.resume.prepared_run import read_preparation
+from evocity.search.resume.refine import score_of
 
 PAIRS = (
     ("lyon-1er", "montpellier-pas-du-loup"),
@@ -95,7 +95,7 @@ def run_one(job) -> dict[str, tuple[float, float]]:
                 pass
         folder.with_suffix(".part").rename(folder)
     run = evocity.open_run(folder)
-    prepared, _ = read_again(run)
+    prepared, _ = read_preparation(run)
     score = score_of(run, prepared)
     ids = run.members(run.generations[-1]).column("id").to_pylist()
     living = run.individuals(ids)
@@ -118,7 +118,7 @@ def run_one(job) -> dict[str, tuple[float, float]]:
 def own_search(prepared, score, best, living, budget: int, rng) -> float:
     """The gain of a (1+1) search from the individual ``best``."""
     recipe = prepared.recipe
-    pool = pool_of(prepared, Crew(0), (), print, print)
+    pool = start_engine(prepared, Crew(0), (), print, print)
     sources = [source.genome for source in prepared.sources]
     genome, now = best.genome, score(best.values)
     names = list(recipe.operators)
@@ -128,7 +128,7 @@ def own_search(prepared, score, best, living, budget: int, rng) -> float:
         operator = recipe.operator_drawn(name, rng)
         others = rng.permutation(len(living))[: operator.parents[0] - 1]
         parents = [genome, *(living[at].genome for at in others)]
-        parents += [sources[at] for at in founders_of(operator, len(sources))]
+        parents += [sources[at] for at in founder_indices(operator, len(sources))]
         (outcome,) = pool.run("born", [(operator, parents, rng)])
         if outcome.status == "ok" and score(outcome.values) <= now:
             genome, now = outcome.genome, score(outcome.values)

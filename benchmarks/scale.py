@@ -17,13 +17,13 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.search.archipelago import Archipelago
-from evocity.search.births import born
-from evocity.search.breeding import NO_PICKS
-from evocity.search.evaluation import Here
-from evocity.search.evaluation.frames import LENGTH, framed, read_of
-from evocity.search.fronts import not_dominated
-from evocity.search.preparation import prepare
+from evocity.evaluation import Here
+from evocity.evaluation.frames import LENGTH, unpickle, write_frame
+from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.breeding.births import stream_offspring
+from evocity.search.breeding.plans import UNGUIDED
+from evocity.search.preparation.preparation import prepare
+from evocity.selection.fronts import not_dominated
 from evocity.store.merge import write_single
 from evocity.store.schema import births_table
 
@@ -59,22 +59,25 @@ def measured(pixels: int, births: int) -> tuple[Clock, float]:
     )
     prepared = prepare(recipe)
     engine, population, clock = Here(prepared.setup), Archipelago(prepared), Clock()
-    first = born(engine, population.plans(0, NO_PICKS, [{}]))
+    island = population.single
+    first = list(stream_offspring(engine, iter(population.plans(0, UNGUIDED))))
     rows = [one.birth(0, prepared.aims) for one in first]
     population.begin_with(rows)
     for one, row in zip(first, rows, strict=True):
-        population.let_in(row, {row.id: one.look})
+        island.admit_birth(row, {row.id: one.look})
     children = []
     for identifier in range(POPULATION, POPULATION + births):
-        plan = clock.timed("planning", population.plan, identifier, NO_PICKS, [{}])
+        plan = clock.timed("planning", island.plan, identifier, UNGUIDED)
         job = plan.operator, plan.genomes, plan.rng, True
-        clock.timed("message", framed, job)
-        (one,) = clock.timed("birth", born, engine, [plan])
-        answer = framed(("answer", identifier, one.evaluated or one.bred, False))
-        clock.timed("answer", read_of, answer[LENGTH.size :])
+        clock.timed("message", write_frame, job)
+        (one,) = clock.timed(
+            "birth", lambda plan: list(stream_offspring(engine, iter([plan]))), plan
+        )
+        answer = write_frame(("answer", identifier, one.evaluation or one.breeding, False))
+        clock.timed("answer", unpickle, answer[LENGTH.size :])
         row = one.birth(1, prepared.aims)
         looks = {} if one.look is None else {row.id: one.look}
-        clock.timed("selection", population.let_in, row, looks)
+        clock.timed("selection", island.admit_birth, row, looks)
         children.append(row)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "births.parquet"

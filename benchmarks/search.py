@@ -27,6 +27,7 @@ from evocity.accelerate import kernel
 from evocity.coding.matching import best_matches, pairs_compared
 from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.shapes import Shapes, uneven_blocks
+from evocity.coding.parameters import Coding
 from evocity.io import cities
 from evocity.pavement import Pavement
 
@@ -43,8 +44,9 @@ def blocks_of(heights, block):
 
 def ours(heights, block, threads, reach=None):
     blocks, corners = blocks_of(heights, block)
+    coding = Coding(reach, sigma_max=float(CAP))
     pools = domain_pools(heights, block, (2,))
-    found = best_matches(pools, blocks, corners, reach=reach, sigma_max=float(CAP), threads=threads)
+    found = best_matches(pools, blocks, corners, coding, threads=threads)
     return found.gain
 
 
@@ -130,9 +132,8 @@ def fastest(call, repeats):
 
 def dense_pairs(heights, block, reach=None):
     """Pairs of all range blocks, the flat ones too."""
-    return pairs_compared(
-        heights.shape, block, (2,), Pavement(*heights.shape, block).corners, reach
-    )
+    corners = Pavement(*heights.shape, block).corners
+    return pairs_compared(heights.shape, block, corners, Coding(reach))
 
 
 def side_by_side(name, heights, block):
@@ -210,9 +211,7 @@ def large(path, block=8, side=2048):
     pick.sort()
     part = (blocks[pick], tuple(corner[pick] for corner in corners))
     _, spent = clocked(
-        lambda: best_matches(
-            domain_pools(heights, block, (2,)), *part, reach=None, sigma_max=0.9, threads=2
-        )
+        lambda: best_matches(domain_pools(heights, block, (2,)), *part, Coding(None), threads=2)
     )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(

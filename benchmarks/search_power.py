@@ -30,8 +30,8 @@ from _power_curves import Unit, curve, passed
 from _power_methods import ABLATIONS, BLIND, METHODS, POPULATION, Case, Over
 
 from evocity import fitness
-from evocity.search.calibration import begun
-from evocity.search.recipe_text import Goal, Words
+from evocity.search.calibration.calibration import calibrate_recipe
+from evocity.search.calibration.recipe_text import Goal, RecipeSettings
 
 KEPT = Path(__file__).parent / "power"
 PAIRS = (
@@ -99,8 +99,10 @@ class Kept:
 
     def begin(self) -> None:
         """Bounds of the guard, and the unit, which no later default changes."""
-        words = Words("power", [{"map": one} for one in self.pair])
-        found = begun(words, [Goal(fitness.get("crumbs"))], Path("power.toml"), lambda text: None)
+        words = RecipeSettings("power", [{"map": one} for one in self.pair])
+        found = calibrate_recipe(
+            words, [Goal(fitness.get("crumbs"))], Path("power.toml"), lambda text: None
+        )
         self.told["guard"] = {one.measure.name: one.keys for one in found.bounds}
         parts = []
         METHODS["default"](self.case("four"), POPULATION, parts.append)

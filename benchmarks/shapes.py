@@ -13,8 +13,8 @@ from _machine import description, seconds
 from scipy.spatial import cKDTree
 
 from evocity.shapes import KNOWN, box_dimension, dimension_of, known, mask_of
-from evocity.shapes.drawing import Frame
 from evocity.shapes.languages import ShapeError
+from evocity.shapes.rendering import Frame
 
 SIDE, POINTS = 512, 4_000_000
 

@@ -17,7 +17,7 @@ import numpy as np
 
 import evocity
 from evocity.fitness import buildings_near_course, built_area_lost
-from evocity.search.preparation import prepare
+from evocity.search.preparation.preparation import prepare
 
 LOST = 0.25
 POPULATION, GENERATIONS, SEEDS = 30, 17, range(5)

@@ -17,10 +17,10 @@ from _machine import description
 from _virtual import Virtual, uneven
 
 import evocity
+from evocity.evaluation import Engine
+from evocity.evaluation.evaluator import Outcome
 from evocity.search import Search
-from evocity.search.borrowed.moocore import hypervolume
-from evocity.search.evaluation import Engine
-from evocity.search.evaluator import Outcome
+from evocity.selection.backends.moocore import hypervolume
 
 NUMBERS, POPULATION, DEADLINE, HANGING = 6, 64, 10.0, 0.01
 REFERENCE = np.array([1.1, 1.1])
@@ -106,7 +106,7 @@ def searched(workers: int, window: int | None, generations: int, seed: int = 0):
         return engine
 
     volumes = {}
-    with patch("evocity.search.engine.pool_of", made), Search(recipe, workers=0) as search:
+    with patch("evocity.search.engine.start_engine", made), Search(recipe, workers=0) as search:
         for generation in search:
             losses = np.array([one.losses for one in generation.population])
             volumes[generation.births] = hypervolume(losses, REFERENCE) / BEST

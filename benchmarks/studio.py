@@ -26,7 +26,7 @@ from _machine import description
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "studio"))
 from asking import Client
 
-from evocity.studio.serving import served
+from evocity.studio.server import running_server
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 BROODS, REPEATS = 5, 9
@@ -54,7 +54,7 @@ def told(name: str, act: Callable[[], object], repeats: int = 3) -> None:
 
 def large(path: Path) -> None:
     began = time.process_time()
-    with served(path) as server:
+    with running_server(path) as server:
         client = Client(server)
         client.open()
         about, content = client.get("/api/0/births").framed
@@ -103,7 +103,7 @@ def page(server) -> None:
 
 
 def small(path: Path) -> None:
-    with served(path) as server:
+    with running_server(path) as server:
         client = Client(server)
         client.open()
         about, content = client.get("/api/0/births").framed

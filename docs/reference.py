@@ -65,7 +65,7 @@ def bound(value: float) -> str:
 
 
 def page(text: str, found: list[Measure]) -> str:
-    """The page ``text`` with its reference written anew."""
+    """Write the reference of the page ``text`` again."""
     head, rest = text.split(BEGIN)
     return head + BEGIN + "\n" + reference(found) + "\n" + END + rest.split(END)[1]
 

@@ -15,8 +15,16 @@ from evocity.errors import EvocityError
 from evocity.genome import Genome, merged, read_genome, split
 from evocity.io import cities, read_map, write_map
 from evocity.pavement import Pavement
-from evocity.search import Recipe, Search, archive, deap_toolbox, pick, read_recipe, refine
-from evocity.search.repeating import replay
+from evocity.search import (
+    Recipe,
+    Search,
+    archive,
+    deap_toolbox,
+    pick,
+    read_recipe,
+    refine,
+    replay,
+)
 
 __version__: str
 __all__ = [

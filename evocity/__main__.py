@@ -1,4 +1,4 @@
-"""`python -m evocity`."""
+"""The command line as `python -m evocity`."""
 
 from evocity.cli import main
 

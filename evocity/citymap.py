@@ -1,4 +1,4 @@
-"""`CityMap`: a city district as a raster of building heights, and the views measures share."""
+"""`CityMap`: a city district as a raster of building heights, with cached views for measures."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -7,32 +7,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evocity.displayed import Displayed
 from evocity.errors import MapError, keyword, plain_text, setting
+from evocity.html_display import Displayed
 from evocity.views import ground
-from evocity.views.buildings import STEP, Buildings, measured, outlines, told_apart, zones_of
+from evocity.views.buildings import (
+    STEP,
+    Buildings,
+    measured,
+    outlines,
+    separate_buildings,
+    zones_of,
+)
 from evocity.views.classes import Classes, ClassTable, classified
-from evocity.views.pieces import pieces
+from evocity.views.connected_components import pieces
+from evocity.views.orientation import gradients, nearest, structure
 from evocity.views.streets import StreetGraph, street_graph
-from evocity.views.structure import gradients, nearest, structure
 from evocity.views.walls import Walls, walls_of
 
 if TYPE_CHECKING:
     import shapely
 
-#: A pixel is built where it stands higher than this, metres: half a lowest storey. Decoded
-#: maps leave traces of a few decimetres on the ground that are no buildings.
+#: The height, metres, above which a pixel is built: half a lowest storey. Decoded maps leave traces
+#: of a few decimetres on the ground, which are not buildings.
 BUILT_ABOVE = 1.5
 
-#: Height of a storey, metres: where floors are counted, and where storeys give a height.
+#: Height of a storey, metres: for counts of floors, and for heights from storeys.
 STOREY = 3.0
 
-#: Largest map that is read, coded or decoded: its side (corners of domain blocks are int16)
-#: and its pixels in all (about 11 500²).
-MAX_SIDE = 32_767
-#: The side of a pixel, metres: what lies beyond is no city, and its square no number.
+#: The largest map: its side (corners of domain blocks are int16) and its pixels (about 11 500²).
+MAX_SIDE, MAX_PIXELS = 32_767, 1 << 27
+#: The range of a pixel's side, metres; its square stays a finite number.
 PIXEL_SIDES = (1e-6, 1e6)
-MAX_PIXELS = 1 << 27
 
 
 class CityMap(Displayed):
@@ -40,30 +45,34 @@ class CityMap(Displayed):
 
     Parameters
     ----------
-    heights : array ``(H, W)``, metres above ground, finite, not negative, 0 = ground. Copied
-        to float32 and made read-only.
+    heights : array ``(H, W)``, metres above ground, finite, not negative, 0 = ground. The map keeps
+        a read-only copy in float32.
     metres_per_pixel : side of a pixel, metres, greater than 0.
-    name : what the map is called in pictures and tables; without control characters, see
-        `evocity.errors.plain_text`.
-    attribution : the line its source's licence asks for; it travels into every file and
-        picture made from the map. Without control characters too.
-    origin : (x, y) of the north-west corner in ``crs``, or None.
-    crs : coordinate reference system in metres, as an authority code or WKT, or None.
-    height_rules : how many buildings got their height by which rule, as the reader counted.
-    taken : in words, what of its file was read; "" for a map that was not read from one.
-    site : bool ``(H, W)``: which pixels are the map's own, of a part cut out of another that is no
-        rectangle; the others are neither built nor open ground, and have height 0. None where
-        all are. `within` makes such maps.
-    corner : (row, column) of the map's first pixel on the map it was cut out of.
+    name : name of the map in pictures and tables. `evocity.errors.plain_text` removes its control
+        characters.
+    attribution : line that the licence of the source demands, without control characters. Every
+        file and every picture of the map carries this line.
+    origin : ``(x, y)`` of the north-west corner in ``crs``; None for a map without a place on
+        Earth.
+    crs : coordinate reference system in metres, as an authority code or WKT. None for a map without
+        a reference system.
+    height_rules : for each rule that gives heights, the number of buildings whose height it gave.
+        The reader of the file counts them.
+    taken : description of the part of the file that the map shows; ``""`` for a map without a file.
+    site : pixels that belong to a map that is not a rectangle, bool ``(H, W)``. All other pixels
+        count neither as built nor as open ground, and their height is 0. None if all pixels belong
+        to the map. `within` makes maps with a site.
+    corner : ``(row, column)`` of the map's first pixel on the larger map that it was cut from.
 
     Raises
     ------
-    MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights;
-        or the pixel size is not positive; or the site has another shape, or no pixel.
+    MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights. Or the
+        pixel size is not positive. Or the site has another shape than ``heights``, or no true
+        pixel.
 
-    Views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
+    The views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
-    `street_graph`) are computed when first asked for, once a map, and are read-only.
+    `street_graph`) are read-only. Each view is computed once, at the first access.
     """
 
     heights: np.ndarray
@@ -117,13 +126,13 @@ class CityMap(Displayed):
 
     def __setattr__(self, name: str, value) -> None:
         raise AttributeError(
-            f"a CityMap does not change, so its {name} cannot be set; "
+            f"a CityMap is immutable, so its {name} cannot be set; "
             "city.replace(heights) makes another map"
         )
 
-    def __reduce__(self):  # heights alone travel, and stay read-only; views are computed anew
+    def __reduce__(self):  # only heights are sent; views are computed again
         described = {k: self.__dict__[k] for k in _DESCRIBED}
-        return _made_again, (self.heights, self.metres_per_pixel, described)
+        return _rebuild, (self.heights, self.metres_per_pixel, described)
 
     def __copy__(self) -> "CityMap":
         return self
@@ -141,25 +150,27 @@ class CityMap(Displayed):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(H, W) in pixels."""
+        """Size of the map in pixels: (H, W)."""
         return self.heights.shape
 
     @property
     def pixels(self) -> int:
-        """How many pixels are the map's own: all, but for what lies beyond its `site`."""
+        """Number of pixels that belong to the map: those of its site, or all."""
         return self.heights.size if self.site is None else int(np.count_nonzero(self.site))
 
     @property
     def area(self) -> float:
-        """Ground covered by the whole map, or by its `site`, m²."""
+        """Area of the map, or of its site if it has one, m²."""
         return self.pixels * self.metres_per_pixel**2
 
     def within(self, mask: np.ndarray) -> "CityMap":
-        """The part of the map where ``mask``, bool ``(H, W)``, holds: what lies in the smallest
-        rectangle about it, and unless it fills that, the mask there as the part's `site`. A
-        building is cut where the part ends, as at a map's border.
+        """Cut out the part of the map where ``mask``, bool ``(H, W)``, is true.
 
-        Raises `MapError` for a mask of another shape or without a pixel.
+        The result is the smallest rectangle that contains this part. Its site is the mask, unless
+        the mask fills the rectangle. The border of the part cuts buildings, as the border of every
+        map does.
+
+        Raises `MapError` if the mask has another shape than the map, or no true pixel.
         """
         mask = _checked_site(mask, self.shape, self.name)
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -176,25 +187,19 @@ class CityMap(Displayed):
         )
 
     def of_whole(self, array: np.ndarray) -> np.ndarray:
-        """What an ``array`` ``(H, W)`` of the map that this one was cut out of, or of this one
-        itself, has at the pixels of this one."""
+        """Cut an ``array`` ``(H, W)`` to the pixels of this map.
+
+        The array covers the larger map that this map was cut from. An array of this map's own size
+        is returned unchanged.
+        """
         top, left = self.corner if array.shape != self.shape else (0, 0)
         height, width = self.shape
         return array[top : top + height, left : left + width]
 
     def replace(self, heights: np.ndarray, **changes: Any) -> "CityMap":
-        """A new map with other ``heights``; what describes this one is kept unless changed."""
-        described = {
-            "metres_per_pixel": self.metres_per_pixel,
-            "name": self.name,
-            "attribution": self.attribution,
-            "origin": self.origin,
-            "crs": self.crs,
-            "height_rules": self.height_rules,
-            "taken": self.taken,
-            "site": self.site,
-            "corner": self.corner,
-        }
+        """Make a map with other heights. All other fields stay, except those given in
+        ``changes``."""
+        described = {name: self.__dict__[name] for name in ("metres_per_pixel", *_DESCRIBED)}
         return CityMap(heights, **(described | changes))
 
     @cached_property
@@ -221,119 +226,123 @@ class CityMap(Displayed):
 
     @cached_property
     def building_labels(self) -> np.ndarray:
-        """Int32 ``(H, W)``: 0 on open ground, 1…n on the n `buildings`, without the table. About
-        1 ms at 256²; what a genome decodes to with settled roofs knows it already."""
+        """Int32 ``(H, W)``: 0 on open ground, 1…n on the n `buildings`, without the table. About 1
+        ms at 256²; maps decoded with settled roofs have it already."""
         return _read_only(zones_of(self.heights, self.labels, self.metres_per_pixel))
 
     @cached_property
     def buildings(self) -> Buildings:
-        """The buildings, told apart by gaps and by steps of height of more than half a storey:
-        their labels and a table, whose courtyards are those that a building encloses alone; see
-        open_space for others. `told_apart` takes another step. About 2 ms at 256²."""
+        """The buildings, separated by gaps and by steps of height of more than half a storey: their
+        labels and a table. Its courtyards are those that a single building encloses; `open_space`
+        has the others. `separate_buildings` takes another step. About 2 ms at 256²."""
         pixel, zones = self.metres_per_pixel, self.building_labels
         return measured(self.heights, self.labels, zones, pixel, self.site)
 
     def told_apart(self, step: float = STEP) -> Buildings:
-        """The buildings, told apart by gaps and by steps of height of more than ``step`` metres:
-        `evocity.views.buildings.told_apart`. Infinity tells them apart by gaps alone."""
-        return told_apart(self.heights, self.labels, self.metres_per_pixel, step, site=self.site)
+        """Separate the buildings at gaps, and at steps of height above ``step`` metres. Infinity
+        separates them only at gaps. See `evocity.views.buildings.separate_buildings`."""
+        return separate_buildings(
+            self.heights, self.labels, self.metres_per_pixel, step, site=self.site
+        )
 
     @cached_property
     def classes(self) -> Classes:
-        """What stands here by its class, buildings and what is lower: building, furniture, tree,
-        ground, fountain, shelter, post. `classified` takes another table. About 1 ms at 256²."""
+        """The objects by class, buildings and lower ones: building, furniture, tree, ground,
+        fountain, shelter, post. `classified` takes another table. About 1 ms at 256²."""
         return self.classified()
 
     def classified(self, table: ClassTable | None = None) -> Classes:
-        """The classes by another ``table`` than this package's: `evocity.views.classes`."""
+        """Classify the objects by your own table of classes, in place of the package's. See
+        `evocity.views.classes`."""
         pixel, site = self.metres_per_pixel, self.site
         return classified(self.heights, self.buildings, pixel, table, site)
 
     @cached_property
     def outline(self) -> "tuple[shapely.Polygon, ...]":
-        """Polygons along the pixels' edges, courtyards as holes, one a building in the order of
-        `buildings`: in ``crs`` if the map has an ``origin``; else in metres from its south-west
+        """Polygons along the pixels' edges, courtyards as holes, one for each of the `buildings` in
+        their order: in ``crs`` if the map has an ``origin``; else in metres from its south-west
         corner, x to the east, y to the north. About 20 ms at 256²."""
-        return outlines(self.building_labels, self.metres_per_pixel, self._north_west)
+        return outlines(self.building_labels, self.metres_per_pixel, self.north_west)
 
     @cached_property
     def walls(self) -> Walls:
-        """The buildings as polygons with straight walls, a valid coverage, where `outline` has it.
-        `walled` takes another scale of detail, or squares them. About 30 ms at 256²."""
+        """The buildings as polygons with straight walls, a valid coverage, in the coordinates of
+        `outline`. `walled` takes other options. About 30 ms at 256²."""
         return self.walled()
 
     def walled(self, **how: Any) -> Walls:
-        """The walls, fitted as told: ``detail`` and ``relative``, ``squared``, ``storeys``,
-        ``least_area`` of `evocity.views.walls.walls_of`."""
+        """Fit the straight walls with your own options ``detail``, ``relative``, ``squared``,
+        ``storeys`` and ``least_area``. See `evocity.views.walls.walls_of`."""
         return walls_of(
             self.building_labels,
             self.buildings.height,
             self.buildings.direction,
             self.metres_per_pixel,
-            self._north_west,
+            self.north_west,
             site=self.site,
             **how,
         )
 
     @property
-    def _north_west(self) -> tuple[float, float]:
-        """(x, y) of that corner: without an origin, metres from the south-west one."""
+    def north_west(self) -> tuple[float, float]:
+        """Coordinates ``(x, y)`` of the north-west corner. For a map without an origin they are
+        metres from the south-west corner."""
         return self.origin or (0.0, self.shape[0] * self.metres_per_pixel)
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Float32 pair ``(d/dy, d/dx)`` of the heights, metres a metre, y to the south, by the
         Scharr operator, edges repeated. About 1 ms at 256²."""
-        along_y, along_x = gradients(self._extended, self.metres_per_pixel)
+        along_y, along_x = gradients(self._extended_heights, self.metres_per_pixel)
         return _read_only(along_y), _read_only(along_x)
 
     @property
-    def _extended(self) -> np.ndarray:
-        """The heights; beyond the site those of its nearest pixel, as edges are repeated."""
+    def _extended_heights(self) -> np.ndarray:
+        """The heights; beyond the site those of its nearest pixel."""
         if self.site is None:
             return self.heights
         return np.ascontiguousarray(self.heights[nearest(self.site)])
 
     @cached_property
     def structure(self) -> np.ndarray:
-        """Float32 ``(2, H, W)``: w cos 2θ and w sin 2θ, θ the direction of the gradient, square to
-        the walls, from east towards south, w its square; smoothed, for a raster's façades are
-        staircases (`evocity.views.structure`). About 1.2 ms at 256²."""
+        """Float32 ``(2, H, W)``: w cos 2θ and w sin 2θ, with the direction θ of the gradient,
+        normal to the walls, from east towards south, and its square w; smoothed, since façades in a
+        raster are staircases (`evocity.views.orientation`). About 1.2 ms at 256²."""
         return _read_only(structure(*self.gradients, self.site))
 
     @cached_property
     def distance_to_built(self) -> np.ndarray:
-        """Float32 ``(H, W)``: metres from each pixel's centre to that of the nearest built pixel, 0
-        on these, infinity if there is none. Exact. About 0.9 ms at 256²."""
+        """Float32 ``(H, W)``: metres from each pixel's centre to the centre of the nearest built
+        pixel, 0 on built pixels, infinity without any. Exact. About 0.9 ms at 256²."""
         return _read_only(ground.distance_to_built(self.built, self.metres_per_pixel))
 
     @cached_property
     def open_space(self) -> ground.OpenSpace:
         """The pieces of open ground (8 neighbours): labels int32 ``(H, W)``, areas in m², and the
-        built component each is a courtyard of. About 0.4 ms at 256², `labels` given."""
+        built component of each courtyard. About 0.4 ms at 256², with `labels`."""
         return ground.open_space(self.labels, self.metres_per_pixel, self.site)
 
     @cached_property
     def streets(self) -> ground.Streets:
-        """The lines streets run along: skeleton bool ``(H, W)``, widths in metres from wall to
-        wall, lengths in metres. 3 to 5 ms at 256²."""
+        """The axes of streets: skeleton bool ``(H, W)``, widths in metres from wall to wall,
+        lengths in metres. 3 to 5 ms at 256²."""
         return ground.streets(self.built, self.metres_per_pixel)
 
     @cached_property
     def street_graph(self) -> StreetGraph:
-        """The streets as a graph with widths and kinds, places, and quarters of `buildings`, where
-        `outline` has them. `street_graph_of` takes another city, open or closed. About 20 ms at
-        256²."""
+        """The streets as a graph with widths and kinds, places, and quarters of `buildings`, in the
+        coordinates of `outline`. `street_graph_of` takes other options. About 20 ms at 256²."""
         return self.street_graph_of()
 
     def street_graph_of(self, **how: Any) -> StreetGraph:
-        """The street graph, made as told: ``closed``, ``least_width``, ``spurs``, ``places``,
-        ``courts``, ``kinds``, ``water`` of `evocity.views.streets.street_graph`."""
+        """Make the street graph with your own options ``closed``, ``least_width``, ``spurs``,
+        ``places``, ``courts``, ``kinds`` and ``water``. See
+        `evocity.views.streets.street_graph`."""
         return street_graph(
             self.open_ground,
             self.building_labels,
             self.metres_per_pixel,
-            self._north_west,
+            self.north_west,
             site=self.site,
             **how,
         )
@@ -346,9 +355,9 @@ def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
         array = np.empty(0)
     if array.ndim != 2 or array.size == 0:
         raise MapError(
-            f"{name}: heights of shape {array.shape}",
-            "a non-empty array of two axes, rows from north to south",
-            "pass one height in metres a pixel",
+            f"{name}: the heights have the shape {array.shape}",
+            "an array of two axes that is not empty, with rows from north to south",
+            "give one height in metres per pixel",
         )
     lowest = array.min()  # NaN if any is NaN
     if not (np.isfinite(lowest) and np.isfinite(array.max())):
@@ -359,9 +368,10 @@ def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
         )
     if lowest < 0:
         raise MapError(
-            f"{name}: {np.count_nonzero(array < 0)} heights below ground, lowest {lowest:g} m",
+            f"{name}: {np.count_nonzero(array < 0)} heights are below ground, the lowest "
+            f"{lowest:g} m",
             "heights above ground, 0 or more",
-            "subtract the terrain first, or set them to 0",
+            "subtract the terrain first, or set negative heights to 0",
         )
     return _read_only(array)
 
@@ -370,12 +380,14 @@ def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.nda
     array = np.asarray(site)
     if array.dtype != bool or array.shape != shape:
         raise MapError(
-            f"{name}: a part of {array.dtype} and shape {array.shape}",
-            f"booleans of shape {shape}, one a pixel of the map",
-            "make it so, for example numbers > 0",
+            f"{name}: the mask of a part has the type {array.dtype} and the shape {array.shape}",
+            f"booleans of the shape {shape}, one per pixel of the map",
+            "make booleans by a comparison, for example numbers > 0",
         )
     if not array.any():
-        raise MapError(f"{name}: a part without a pixel", "at least one", "mark some pixels")
+        raise MapError(
+            f"{name}: the mask of a part marks no pixel", "at least one pixel", "mark some pixels"
+        )
     return _read_only(array.copy())
 
 
@@ -385,7 +397,7 @@ def _read_only(array: np.ndarray) -> np.ndarray:
 
 
 def same_grid(maps: "list[CityMap]") -> None:
-    """Raise `MapError` unless all ``maps`` have one size and one pixel size."""
+    """Raise `MapError` unless all maps have the same size and the same pixel size."""
     first = maps[0]
     for other in maps[1:]:
         if other.shape != first.shape or other.metres_per_pixel != first.metres_per_pixel:
@@ -393,25 +405,17 @@ def same_grid(maps: "list[CityMap]") -> None:
                 f"{other.name} has {other.shape[0]} × {other.shape[1]} px of "
                 f"{other.metres_per_pixel:g} m, {first.name} has "
                 f"{first.shape[0]} × {first.shape[1]} px of {first.metres_per_pixel:g} m",
-                "maps of one size to be bred together",
-                f"read both with the same {keyword('pixels')} and {keyword('metres_per_pixel')}",
+                "maps with the same number and size of pixels, so that they can be bred together",
+                f"read both maps with the same {keyword('pixels')} and "
+                f"{keyword('metres_per_pixel')}",
             )
 
 
-#: What describes a map besides its heights and pixels.
-_DESCRIBED = (
-    "name",
-    "attribution",
-    "origin",
-    "crs",
-    "height_rules",
-    "taken",
-    "site",
-    "corner",
-)
+#: Description of a map besides its heights and pixels.
+_DESCRIBED = ("name", "attribution", "origin", "crs", "height_rules", "taken", "site", "corner")
 
 
-def _made_again(heights: np.ndarray, metres_per_pixel: float, described: dict) -> CityMap:
+def _rebuild(heights: np.ndarray, metres_per_pixel: float, described: dict) -> CityMap:
     return CityMap(heights, metres_per_pixel, **described)
 
 

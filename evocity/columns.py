@@ -1,8 +1,8 @@
-"""Arrays as columns of Arrow, as they lie in memory.
+"""Conversion between numpy arrays and columns of Arrow, without copies where possible.
 
-`pyarrow.array` loads pandas, where it is installed, to see whether it was given one of its series:
-that takes longer than reading a genome. Loading `pyarrow.compute` takes as long as loading the rest
-of Arrow: nothing here needs it for numbers, truths and words that are coded as a dictionary.
+`pyarrow.array` loads pandas, where it is installed, to test for its series: that takes longer than
+reading a genome. Loading `pyarrow.compute` takes as long as loading the rest of Arrow. So this
+module uses buffers for numbers, booleans and dictionary-coded words.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ import pyarrow as pa
 
 
 def column_of(values: np.ndarray) -> pa.Array:
-    """Numbers or truths ``(n,)`` as a column of the same type, without nulls. It shares memory
-    with ``values``, which must not change, but for truths, which Arrow keeps in bits."""
+    """Convert numbers or booleans ``(n,)`` to a column of the same type, without nulls. It shares
+    memory with ``values``, which must not change; booleans are packed in bits."""
     values = np.ascontiguousarray(values)
     items = np.packbits(values, bitorder="little") if values.dtype == bool else values
     kind = pa.from_numpy_dtype(values.dtype)
@@ -19,20 +19,20 @@ def column_of(values: np.ndarray) -> pa.Array:
 
 
 def array_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
-    """Numbers or truths of a ``column``, ``(n,)``, of its type; read-only. NaN for null, which only
-    floats may have: ValueError otherwise."""
+    """Convert a ``column`` of numbers or booleans to an array ``(n,)`` of its type, read-only.
+    Nulls of floats become NaN; raises ValueError for other nulls."""
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
-    found = _items(array)
+    values = _items(array)
     if array.null_count:
         if not pa.types.is_floating(array.type):
             raise ValueError(f"a column of {array.type} with nulls")
-        found = np.where(_known(array), found, np.nan)
-    found.setflags(write=False)
-    return found
+        values = np.where(_is_valid(array), values, np.nan)
+    values.setflags(write=False)
+    return values
 
 
 def _items(array: pa.Array) -> np.ndarray:
-    """What stands in the rows of an ``array``; anything where it is null."""
+    """Return the values of an ``array``; arbitrary ones where it is null."""
     start, stop = array.offset, array.offset + len(array)
     _, items = array.buffers()
     if array.type == pa.bool_():
@@ -41,40 +41,40 @@ def _items(array: pa.Array) -> np.ndarray:
 
 
 def lists_of(column: pa.ListArray | pa.ChunkedArray) -> tuple[np.ndarray, np.ndarray]:
-    """How long the lists of numbers of a ``column`` are, int64 ``(n,)``, 0 where there is none, and
-    what stands in them, one after the other. ValueError for a null among whole numbers."""
+    """Return the lengths of a ``column`` of lists of numbers, int64 ``(n,)``, 0 for null, and their
+    values one after the other. Raises ValueError for a null among whole numbers."""
     chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
     lengths = [np.empty(0, np.int64)]
     values = [np.empty(0, column.type.value_type.to_pandas_dtype())]
-    for one in chunks:
-        offsets = array_of(one.offsets)
+    for chunk in chunks:
+        offsets = array_of(chunk.offsets)
         within = np.diff(offsets)
-        lengths.append(np.where(_known(one), within, 0))
-        if lengths[-1].sum() < within.sum():  # what stands where there is none is no value
-            values.append(array_of(one.flatten()))
-        elif len(one):
-            values.append(array_of(one.values)[offsets[0] : offsets[-1]])
+        lengths.append(np.where(_is_valid(chunk), within, 0))
+        if lengths[-1].sum() < within.sum():  # null lists may have values, which do not count
+            values.append(array_of(chunk.flatten()))
+        elif len(chunk):
+            values.append(array_of(chunk.values)[offsets[0] : offsets[-1]])
     return np.concatenate(lengths), np.concatenate(values)
 
 
 def known_of(column: pa.ChunkedArray) -> np.ndarray:
-    """Bool ``(n,)``: which rows of a ``column`` have a value."""
-    return np.concatenate([np.empty(0, bool), *map(_known, column.chunks)])
+    """Mark the rows of a ``column`` with a value, bool ``(n,)``."""
+    return np.concatenate([np.empty(0, bool), *map(_is_valid, column.chunks)])
 
 
-def _known(array: pa.Array) -> np.ndarray:
+def _is_valid(array: pa.Array) -> np.ndarray:
     if not array.null_count:
         return np.ones(len(array), bool)
     return _truths(array.buffers()[0])[array.offset : array.offset + len(array)]
 
 
 def words_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
-    """Texts of a ``column``, ``(n,)``, of any type that Arrow keeps words in; None for null."""
+    """Convert a ``column`` of texts, of any type of Arrow, to ``(n,)``; None for null."""
     if not pa.types.is_dictionary(column.type):
         column = column.cast("string").dictionary_encode()
     coded = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
     words = np.array([*coded.dictionary.to_pylist(), None], object)
-    return words[np.where(_known(coded.indices), _items(coded.indices), -1)]
+    return words[np.where(_is_valid(coded.indices), _items(coded.indices), -1)]
 
 
 def _truths(bits: pa.Buffer | None) -> np.ndarray:

@@ -1,6 +1,4 @@
-"""`Condensation`: what decoding keeps as it is: a river, a listed building, a site that must not
-change.
-"""
+"""`Condensation`: heights that decoding keeps: a river, a listed building, a protected site."""
 
 from collections.abc import Iterable
 from functools import cached_property, lru_cache
@@ -16,33 +14,33 @@ from evocity.pavement import Pavement
 
 
 class Condensation:
-    """A layer C of heights and a mask: W(I) = ∪ ω_i(I), then C where its mask covers
-    (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). Immutable.
+    """Heights C that decoding keeps where a mask covers the map: W(I) = ∪ ω_i(I), then C on top
+    (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). A condensation is immutable.
 
     Parameters
     ----------
-    heights : array ``(H, W)``, metres; finite and not negative where the mask covers.
-    mask : bool ``(H, W)``, true where C covers; one pixel at least.
+    heights : array ``(H, W)``, metres. Heights under the mask are finite and not negative.
+    mask : bool ``(H, W)``, true where decoding keeps the heights C. At least one pixel is true.
 
-    Attributes: ``heights``, float32, 0 where the mask does not cover; ``mask``. Both are
-    read-only. Two layers are equal if they keep the same heights in the same pixels.
+    The attributes ``heights`` (float32, 0 outside the mask) and ``mask`` are read-only. Two
+    condensations are equal if they keep the same heights in the same pixels.
 
     Raises
     ------
-    GenomeError : shapes or types differ from these, nothing is covered, or a height is NaN,
+    GenomeError : the arrays have wrong shapes or types, the mask is empty, or a height is NaN,
         infinite or negative.
     """
 
     def __init__(self, heights: np.ndarray, mask: np.ndarray):
         heights, mask = np.asarray(heights), np.asarray(mask)
         _check_arrays(heights, mask)
-        with np.errstate(over="ignore"):  # what float32 cannot hold is told as infinite
+        with np.errstate(over="ignore"):  # heights beyond float32 become infinite
             kept = np.where(mask, heights, 0).astype(np.float32) + np.float32(0)  # no −0
         wrong = ~(np.isfinite(kept) & (kept >= 0))
         if wrong.any():
             raise GenomeError(
-                f"{np.count_nonzero(wrong)} condensed heights that are NaN, infinite or below 0",
-                "finite heights above ground, metres",
+                f"{np.count_nonzero(wrong)} condensed heights are NaN, infinite or below 0",
+                "finite heights above ground in metres",
                 "leave these pixels out of the mask, or give them heights",
             )
         self.heights, self.mask = kept, mask.copy()
@@ -51,17 +49,19 @@ class Condensation:
 
     @classmethod
     def cut(cls, city: CityMap, mask: np.ndarray) -> "Condensation":
-        """The heights of ``city`` where the bool ``(H, W)`` ``mask`` covers."""
+        """Make a condensation that keeps the heights of ``city`` where ``mask``, bool ``(H, W)``,
+        is true."""
         return cls(city.heights, mask)
 
     @classmethod
     def from_raster(cls, raster: np.ndarray) -> "Condensation":
-        """Of a ``(H, W)`` ``raster``, metres, NaN where nothing is kept; see `raster`."""
+        """Make a condensation from a ``(H, W)`` ``raster``: heights in metres, NaN where nothing is
+        kept. See `raster`."""
         return cls(raster, ~np.isnan(raster))
 
     @property
     def raster(self) -> np.ndarray:
-        """Float32 ``(H, W)``: the heights kept, metres; NaN where nothing is."""
+        """Kept heights as float32 ``(H, W)``, metres; NaN outside the mask."""
         return np.where(self.mask, self.heights, np.float32(np.nan))
 
     @property
@@ -70,7 +70,7 @@ class Condensation:
         return self.mask.shape
 
     def __len__(self) -> int:
-        """Number of pixels that are kept."""
+        """Number of kept pixels."""
         return int(np.count_nonzero(self.mask))
 
     def __repr__(self) -> str:
@@ -90,27 +90,27 @@ class Condensation:
     def __hash__(self) -> int:
         return hash(self.digest)
 
-    def __reduce__(self):  # a genome goes to a worker and back: packed, a quarter of it is little
+    def __reduce__(self):  # packed, for genomes that workers receive and return
         bits, kept = np.packbits(self.mask).tobytes(), self.heights[self.mask].tobytes()
-        return _unpacked, (self.shape, bits, kept)
+        return _unpack, (self.shape, bits, kept)
 
     def laid(self, heights: np.ndarray) -> np.ndarray:
-        """A copy of ``(H, W)`` ``heights`` with C in its place."""
+        """Copy ``(H, W)`` ``heights`` and put the kept heights into the copy."""
         return np.where(self.mask, self.heights, heights).astype(heights.dtype, copy=False)
 
     def over(self, other: "Condensation") -> "Condensation":
-        """Both layers in one; where both cover, this one is kept."""
+        """Join this condensation and the ``other``. Where both cover, this one wins."""
         if self.shape != other.shape:
             raise GenomeError(
-                f"condensations of {_size(self.shape)} and {_size(other.shape)}",
-                "layers of one size",
-                "make both on the same map",
+                f"condensations of {_size(self.shape)} and {_size(other.shape)} cannot be joined",
+                "condensations of the same size",
+                "make both condensations from the same map",
             )
         return Condensation(self.laid(other.heights), self.mask | other.mask)
 
     def resampled(self, height: int, width: int) -> "Condensation | None":
-        """The layer at ``height`` × ``width`` px, each new pixel from the one its centre lies in;
-        None where no such pixel is kept."""
+        """Resample the condensation to ``height`` × ``width`` px. Each new pixel takes the old
+        pixel at its centre. Return None if no pixel is kept."""
         if (height, width) == self.shape:
             return self
         places = ((height, self.shape[0]), (width, self.shape[1]))
@@ -121,8 +121,11 @@ class Condensation:
     # -- files ---------------------------------------------------------------------------
 
     def column(self, pavement: Pavement) -> pa.Array:
-        """The layer cut along a pavement: a list of the heights of each range block, row by row,
-        NaN where nothing is kept; null for blocks without any pixel kept."""
+        """Cut the condensation into the range blocks of a pavement, as a column of Arrow.
+
+        Each entry lists the heights of one range block, row by row, with NaN where nothing is kept.
+        The entry is null if the block has no kept pixel.
+        """
         order, starts = _by_blocks(pavement)
         heights = self.raster.ravel()[order]
         free = np.add.reduceat(self.mask.ravel()[order], starts[:-1], dtype=np.int64) == 0
@@ -136,7 +139,8 @@ class Condensation:
 
     @classmethod
     def from_column(cls, column: pa.ChunkedArray, pavement: Pavement) -> "Condensation":
-        """`column` the other way round. ValueError for a column of another kind."""
+        """Make a condensation from a `column`. Raises ValueError if the column is of another
+        kind."""
         kind = pa.list_(pa.float32(), pavement.block**2 if pavement.uniform else -1)
         if column.type != kind or len(column) != len(pavement):
             raise ValueError(f"a condensation of {len(column)} × {column.type}")
@@ -154,15 +158,15 @@ class Condensation:
 
 
 def merged(layers: Iterable[Condensation | None]) -> Condensation | None:
-    """All ``layers`` in one, None if there is none; where several cover, the first is kept."""
-    first, *others = dict.fromkeys(one for one in layers if one is not None) or [None]
+    """Join condensations; return None without any. Where several cover, the first wins."""
+    first, *others = dict.fromkeys(layer for layer in layers if layer is not None) or [None]
     for other in others:
         first = first.over(other)
     return first
 
 
-@lru_cache(maxsize=4)  # all genomes of a run have one layer: here it stands in memory once
-def _unpacked(shape: tuple[int, int], bits: bytes, kept: bytes) -> Condensation:
+@lru_cache(maxsize=4)  # all genomes of a run share a layer in memory
+def _unpack(shape: tuple[int, int], bits: bytes, kept: bytes) -> Condensation:
     count = shape[0] * shape[1]
     mask = np.unpackbits(np.frombuffer(bits, np.uint8), count=count).astype(bool).reshape(shape)
     heights = np.zeros(shape, np.float32)
@@ -171,8 +175,8 @@ def _unpacked(shape: tuple[int, int], bits: bytes, kept: bytes) -> Condensation:
 
 
 def _by_blocks(pavement: Pavement) -> tuple[np.ndarray, np.ndarray]:
-    """The flat pixels of a map range block by range block, row by row in each; and where each
-    range block begins among them, ``(n + 1,)``."""
+    """Order the flat pixels of a map by range blocks, row by row in each; and return the start of
+    each range block among them, ``(n + 1,)``."""
     starts = np.concatenate([[0], np.cumsum(pavement.area)])
     return np.argsort(pavement.index, axis=None, kind="stable"), starts
 
@@ -180,17 +184,23 @@ def _by_blocks(pavement: Pavement) -> tuple[np.ndarray, np.ndarray]:
 def _check_arrays(heights: np.ndarray, mask: np.ndarray) -> None:
     if mask.ndim != 2 or mask.shape != heights.shape or heights.dtype.kind not in "buif":
         raise GenomeError(
-            f"condensed heights of {heights.dtype} {heights.shape}, a mask of shape {mask.shape}",
-            "numbers and a mask of one shape, rows from north to south",
-            "give a height in metres and a yes or no a pixel",
+            f"condensed heights of type {heights.dtype} and shape {heights.shape} do not fit a "
+            "mask "
+            f"of shape {mask.shape}",
+            "numbers, and a mask of the same shape, with rows from north to south",
+            "give one height in metres and one boolean per pixel",
         )
     if mask.dtype != bool:
         raise GenomeError(
-            f"a mask of type {mask.dtype}", "true and false", "compare first: mask > 0"
+            f"the mask has the type {mask.dtype}",
+            "booleans",
+            "make booleans by a comparison: mask > 0",
         )
     if not mask.any():
         raise GenomeError(
-            "a mask that covers nothing", "one pixel or more", "leave the condensation out"
+            "the mask marks no pixel",
+            "at least one pixel",
+            "mark some pixels, or leave the condensation out",
         )
 
 

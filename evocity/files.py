@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and temporary folders of one process."""
+"""Atomic writing of files, and temporary folders of one process."""
 
 import contextlib
 import errno
@@ -13,25 +13,25 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows: what a killed process left stays there
+except ImportError:  # Windows: folders of killed processes stay
     fcntl = None
 
-# A folder that nobody holds is just being made unless it is older, in seconds.
-_JUST_MADE = 10.0
+# An unlocked folder below this age, seconds, may still wait for its lock.
+_NEW = 10.0
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; on success flush it and rename it into place.
+    """Yield a temporary path in the folder of ``path``; on success flush and rename it to ``path``.
 
-    If the block raises, the temporary file is removed and ``path`` is as it was. The
-    temporary name starts with a dot and keeps the suffix, so that writers which choose a
-    format by it still do. A link is followed. Raises `FileExistsError` where ``path`` is a folder,
-    a device or a pipe: to rename over one would put a file in its place.
+    If the block raises, the temporary file disappears and ``path`` is as before. The temporary name
+    starts with a dot and keeps the suffix, by which writers choose a format. Links are followed.
+    Raises `FileExistsError` if ``path`` is a folder, a device or a pipe: a rename would replace it
+    by a file.
     """
     path = Path(path).resolve()
     if path.exists() and not path.is_file():
-        raise FileExistsError(errno.EEXIST, "there is something else than a file", str(path))
+        raise FileExistsError(errno.EEXIST, "the path exists and is not a file", str(path))
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
     try:
         yield temporary
@@ -44,7 +44,7 @@ def whole_file(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def flush_folder(folder: Path) -> None:
-    """Make a rename in ``folder`` survive a power cut, where the system lets folders be flushed."""
+    """Make a rename in ``folder`` survive a power cut, where the system can flush folders."""
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -53,35 +53,37 @@ def flush_folder(folder: Path) -> None:
             os.close(handle)
 
 
-class OwnFolder:
-    """A temporary folder, called ``prefix`` and something more, that this process holds until it
-    ends. Those of the same prefix that killed processes left are removed first.
+class ProcessFolder:
+    """A temporary folder whose name begins with ``prefix``, locked until this process ends.
 
-    path : where it is. Raises OSError where none can be made.
+    Before that, it removes folders with the same prefix that killed processes left. Raises OSError
+    if no folder can be created.
+
+    path : the folder.
     """
 
     def __init__(self, prefix: str):
-        _remove_left(prefix)
+        _remove_leftovers(prefix)
         self.path = Path(tempfile.mkdtemp(prefix=prefix))
-        self._held: int | None = None
+        self._lock: int | None = None
         if fcntl:
-            self._held = os.open(self.path, os.O_RDONLY)
-            with contextlib.suppress(OSError):  # a file system without locks: nobody removes it
-                fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._lock = os.open(self.path, os.O_RDONLY)
+            with contextlib.suppress(OSError):  # a file system without locks: the folder stays
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def let_go(self) -> None:
-        """Hold it no more: in a forked process, which shares what its parent holds."""
-        if self._held is not None:
-            os.close(self._held)
-            self._held = None
+    def release(self) -> None:
+        """Give up the lock, in a forked process that shares it with its parent."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def remove(self) -> None:
-        """Remove it, with all that is in it."""
+        """Remove the folder with its contents."""
         shutil.rmtree(self.path, ignore_errors=True)
-        self.let_go()
+        self.release()
 
 
-def _remove_left(prefix: str) -> None:
+def _remove_leftovers(prefix: str) -> None:
     if fcntl is None:
         return
     place = tempfile.gettempdir()
@@ -90,11 +92,11 @@ def _remove_left(prefix: str) -> None:
             continue
         with contextlib.suppress(OSError):
             folder = os.path.join(place, name)
-            held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
-                told = os.fstat(held)
-                if told.st_uid == os.getuid() and time.time() - told.st_mtime > _JUST_MADE:
-                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                state = os.fstat(handle)
+                if state.st_uid == os.getuid() and time.time() - state.st_mtime > _NEW:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     shutil.rmtree(folder, ignore_errors=True)
             finally:
-                os.close(held)
+                os.close(handle)

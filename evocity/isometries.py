@@ -23,15 +23,15 @@ NAMES = (
 
 
 def apply(iso: int, block: np.ndarray) -> np.ndarray:
-    """Image of a square ``block`` (its last two axes) under isometry ``iso`` (0…7)."""
+    """Apply isometry ``iso`` (0…7) to a square ``block`` (its last two axes)."""
     turned = np.swapaxes(block, -1, -2) if iso >= 4 else block
     return np.rot90(turned, iso % 4, axes=(-2, -1))
 
 
 @cache
 def sources(size: int) -> np.ndarray:
-    """Gather table, int32 ``(8, size²)``: row k holds, for each flat target pixel of a
-    ``size`` × ``size`` block, the flat source pixel that isometry k brings there."""
+    """Make the gather table, int32 ``(8, size²)``: row k has, for each flat target pixel of a
+    ``size`` × ``size`` block, the flat source pixel of isometry k."""
     index = np.arange(size * size, dtype=np.int32).reshape(size, size)
     table = np.stack([apply(k, index).ravel() for k in range(COUNT)])
     table.setflags(write=False)
@@ -65,14 +65,14 @@ def _lowest() -> np.ndarray:
     return lowest
 
 
-#: ``LOWEST[a, s]``, of the isometries "b, then a" the lowest, for b in the set s: bit b of 0…255.
+#: ``LOWEST[a, s]``: the lowest isometry "b, then a" with b in the set s, bit b of 0…255.
 LOWEST = _lowest()
 
 
 def _affine() -> np.ndarray:
     table = np.empty((COUNT, 6), np.int64)
     for row, flat in zip(table, sources(2), strict=True):
-        corner, east, south, _ = (np.array(divmod(int(one), 2)) for one in flat)
+        corner, east, south, _ = (np.array(divmod(int(pixel), 2)) for pixel in flat)
         row[:] = [*corner, *(south - corner), *(east - corner)]
     table.setflags(write=False)
     return table

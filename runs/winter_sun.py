@@ -1,4 +1,4 @@
-"""A measure of one's own, the worked example of docs/fitness.md."""
+"""A measure of your own: the worked example of docs/fitness.md."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def winter_sun(city):
 def shade(city):
     """Bool (H, W): where no sun reaches the ground. Row 0 is in the north."""
     shaded = np.zeros(city.shape, bool)
-    step = city.metres_per_pixel * CLIMB  # the ray rises by so much a pixel
+    step = city.metres_per_pixel * CLIMB  # the rise of the ray over a pixel
     for k in range(1, int(city.heights.max() / step) + 1):
         shaded[:-k] |= city.heights[k:] > k * step
     return shaded

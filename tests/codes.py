@@ -4,7 +4,7 @@ import numpy as np
 
 from evocity.coding import encode
 from evocity.genome import Genome, packed
-from evocity.genome.files import lifs_at
+from evocity.genome.writer import lifs_at
 from evocity.pavement import Pavement
 
 

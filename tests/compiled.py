@@ -14,9 +14,9 @@ import numpy as np
 from towns import draw_town
 
 from evocity import accelerate
+from evocity.evaluation import kernel_warmup
+from evocity.evaluation.compilation import compile_once
 from evocity.pavement.levels import USUAL
-from evocity.search import warm
-from evocity.search.compiling import compile_once
 
 AT = ("--metres-per-pixel", "2")
 #: What two processes do, one after the other each: commands on ``town.npy``, a drawn town of 64².
@@ -68,8 +68,12 @@ def main() -> None:
     note = folder / f"tests-{hashlib.blake2b(told, digest_size=16).hexdigest()}.compiled"
     if note.is_file():
         return
-    compile_once(4, warm.every_part(), print)
-    compile_once(USUAL, [warm.SEARCH, warm.EVERYWHERE, warm.DECODE, warm.FIT], print)
+    compile_once(4, kernel_warmup.every_part(), print)
+    compile_once(
+        USUAL,
+        [kernel_warmup.SEARCH, kernel_warmup.EVERYWHERE, kernel_warmup.DECODE, kernel_warmup.FIT],
+        print,
+    )
     with tempfile.TemporaryDirectory() as place:
         if carry_out(Path(place)):
             note.touch()

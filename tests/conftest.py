@@ -1,40 +1,63 @@
 """Fixtures that many tests share, and what no test may leave behind for the next."""
 
 import contextlib
+import gc
 import os
 import signal
 from collections.abc import Iterator
 from unittest.mock import patch
 
 import pytest
+from budget import pytest_runtest_call, pytest_terminal_summary
+from chromium import started
+from finished_runs import FinishedRuns, of_invocation
 from hypothesis import settings
 from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.fitness import registry
 
-# Other work on the machine, or a library that is loaded when it is first used, is no fault.
-settings.register_profile("evocity", deadline=None)
-settings.load_profile("evocity")
+__all__ = ["pytest_runtest_call", "pytest_terminal_summary"]
+
+# Other work on the machine, or a library that is loaded when it is first used, is no fault. The
+# gate tries the same examples each time; `make test-long` explores, and its finds become examples.
+settings.register_profile("evocity", deadline=None, derandomize=True, database=None)
+settings.register_profile("explore", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "evocity"))
+
+# Tests make few cycles, and looking for them among all that a process has loaded takes a while.
+gc.set_threshold(50_000, 20, 100)
 
 # A shell's background job ignores Ctrl-C, and so would all it starts; some tests press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-#: Files of a minute of tests, and such as have one long test: begun last, one process would be
-#: waited for by all others.
+#: How names of files end whose tests use the browser of the process.
+IN_A_BROWSER = ("test_axonometry", "test_stroll", "test_walk", "_in_a_browser")
+#: Files with long tests: the other processes would wait for the process that began them last.
 FIRST = ("test_growth.py", "test_notebooks.py", "test_docs.py", "test_faults_night.py")
 
 
 def pytest_collection_modifyitems(items):
-    items.sort(key=lambda one: one.path.name not in FIRST)
+    for one in items:
+        if (mark := one.get_closest_marker("slow_cases")) and one.callspec.id in mark.args:
+            one.add_marker("slow")
+    # a browser stays open to the end, and Playwright's loop of events would be in the way of others
+    items.sort(key=lambda one: (one.path.name not in FIRST) + one.path.stem.endswith(IN_A_BROWSER))
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _state_of_its_own(tmp_path_factory):
     """What evocity remembers for its user stays out of the home of whoever tests."""
     with patch.dict(os.environ, {"XDG_STATE_HOME": str(tmp_path_factory.mktemp("state"))}):
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_waiting_for_disks():
+    """Files outlive the kill of a process without being flushed, and no test cuts the power."""
+    with patch("os.fsync", lambda file: None):
         yield
 
 
@@ -46,6 +69,19 @@ def town() -> CityMap:
 @pytest.fixture(scope="session")
 def other_town() -> CityMap:
     return draw_town(2)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """The browser of this process, for pages without a window."""
+    with started() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="session")
+def finished_runs(tmp_path_factory) -> FinishedRuns:
+    """Finished runs, of which a fixture or test copies its own."""
+    return of_invocation(tmp_path_factory.getbasetemp())
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from scipy import ndimage
 from evocity import isometries
 from evocity.coding.matching.matches import TIE
 from evocity.genome import unpacked
-from evocity.search.borrowed.moocore import contributions, hypervolume
+from evocity.selection.backends.moocore import contributions, hypervolume
 
 
 def moved(before, after, tolerance, sky):

@@ -20,7 +20,7 @@ MODULES = [
 # Compiles and runs a kernel that calls two others, then tells how often the cache had it.
 RANKING = """
 import numpy as np
-from evocity.coding.matching.scoring import rank
+from evocity.coding.matching.exact_scores._kernels import rank
 
 which, y, x = np.zeros((3, 1), np.int64)
 blocks, sources = np.arange(4.0)[None], np.tile(np.arange(4), (8, 1))
@@ -107,6 +107,7 @@ def test_a_kernel_that_holds_another_is_told():
     assert not is_plain((1, inner))
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     told = [
@@ -119,6 +120,7 @@ def test_a_second_process_compiles_nothing(tmp_path):
     assert told == ["0 1\n", "1 0\n"]
 
 
+@pytest.mark.slow
 def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
     (tmp_path / "versions.py").write_text(VERSIONS)
     environment = os.environ | {
@@ -143,6 +145,40 @@ def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
     assert told(begin(later)) == "3 5\n"
 
 
+RENAMED = """
+import sys
+from collections import namedtuple
+from pathlib import Path
+
+import numpy as np
+from evocity.accelerate import kernel
+
+sys.modules["areas"] = areas = type(sys)("areas")
+areas.Area = namedtuple("Area", "wide high")
+areas.Area.__module__ = "areas"
+
+@kernel
+def extent(area):
+    return area.wide * area.high
+
+print(extent(areas.Area(2, 3)))
+"""
+
+
+def test_an_index_that_names_a_module_of_another_version_is_written_again(tmp_path):
+    for module in ("areas", "regions"):
+        text = RENAMED.replace("areas", module)
+        (tmp_path / "measured.py").write_text(text, encoding="utf-8")
+        os.utime(tmp_path / "measured.py", (1, 1))
+        env = os.environ | {"PYTHONPATH": str(ROOT)}
+        command = [sys.executable, "measured.py"]
+        shown = subprocess.run(
+            command, cwd=tmp_path, env=env, check=True, capture_output=True, text=True
+        )
+        assert shown.stdout == "6\n"
+
+
+@pytest.mark.slow
 def test_processes_number_what_they_compile_apart():
     program = (
         "import os\n"

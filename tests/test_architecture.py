@@ -15,21 +15,32 @@ PACKAGE = ROOT / "evocity"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 OTHERS = sorted(path for room in ("tests", "benchmarks") for path in (ROOT / room).rglob("*.py"))
 
-# Which room may import which; CONTRIBUTING.md draws it.
-BELOW_ALL = {"errors", "plugins", "files", "accelerate", "displayed", "rooms", "columns"}
+# Which room may import which; docs/architecture.md draws it.
+BELOW_ALL = {
+    "errors",
+    "plugins",
+    "files",
+    "accelerate",
+    "html_display",
+    "lazy_imports",
+    "columns",
+    "section",
+}
 CORE = {"views", "citymap", "condensation", "genome", "isometries", "pavement"}
-FORMING = CORE | {"coding", "shapes", "forms"}
-BREEDING = FORMING | {"kinds", "operators", "fitness", "store", "io", "pictures"}
+FORMING = CORE | {"coding", "shapes", "kinds"}
+BREEDING = FORMING | {"operators", "fitness", "store", "io", "pictures"}
+SEARCHING = BREEDING | {"selection", "recipe", "evaluation", "search"}
 MAY_IMPORT = {
     "errors": set(),
-    "rooms": set(),
+    "lazy_imports": set(),
     "columns": set(),
     "plugins": set(),
     "files": set(),
     "accelerate": set(),
-    "displayed": set(),
+    "html_display": set(),
+    "section": {"errors"},
     "data": set(),
-    "pages": set(),
+    "templates": set(),
     "views": set(),
     "citymap": {"views"},
     "isometries": set(),
@@ -42,34 +53,34 @@ MAY_IMPORT = {
     "io": {"citymap", "condensation", "formats", "pictures"},
     "scene": {"views", "citymap", "formats", "io", "pictures"},
     "coding": CORE,
-    "forms": CORE | {"coding", "shapes"},
     "operators": FORMING,
     "growth": FORMING | {"operators"},
     "fitness": FORMING,
-    "authoring": FORMING | {"fitness"},
-    "kinds": FORMING,
-    "store": FORMING | {"kinds"},
-    "search": BREEDING,
+    "kinds": CORE | {"coding", "formats", "shapes"},
+    "store": FORMING,
+    "selection": CORE | {"kinds", "fitness", "store"},
+    "recipe": BREEDING | {"selection"},
+    "evaluation": BREEDING | {"selection", "recipe"},
+    "search": BREEDING | {"selection", "recipe", "evaluation"},
     "viewer": set(),
     "shapes": {"formats"},
-    "analysis": BREEDING | {"search", "scene", "viewer"},
-    "displays": BREEDING | {"search", "scene", "viewer", "analysis", "pages"},
-    "plot": BREEDING | {"search", "scene", "analysis"},
-    "report": BREEDING | {"search", "scene", "analysis", "pages"},
-    "studio": BREEDING | {"search", "scene", "viewer", "analysis"},
-    "cli": BREEDING
-    | {"authoring", "growth", "towns", "scene", "search", "analysis", "report", "shapes", "studio"},
-    "__init__": {"rooms"},
+    "analysis": SEARCHING | {"scene", "viewer"},
+    "notebook": SEARCHING | {"scene", "viewer", "analysis", "templates"},
+    "plot": SEARCHING | {"scene", "analysis"},
+    "report": SEARCHING | {"scene", "analysis", "templates"},
+    "studio": SEARCHING | {"scene", "viewer", "analysis"},
+    "cli": SEARCHING | {"growth", "towns", "scene", "analysis", "report", "shapes", "studio"},
+    "__init__": set(),
     "__main__": {"cli"},
 }
 ROOMS = set(MAY_IMPORT) - {"__init__", "__main__"}
 
 # Libraries that one file alone may know.
 KEPT_APART = {
-    frozenset({"deap"}): "search/borrowed/",
-    frozenset({"moocore"}): "search/borrowed/",
+    frozenset({"deap"}): "selection/backends/",
+    frozenset({"moocore"}): "selection/backends/",
     frozenset({"nlopt"}): "",
-    frozenset({"dask", "distributed"}): "search/",
+    frozenset({"dask", "distributed"}): "evaluation/cluster/",
     frozenset({"uvicorn"}): "studio/",
 }
 
@@ -85,6 +96,13 @@ EXECUTING = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "ma
 @functools.cache
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _trees_of_all():
+    """Parse every file before the first test, which would bear it for all."""
+    for path in MODULES + OTHERS:
+        nodes_of(tree_of(path))
 
 
 def room_of(path: Path) -> str:
@@ -249,6 +267,54 @@ def test_imports_point_one_way():
     assert at_fault(MODULES, lambda path: upward(tree_of(path), room_of(path))) == {}
 
 
+# Rooms of `search/`, each above those before it; docs/architecture.md draws them.
+SEARCH_ROOMS = ("record", "preparation", "breeding", "steering", "resume", "calibration")
+
+
+def search_room(name: str) -> int:
+    """The floor of a module of `search/` by its dotted ``name``; the loop is on top."""
+    parts = name.split(".")
+    room = parts[2] if len(parts) > 2 else ""
+    return SEARCH_ROOMS.index(room) if room in SEARCH_ROOMS else len(SEARCH_ROOMS)
+
+
+def test_rooms_of_search_import_one_way():
+    def faults(path):
+        floor = search_room(module_of(path))
+        names = [name for name in imported(tree_of(path)) if name.startswith("evocity.search.")]
+        return [name for name in names if search_room(name) > floor]
+
+    rooms = {
+        path.name for path in (PACKAGE / "search").iterdir() if (path / "__init__.py").exists()
+    }
+    assert rooms == set(SEARCH_ROOMS)
+    assert at_fault([path for path in MODULES if room_of(path) == "search"], faults) == {}
+
+
+def test_folders_can_be_looked_over():
+    folders = {path.parent for path in MODULES}
+    assert len([folder for folder in folders if folder.parent == PACKAGE]) <= 28
+    files = {folder: sum(path.is_file() for path in folder.iterdir()) for folder in folders}
+    assert {named(folder): count for folder, count in files.items() if count > 40} == {}
+    assert files[PACKAGE / "search"] <= 20
+
+
+def test_contents_of_rooms_name_every_module():
+    faults = {}
+    for path in [path for path in MODULES if path.name == "__init__.py"]:
+        text = ast.get_docstring(tree_of(path)) or ""
+        lists = "".join(re.findall(r"^- .*(?:\n  .*)*", text, re.M))
+        parts = {part.stem for part in path.parent.glob("*.py")} - {"__init__", "_kernels"}
+        parts |= {part.parent.name for part in path.parent.glob("*/__init__.py")}
+        heads = re.findall(r"^- ((?:`\w+`(?:, )?)+)", text, re.M)
+        named_parts = {name for head in heads for name in re.findall(r"`(\w+)`", head)}
+        if named_parts and named_parts <= parts:  # a list of modules, and not of names
+            unnamed = parts - set(re.findall(r"`(\w+)`", lists))
+            if unnamed:
+                faults[named(path)] = sorted(unnamed)
+    assert faults == {}
+
+
 def test_no_modules_import_each_other():
     modules = {module_of(path) for path in MODULES}
     assert circle({module_of(path): needed(tree_of(path), modules) for path in MODULES}) == []
@@ -288,7 +354,7 @@ def test_starlette_stays_in_studio_which_commands_load_when_they_are_called():
 
 def test_numba_stays_in_the_kernels():
     # which kernels are compiled already, and whether one is being compiled
-    asking = PACKAGE / "search" / "compiling.py", PACKAGE / "cli" / "common.py"
+    asking = PACKAGE / "evaluation" / "compilation.py", PACKAGE / "cli" / "shared" / "terminal.py"
 
     def faults(path):
         tree = tree_of(path)
@@ -311,7 +377,7 @@ def test_one_file_knows_the_library(kept, room):
 
 def test_nothing_draws_from_a_global_state():
     seeded = (  # and given back
-        PACKAGE / "search" / "borrowed" / "deap.py",
+        PACKAGE / "selection" / "backends" / "deap.py",
         ROOT / "tests" / "search" / "test_search_algorithms.py",
         ROOT / "tests" / "search" / "test_search_cma.py",
         ROOT / "tests" / "search" / "test_search_toolbox.py",
@@ -336,7 +402,7 @@ def test_a_birth_calls_no_blas():
         path
         for place in ("fitness", "views", "operators", "coding/matching")
         for path in (PACKAGE / place).rglob("*.py")
-        if path.name != "everywhere.py"  # maps of autosimilarity, which no birth asks for
+        if path.name != "residual.py"  # maps of autosimilarity, which no birth asks for
     ]
     assert len(paths) > 100
     assert at_fault(paths, lambda path: blas(tree_of(path))) == {}
@@ -350,7 +416,7 @@ def test_the_package_names_its_nouns_in_few_lines():
     ("check", "text"),
     [
         (lambda tree: upward(tree, "coding"), "from evocity.search import Search"),
-        (lambda tree: upward(tree, "coding"), "def late():\n    import evocity.store.run"),
+        (lambda tree: upward(tree, "coding"), "def late():\n    import evocity.store.run_log"),
         (lambda tree: upward(tree, "io"), "from evocity import genome"),
         (lambda tree: upward(tree, "fitness"), "from evocity import read_map"),
         (lambda tree: upward(tree, "store"), "import evocity"),
@@ -402,5 +468,5 @@ def test_what_is_imported_is_declared():
         names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"][extra]}
     names -= {"cryptography"}  # Dask makes certificates by it
     extra = {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["notebook"]}
-    names |= used & extra  # what types are told by; loaded by analysis/extras.py alone
+    names |= used & extra  # what types are told by; loaded by analysis/optional_libraries.py alone
     assert {modules.get(name, name) for name in used} == names  # and nothing for nothing

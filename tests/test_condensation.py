@@ -16,7 +16,7 @@ from towns import draw_town
 from evocity.condensation import Condensation, merged
 from evocity.errors import GenomeError
 from evocity.genome import read_genome
-from evocity.genome.files import CONDENSED
+from evocity.genome.writer import CONDENSED
 from evocity.pavement import Pavement
 
 #: A genome file of schema version 1, written before there were others.
@@ -138,7 +138,7 @@ def test_what_comes_from_another_process_is_one_object(genome):
         (np.ones(4), np.ones(4, bool), "of shape"),
         (np.full((4, 4), "a"), np.ones((4, 4), bool), "numbers"),
         (np.ones((4, 4)), np.ones((4, 4), np.uint8), "mask > 0"),
-        (np.ones((4, 4)), np.zeros((4, 4), bool), "covers nothing"),
+        (np.ones((4, 4)), np.zeros((4, 4), bool), "the mask marks no pixel"),
         (np.full((4, 4), -0.5), np.ones((4, 4), bool), "16 condensed heights"),
         (np.full((4, 4), np.nan), np.ones((4, 4), bool), "NaN"),
         (np.full((4, 4), 1e39), np.ones((4, 4), bool), "infinite"),
@@ -217,7 +217,7 @@ def column_of(values, kind):
         (column_of([1.0] * 9, pa.list_(pa.float32(), 9)), "does not fit"),
         (column_of([1.0] * 16, pa.list_(pa.float32())), "does not fit"),
         (column_of([1.0] * 16, pa.list_(pa.float64(), 16)), "does not fit"),
-        (column_of(None, pa.list_(pa.float32(), 16)), "covers nothing"),
+        (column_of(None, pa.list_(pa.float32(), 16)), "the mask marks no pixel"),
         (column_of([-1.0] * 16, pa.list_(pa.float32(), 16)), "below 0"),
         (column_of([np.inf] * 16, pa.list_(pa.float32(), 16)), "infinite"),
     ],

@@ -19,19 +19,21 @@ from evocity.fitness import measures
 from evocity.genome import FIELDS, NUCLEOTIDES
 from evocity.io.heights import RULES
 from evocity.pavement import read_sides
-from evocity.search import recipe as recipes
-from evocity.search.algorithms import algorithms
-from evocity.search.islands import IslandSection
-from evocity.search.mixture import OperatorEntry
-from evocity.search.sections import CourseSection, Parent
-from evocity.search.wanted import FitnessEntry
+from evocity.recipe import recipe as recipes
+from evocity.recipe.islands import IslandSection
+from evocity.recipe.measures import FitnessEntry
+from evocity.recipe.mixture import OperatorEntry
+from evocity.recipe.sections import CourseSection, Parent
+from evocity.selection.algorithms import algorithms
 from evocity.store import STATUSES
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MARKDOWN = [
     *PAGES,
-    *(ROOT / name for name in ("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md")),
+    *(ROOT / name for name in ("CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")),
+    *sorted((ROOT / "docs" / "changes").glob("*.md")),
+    ROOT / "benchmarks" / "README.md",
     *sorted((ROOT / "evocity" / "data").rglob("*.md")),
 ]
 OWN_MEASURES = [m for m in measures() if m.origin == "evocity"]
@@ -70,7 +72,7 @@ def shell_lines() -> list[str]:
 # -- everything there is has its words --------------------------------------------------------
 
 
-def test_readme_shows_every_command():
+def test_pages_show_every_command():
     shown = {tuple(shlex.split(line)[1:3]) for line in shell_lines() if line.startswith("evocity")}
     missing = [c for c in commands() if not any(line[: len(c)] == c for line in shown)]
     assert not missing
@@ -126,7 +128,7 @@ def test_kinds_page_tells_every_operator_and_measure_of_forms():
         one.name for one in measures(None) if one.of != "city" and one.origin == "evocity"
     } <= told
     for name, kind in operators.OF_FORMS.items():
-        (line,) = re.findall(rf"^- `{name}`: (.*?)(?=^- |^$)", text, re.M | re.S)
+        (line,) = re.findall(rf"^- `{name}` (.*?)(?=^- |^$)", text, re.M | re.S)
         own = {one.name for one in dataclasses.fields(kind)} - {"tries"}
         assert all(f"`{one}" in line for one in own), name
 
@@ -210,7 +212,7 @@ def test_shell_lines_use_commands_and_options_that_exist():
         elif "dask" in words:
             check_dask(words[words.index("dask") + 1 :])
         else:
-            assert words[:1] in (["duckdb"], ["mkdir"], ["pip"]), line
+            assert words[:1] in (["duckdb"], ["export"], ["jupyter"], ["mkdir"], ["pip"]), line
     assert checked > 10
 
 
@@ -229,6 +231,17 @@ def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
     raise AssertionError(f"no command {words}")
 
 
+@pytest.mark.slow_cases(
+    "README.md",
+    "analysis.md",
+    "autosimilarity.md",
+    "gallery.md",
+    "nights.md",
+    "operators.md",
+    "pictures.md",
+    "plots.md",
+    "python.md",
+)
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_python_blocks_run(page, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
@@ -239,9 +252,10 @@ def test_python_blocks_run(page, tmp_path, monkeypatch, request):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     else:
         names = {}
-    if page.name == "nights.md":
+    bred = {"README.md": "demo", "nights.md": "night"}  # the runs that these pages read
+    if page.name in bred:
         (tmp_path / "runs").mkdir()
-        (tmp_path / "runs" / "night").symlink_to(request.getfixturevalue("small_run"))
+        (tmp_path / "runs" / bred[page.name]).symlink_to(request.getfixturevalue("small_run"))
     for number, block in enumerate(found):
         if "@evocity.fitness" in block:  # a file of the user's own, as the text says
             (name,) = re.findall(r"@evocity.fitness.*\ndef (\w+)", block)
@@ -316,12 +330,18 @@ def small_run(tmp_path_factory) -> Path:
     return folder / "run"
 
 
-def test_complete_recipe_is_one(tmp_path):
-    complete, *_ = blocks(ROOT / "docs" / "recipe.md", "toml")
-    (tmp_path / "recipe.toml").write_text(complete, encoding="utf-8")
-    recipe = search.read_recipe(tmp_path / "recipe.toml")
-    assert [m.name for m in recipe.measures][-2:] == ["gsi", "mean_height"]
-    assert recipe.operator("pavement_fusion").side_max == 96.0
+def test_whole_recipes_can_be_read(tmp_path):
+    first, quarter, papers, *_ = blocks(ROOT / "docs" / "recipe.md", "toml")
+    for name in ("here.osm.pbf", "quarter.geojson"):  # files of the reader's own
+        (tmp_path / name).touch()
+    read = []
+    for number, text in enumerate((first, quarter, papers)):
+        (tmp_path / f"{number}.toml").write_text(text, encoding="utf-8")
+        read.append(search.read_recipe(tmp_path / f"{number}.toml"))
+    assert [m.name for m in read[0].measures] == ["alignment", "salingaros_buildings", "integrity"]
+    assert Path(read[1].locked.footprints).name == "quarter.geojson"
+    assert [m.name for m in read[2].measures][-2:] == ["gsi", "mean_height"]
+    assert read[2].operator("pavement_fusion").side_max == 96.0
 
 
 def test_births_columns_are_those_told(small_run):

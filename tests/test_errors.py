@@ -11,17 +11,18 @@ from evocity.errors import (
     RunError,
     check_word,
     keyword,
+    none_setting,
+    replace_parameters,
     setting,
-    told_by,
-    unset,
 )
 
 
 def test_python_reads_parameters_as_it_types_them():
     error = MapError(
-        f"layer=a.npy: {setting('pixels', 2.5)}", f"{keyword('pixels')}, or {unset('pixels')}",
+        f"layer=a.npy: {setting('pixels', 2.5)}",
+        f"{keyword('pixels')}, or {none_setting('pixels')}",
         f"give {keyword('center', (4.8, 45.7))}",
-    )  # fmt: skip
+    )
     assert error.found == "layer=a.npy: pixels = 2.5"
     assert error.expected == "pixels=, or None"
     assert error.remedy == "give center=(4.8, 45.7)"
@@ -33,7 +34,7 @@ def test_python_reads_parameters_as_it_types_them():
     again = pickle.loads(pickle.dumps(error))
     assert str(again) == str(error)
     seen = []
-    told_by(again.args[0], lambda *parameter: seen.append(parameter) or "")
+    replace_parameters(again.args[0], lambda *parameter: seen.append(parameter) or "")
     assert seen == [("pixels", " = ", "2.5")]
 
 

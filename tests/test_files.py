@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from evocity.files import OwnFolder, whole_file
+from evocity.files import ProcessFolder, whole_file
 
 
 def test_a_file_appears_whole(tmp_path):
@@ -48,15 +48,15 @@ def test_what_is_no_file_is_left_as_it_is(tmp_path):
     pipe = tmp_path / "pipe.txt"
     os.mkfifo(pipe)
     for place in (pipe, tmp_path):
-        with pytest.raises(FileExistsError, match="something else"), whole_file(place):
+        with pytest.raises(FileExistsError, match="is not a file"), whole_file(place):
             raise AssertionError
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert [p.name for p in tmp_path.iterdir()] == ["pipe.txt"]
 
 
 HOLDER = """
-from evocity.files import OwnFolder
-own = OwnFolder("evocity-test-")
+from evocity.files import ProcessFolder
+own = ProcessFolder("evocity-test-")
 print(own.path, flush=True)
 input()
 """
@@ -81,7 +81,7 @@ def test_a_temporary_folder_outlives_a_killed_process_until_the_next_is_made(tmp
     for folder in folders:
         (folder / "left").write_text("something")
         os.utime(folder, (1, 1))
-    own = OwnFolder("evocity-test-")
+    own = ProcessFolder("evocity-test-")
     assert [folder.exists() for folder in (*folders, strange, young, own.path)] == [
         False,
         True,

@@ -39,6 +39,7 @@ def test_these_are_all():
     assert [path.stem[:2] for path in PATHS] == list(PICTURES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem[:2])
 def test_notebook_runs(path, folder, rendering):
     kept = nbformat.read(path, as_version=4)
@@ -64,6 +65,7 @@ def test_links_lead_somewhere():
     assert checked > 3
 
 
+@pytest.mark.slow
 def test_lists_of_a_log_arrive_as_lists(folder, rendering):
     """In DuckDB, polars and pandas, which know nothing of evocity."""
     duckdb, polars = pytest.importorskip("duckdb"), pytest.importorskip("polars")

@@ -12,7 +12,7 @@ import pytest
 import evocity
 from evocity.report import write_report
 from evocity.search import Search
-from evocity.search.algorithms import algorithms
+from evocity.selection.algorithms import algorithms
 
 OLD = Path(__file__).parent / "old"
 EXPECTED = json.loads((OLD / "expected-leaves.json").read_text(encoding="utf-8"))
@@ -38,13 +38,14 @@ def test_its_births_are_those_written(name):
         assert found == told
 
 
+@pytest.mark.slow_cases("run-3")
 def test_it_goes_on_as_it_would_have(name, tmp_path):
     """By the algorithm of its release, with nobody kept because they differ."""
     shutil.copytree(OLD / name, tmp_path / name)
     shutil.copy(OLD / name / "recipe.toml", tmp_path / f"{name}.toml")
     with Search.resume(tmp_path / name, generations=5, workers=0, accept_changes=True) as search:
-        assert search.recipe.search.asked["algorithm"] == "nsga2"
-        assert search.recipe.search.asked["distinct"] == 0
+        assert search.recipe.search.settings["algorithm"] == "nsga2"
+        assert search.recipe.search.settings["distinct"] == 0
         list(search)
     run = evocity.open_run(tmp_path / name)
     assert run.header == evocity.open_run(OLD / name).header

@@ -19,7 +19,7 @@ from test_docs import ROOT, anchors, rows, text_of
 import evocity
 from evocity.genome import FIELDS
 from evocity.operators import OPERATORS
-from evocity.search.algorithms import algorithms
+from evocity.selection.algorithms import algorithms
 from evocity.store import STATUSES
 
 SITE = ROOT / "docs" / "site"
@@ -220,6 +220,7 @@ def test_gallery_is_what_its_script_says(monkeypatch):
         assert all(evocity.io.attribution_of(name) in text for name in one.parents)
 
 
+@pytest.mark.slow
 def test_a_city_of_the_gallery_is_bred_again(monkeypatch):
     """Bit for bit whenever it is bred; as it is shown, as far as a picture that lost some tells."""
     monkeypatch.syspath_prepend(str(ROOT / "docs" / "sheets"))

@@ -84,7 +84,7 @@ def write_toy(folder, measures="", recipe="", **settings):
     chosen = {
         "population": 8,
         "generations": 3,
-        "workers": 2,
+        "workers": 0,
         "timeout": 30.0,
         "max_failures": 0.5,
         "genome": "block = 4\nfit = false",

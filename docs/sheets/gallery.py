@@ -1,4 +1,4 @@
-"""Draws gallery/NAME.webp, bred cities, and writes docs/gallery.md, which tells how each was bred.
+"""Draws gallery/NAME.webp, bred cities, and writes docs/gallery.md, which says how each was bred.
 
 Run it with the Python that has evocity installed: python docs/sheets/gallery.py [OPERATOR]...
 """
@@ -26,7 +26,7 @@ LYON, MONTPELLIER, NEW_YORK, CAPE_TOWN, VILLEURBANNE = (
 
 @dataclass(frozen=True)
 class Bred:
-    """One picture: which operator bred it from whom, and what one sees."""
+    """One picture: its operator, its parents, and a description."""
 
     title: str
     words: str
@@ -43,8 +43,8 @@ class Bred:
 CITIES = (
     Bred(
         "The streets of Lyon, the houses of New York",
-        "The streets and squares are those of the first parent. Its street blocks are filled "
-        "with whole buildings of the second.",
+        "The child keeps the streets and squares of the first parent. Whole buildings of the "
+        "second parent fill its street blocks.",
         "quarter_fusion",
         (LYON, NEW_YORK),
         3,
@@ -52,17 +52,17 @@ CITIES = (
     ),
     Bred(
         "The streets of New York, the houses of Villeurbanne",
-        "The same operator with other parents. Villeurbanne's file names no heights, so its "
-        "houses have the default of 6 m: they are the pale ones.",
+        "The same operator breeds other parents here. Villeurbanne's source has no heights, "
+        "so its houses have the default of 6 m. They appear pale.",
         "quarter_fusion",
         (NEW_YORK, VILLEURBANNE),
         11,
         {"fill": 0.4},
     ),
     Bred(
-        "New York laid anew",
-        "Street blocks of one city are filled with its own buildings, turned and moved. No "
-        "other city takes part.",
+        "New York rearranged",
+        "The operator fills the street blocks of a city with buildings of the same city, "
+        "turned and moved.",
         "quarter_refill",
         (NEW_YORK,),
         5,
@@ -70,45 +70,48 @@ CITIES = (
     ),
     Bred(
         "Whole groups of Cape Town in Montpellier",
-        "Connected groups of range blocks that hold whole buildings change places with what "
-        "stood there.",
+        "The operator takes groups of range blocks with whole buildings from the second "
+        "parent. It puts them in place of buildings of the first.",
         "region_fusion",
         (MONTPELLIER, CAPE_TOWN),
         2,
     ),
     Bred(
         "Three cities in squares",
-        "The papers' pavement fusion: square macro-blocks of three parents, large ones first."
-        " Seams cut buildings, and new ones appear at them.",
+        "This is the pavement fusion of the papers. It places square macro-blocks of three "
+        "parents side by side, large ones first. The seams cut some buildings and create "
+        "others.",
         "pavement_fusion",
         (LYON, MONTPELLIER, NEW_YORK),
         4,
     ),
     Bred(
         "Lyon, higher and lower",
-        "Every building keeps its footprint. Some rise and some fall, by whole storeys.",
+        "Every building keeps its footprint. Some buildings become higher and some lower, by "
+        "whole storeys.",
         "height_scaling",
         (LYON,),
         8,
     ),
     Bred(
         "New York moved",
-        "Groups of lifs are laid elsewhere, and their domain blocks move with them.",
+        "Groups of lifs move to other places, and their domain blocks move with them.",
         "relocation",
         (NEW_YORK,),
         6,
     ),
     Bred(
         "Half-way from Lyon to Montpellier",
-        "Each lifs is taken from a place between those of both parents, in patches. Buildings"
-        " are cut at the patches' rims: this is what other operators avoid.",
+        "The child consists of patches, and the lifs of a patch come from one parent. The "
+        "edges of the patches cut buildings. Other operators avoid that.",
         "lambda_crossover",
         (LYON, MONTPELLIER),
         1,
     ),
     Bred(
         "A fabric without end",
-        "One window of a fabric that grows from Lyon and New York beyond the extent of either.",
+        "The picture shows one window of an endless fabric. The fabric grows from Lyon and "
+        "New York, beyond the extent of either.",
         "grow",
         (LYON, NEW_YORK),
         9,
@@ -138,7 +141,7 @@ def bred(one: Bred, parents: list[evocity.Genome]) -> evocity.CityMap:
 
 
 def page(text: str) -> str:
-    """The page ``text`` with its cities written anew."""
+    """Write the cities of the page ``text`` again."""
     return text.split(BEGIN)[0] + BEGIN + "".join(map(section, CITIES))
 
 

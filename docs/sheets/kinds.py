@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 import evocity
-from evocity.forms.lines import strip
+from evocity.kinds.window_lines import strip_mask
 
 DOCS = Path(__file__).resolve().parents[1]
 SIDE, GAP = 256, 12
@@ -30,13 +30,13 @@ def beside(*pictures: Image.Image) -> Image.Image:
 
 def bests(run, name: str) -> list[np.ndarray]:
     """Where the best of the first population lies, and the best of all."""
-    values = run.told.value(name)
-    first = run.told.generation == 0
+    values = run.columns.value(name)
+    first = run.columns.generation == 0
     found = []
     for among in (first, np.ones_like(first)):
         row = int(np.nanargmin(np.where(among, values, np.nan)))
-        print(name, run.told.ids[row], values[row])
-        found.append(run[int(run.told.ids[row])].genome.mask)
+        print(name, run.columns.ids[row], values[row])
+        found.append(run[int(run.columns.ids[row])].genome.mask)
     return found
 
 
@@ -46,13 +46,13 @@ def main(folder: Path) -> None:
     sheet = beside(drawn(leaf), *map(drawn, bests(run, "leaf_distance")))
     sheet.save(DOCS / "images" / "kinds-leaf.png", optimize=True)
     told = json.loads((DOCS.parent / "runs" / "shore.geojson").read_text())
-    shore = strip(np.array(told["coordinates"]), 4.0, 64, 2.0)
+    shore = strip_mask(np.array(told["coordinates"]), 4.0, 64, 2.0)
     run = evocity.open_run(folder / "shore")
     sheet = beside(drawn(shore), *map(drawn, bests(run, "shore_distance")))
     sheet.save(DOCS / "images" / "kinds-shore.png", optimize=True)
     run = evocity.open_run(folder / "course")
     chosen = max(
-        (run[int(one)] for one in run.told.ranked()[0]),
+        (run[int(one)] for one in run.columns.ranked()[0]),
         key=lambda one: one.genome.courses[0].length * (one.scores["built_area_lost"] < 0.05),
     )
     print(chosen.id, chosen.scores)

@@ -35,7 +35,7 @@ def main(run: evocity.analysis.Run) -> None:
     goals = ["autosimilarity", "alignment", "crumbs", "slivers"]
     save(plot.objectives(run, goals)[0], "plot-objectives.png")
     save(plot.front(run, "alignment", "autosimilarity"), "plot-front.png")
-    youngest = int(run.told.ids[run.told.alive][-1])
+    youngest = int(run.columns.ids[run.columns.alive][-1])
     save(plot.pedigree(run, youngest, 3), "plot-pedigree.png")
     save(plot.lifs(run[youngest], "provenance"), "plot-provenance.png")
 

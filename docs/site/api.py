@@ -83,12 +83,12 @@ def _index() -> str:
     ]
     return (
         "# Python\n\n"
-        "Every public name has its page: what it takes, what it gives, in which units, what it "
-        "raises. [The tour](../README.md#the-same-in-python) shows them at work.\n\n"
-        "## What `import evocity` names\n\n| name | what it is |\n|---|---|\n"
+        "Every public name has its page: arguments, results, units and errors. "
+        "[evocity in Python](../docs/python.md) shows them at work.\n\n"
+        "## Names of `import evocity`\n\n| name | meaning |\n|---|---|\n"
         + "\n".join(rows)
-        + "\n\n## Rooms\n\nMore is imported from the room it is in, as "
-        "`from evocity.fitness import Objective`.\n\n| room | what it answers |\n|---|---|\n"
+        + "\n\n## Rooms\n\nImport other names from their room, as in "
+        "`from evocity.fitness import Objective`.\n\n| room | content |\n|---|---|\n"
         + "\n".join(rooms)
         + "\n"
     )
@@ -113,7 +113,7 @@ def _page(name: str) -> str:
     told = prose(inspect.getdoc(called) or "") if plain else _described(name, called, "##")
     text = f"# evocity.{name}\n\n{told}"
     if inspect.ismodule(thing):
-        text += f"\nWhat else the room has: [evocity.{name}](evocity.{name}.md).\n"
+        text += f"\nOther names of the room are in [evocity.{name}](evocity.{name}.md).\n"
     return text
 
 

@@ -22,13 +22,16 @@ PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.M)
 _AT_ITS_SIZE = r"[\g<0>](\1)"  # a click shows it so
 
 GUIDES = (
+    *("from-gis-and-back", "commands", "python"),
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
     *("analysis", "studio", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
-    *("shapes", "kinds"),
+    *("shapes", "kinds", "writing"),
 )
 WORDS = ("glossary", "papers")
 PROJECT = (
-    *("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md"),
+    *("CONTRIBUTING.md", "docs/first-change.md", "docs/architecture.md", "docs/extending.md"),
+    *("docs/testing.md", "docs/decisions.md", "SECURITY.md"),
+    *("CHANGELOG.md", "docs/changes/0.2.md", "docs/changes/0.1.md", "benchmarks/README.md"),
     *("evocity/data/cities/ATTRIBUTION.md", "evocity/data/fonts/ATTRIBUTION.md"),
 )
 

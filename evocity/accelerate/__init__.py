@@ -1,11 +1,11 @@
-"""The one place where numba is configured: every kernel of the package is compiled by `kernel`.
+"""Compilation of kernels by numba: `kernel` sets the flags of all kernels of the package.
 
-No fast-math: the same genome must decode to the same bits in every process. (Vector code may fuse
-a·b + c, see `evocity.accelerate.vectors`: what depends on it is settled in float64.)
-Kernels release the interpreter lock, so threads may run them side by side, and are cached on disk,
-where several processes may compile at once (`evocity.accelerate.caching`).
-A kernel made by a function may take from it nothing but plain numbers: numba knows a cached kernel
-by a pickle of what it takes, and another kernel is pickled under a new name in each process.
+There is no fast-math: the same genome must decode to the same bits in every process. (Vector code
+may fuse a·b + c, see `evocity.accelerate.vectors`: float64 settles results that depend on it.)
+Kernels release the interpreter lock, so threads may run them in parallel. The disk caches them, and
+several processes may compile at once (`evocity.accelerate.cache`). A function that makes a kernel
+may give it only plain numbers: numba identifies a cached kernel by a pickle of its closure. The
+pickle of another kernel has a new name in each process.
 """
 
 import contextlib
@@ -16,31 +16,31 @@ from pathlib import Path
 
 
 class Kernel:
-    """A function that is compiled when it is first called, or another kernel that calls it is.
+    """A function that is compiled at its first call, or at that of a kernel that calls it.
 
-    Until then numba is not loaded: whoever imports a room and calls no kernel of it does not wait.
+    Until then numba is not loaded: a room whose kernels are not called imports quickly.
     """
 
     def __init__(self, function: Callable, options: dict):
         functools.update_wrapper(self, function)
         self.py_func, self._options = function, options
 
-    def __call__(self, *arguments):
-        return self.compiled(*arguments)
+    def __call__(self, *arguments, **named):
+        return self.compiled(*arguments, **named)
 
     @property
     def compiled(self):
-        """What numba makes of it: a dispatcher, which compiles it for each types of arguments; the
-        plain function where numba is disabled."""
+        """Numba's dispatcher, which compiles the function for each types of arguments; the plain
+        function if numba is disabled."""
         known = self.__dict__
         if "_compiled" not in known:
-            known.setdefault("_compiled", self._made())  # threads may meet: all take the same one
+            known.setdefault("_compiled", self._compile())  # one for all threads
         return known["_compiled"]
 
-    def _made(self):
+    def _compile(self):
         from numba import njit
 
-        from evocity.accelerate.caching import share_cache
+        from evocity.accelerate.cache import share_cache
 
         settings = {"cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
         settings.update(self._options)
@@ -51,14 +51,14 @@ class Kernel:
 
     @property
     def _numba_type_(self):
-        """As what numba calls it from another kernel."""
+        """Numba's type of the kernel, for calls from other kernels."""
         return self.compiled._numba_type_
 
 
 def kernel(function=None, **options):
-    """Compile ``function``, once it is called, with the flags common to all kernels of evocity.
+    """Compile ``function`` at its first call, with the flags of all kernels of evocity.
 
-    Further ``options`` go to `numba.njit` (for example ``error_model``).
+    ``options`` go to `numba.njit` (for example ``error_model``).
     """
     if function is None:
         return lambda function: kernel(function, **options)
@@ -71,21 +71,21 @@ def _nothing():
 
 
 def cache_folder() -> Path | None:
-    """Where compiled kernels of this module are kept, and so a place for notes on the others'; None
-    if kernels are not compiled, or not kept."""
+    """Return the folder of this module's compiled kernels, where notes on others may lie, too; None
+    if kernels are not compiled, or not cached."""
     folder = getattr(getattr(_nothing.compiled, "_cache", None), "cache_path", None)
     return None if folder is None else Path(folder)
 
 
 def stamp() -> tuple:
-    """What tells whether a compiled kernel found on disk is still right: Python, numba, the
-    processor, and all files of kernels."""
+    """Identify what compiled kernels depend on: Python, numba, the processor, and all files of
+    kernels. A cached kernel is valid while this stays the same."""
     import llvmlite.binding
     import numba
 
     package = Path(__file__).parent.parent
     files = [*package.rglob("_kernels.py"), *Path(__file__).parent.glob("*.py")]
-    states = [(one.relative_to(package).as_posix(), one.stat()) for one in sorted(files)]
+    states = [(file.relative_to(package).as_posix(), file.stat()) for file in sorted(files)]
     return (
         platform.python_version(),
         numba.__version__,
@@ -95,40 +95,40 @@ def stamp() -> tuple:
     )
 
 
-def on_compiled(told: Callable[[], None]) -> None:
-    """Call ``told`` from now on whenever this process has compiled a kernel of evocity, for one
-    set of types; what of numba's own is compiled into it does not count."""
+def watch_compiled(callback: Callable[[], None]) -> None:
+    """Call ``callback`` whenever this process has compiled a kernel of evocity, for one set of
+    types, from now on. Numba's own functions do not count."""
     from numba.core import event
 
-    class _Ear(event.Listener):
+    class _Listener(event.Listener):
         def on_start(self, event) -> None:
             pass
 
         def on_end(self, event) -> None:
             if _is_ours(event):
-                told()
+                callback()
 
-    event.register("numba:compile", _Ear())
+    event.register("numba:compile", _Listener())
 
 
 @contextlib.contextmanager
-def on_compiling(told: Callable[[], None]) -> Iterator[None]:
-    """Within, call ``told`` whenever this process begins to compile a kernel of evocity; what it
-    finds in the cache is not compiled."""
+def watch_compiling(callback: Callable[[], None]) -> Iterator[None]:
+    """Call ``callback`` whenever this process begins to compile a kernel of evocity, within. A
+    cached kernel is not compiled."""
     from numba.core import event
 
-    class _Ear(event.Listener):
+    class _Listener(event.Listener):
         def on_start(self, event) -> None:
             if _is_ours(event):
-                told()
+                callback()
 
         def on_end(self, event) -> None:
             pass
 
-    with event.install_listener("numba:compile", _Ear()):
+    with event.install_listener("numba:compile", _Listener()):
         yield
 
 
 def _is_ours(event) -> bool:
-    """Whether a kernel of evocity is compiled, and not one of numba's own."""
+    """Whether the compiled function is a kernel of evocity, and not numba's own."""
     return event.data["dispatcher"].py_func.__module__.startswith("evocity.")

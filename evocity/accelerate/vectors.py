@@ -1,12 +1,12 @@
-"""Vector code written out, instruction by instruction, for the few loops that matter most.
+"""Vector instructions for kernels, written one by one, for the few loops that matter most.
 
-The compiler of loops leaves most of the machine unused where many sums run side by side: it loads
-what it could keep, and takes vectors of half the width. `vector_code` makes of a function that
-writes such code something that kernels can call.
+The compiler leaves most of the machine unused in loops of many parallel sums: it loads what it
+could keep, and uses vectors of half the width. `vector_code` turns a function that writes such code
+into one that kernels can call.
 
-The disk cache does not see changes here or in what calls this: kernels stand in one file with the
-vector code they call; after a change in this file, empty the cache (``make clean``). This file
-loads numba: who calls such kernels imports them where they are called.
+The disk cache does not see changes here or in functions that write vector code: these stand in one
+file with the kernels that call them. After a change in this file, empty the cache (``make clean``).
+This file loads numba: callers of such kernels import them where they call them.
 """
 
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ from numba.extending import intrinsic
 
 _FEATURES = cpu_target.target_context.codegen().magic_tuple()[2]  # part of the cache's key
 
-#: Floats in one vector, and for how many vectors the registers hold eight sums each.
+#: Floats in one vector, and the number of vectors for which the registers hold eight sums each.
 WIDTH, ABREAST = (16, 2) if "+avx512f" in _FEATURES else (8, 1)
 
 _INDEX, _LANE, _FLOAT = ir.IntType(64), ir.IntType(32), ir.FloatType()
@@ -30,10 +30,10 @@ _INDEX, _LANE, _FLOAT = ir.IntType(64), ir.IntType(32), ir.FloatType()
 def vector_code(result: str, known: int):
     """Decorate a function that writes vector code: kernels can then call it by its name.
 
-    It is called as ``write(v, *numbers, *arguments)``: with a `Vectors`; the first ``known``
-    arguments of the call as numbers (kernels must give literals, or what they take from the
-    function that made them); arrays as `Items`, whole numbers and floats as values of the code.
-    It returns the value of the type ``result`` names in numba, or None for "none".
+    The decorator calls ``write(v, *numbers, *arguments)``: ``v`` is a `Vectors`; the first
+    ``known`` arguments arrive as numbers (kernels must pass literals, or constants of the function
+    that made them); arrays as `Items`; whole numbers and floats as values of the code. ``write``
+    returns a value of numba's type ``result``, or None for "none".
     """
 
     def made(write):
@@ -44,17 +44,17 @@ def vector_code(result: str, known: int):
             if not all(map(_is_plain, kinds[known:])):
                 return None
             numbers = [kind.literal_value for kind in kinds[:known]]
-            # numba tells what is written for other numbers by the types of the call alone
+            # numba distinguishes the code for other numbers only by the types of the call
             kinds = [*kinds[:known], *map(_plain, kinds[known:])]
 
             def codegen(context, builder, signature, arguments):
                 v = Vectors(builder)
                 given = [
-                    Items(context, v, kind, one) if isinstance(kind, types.Array) else one
-                    for kind, one in zip(signature.args, arguments, strict=True)
+                    Items(context, v, kind, value) if isinstance(kind, types.Array) else value
+                    for kind, value in zip(signature.args, arguments, strict=True)
                 ]
-                found = write(v, *numbers, *given[known:])
-                return context.get_dummy_value() if found is None else found
+                value = write(v, *numbers, *given[known:])
+                return context.get_dummy_value() if value is None else value
 
             return getattr(types, result)(*kinds), codegen
 
@@ -91,13 +91,13 @@ class Vectors:
 
     @contextmanager
     def loop(self, count):
-        """What is written within is done for each whole number from 0 to before ``count``."""
+        """Repeat the code within for each whole number from 0 to before ``count``."""
         with cgutils.for_range(self.builder, count) as loop:
             yield loop.index
 
     def each(self, count: int, written_out: bool):
-        """The whole numbers from 0 to before ``count``, for a ``for`` that writes code: as numbers,
-        the code for each of them ``written_out``, or as the value that counts in a loop."""
+        """Yield whole numbers from 0 to before ``count``, for a ``for`` that writes code: numbers
+        whose code is ``written_out`` one after the other, or the counter of one loop."""
         if written_out:
             yield from range(count)
         else:
@@ -105,29 +105,29 @@ class Vectors:
                 yield index
 
     def variable(self, value):
-        """Pointer to a place of its own that holds ``value`` at first."""
+        """Pointer to a new variable that begins as ``value``."""
         return cgutils.alloca_once_value(self.builder, value)
 
     def number(self, value: int):
         """A whole number as a value of the code."""
         return ir.Constant(_INDEX, value)
 
-    def plus(self, one, other):
-        """The sum of two whole numbers: values of the code or, one or both, numbers."""
-        return self._whole(one, other, int.__add__, self.builder.add)
+    def plus(self, first, second):
+        """The sum of two whole numbers: values of the code or, either or both, numbers."""
+        return self._whole(first, second, int.__add__, self.builder.add)
 
-    def times(self, one, other):
-        """The product of two whole numbers: values of the code or, one or both, numbers."""
-        return self._whole(one, other, int.__mul__, self.builder.mul)
+    def times(self, first, second):
+        """The product of two whole numbers: values of the code or, either or both, numbers."""
+        return self._whole(first, second, int.__mul__, self.builder.mul)
 
-    def _whole(self, one, other, known, written):
-        if isinstance(one, int) and isinstance(other, int):
-            return known(one, other)
-        return written(*(self.number(n) if isinstance(n, int) else n for n in (one, other)))
+    def _whole(self, first, second, known, written):
+        if isinstance(first, int) and isinstance(second, int):
+            return known(first, second)
+        return written(*(self.number(n) if isinstance(n, int) else n for n in (first, second)))
 
     def pick(self, table, index):
-        """``table[index]``, of whole numbers known to the compiler or of floats: a whole number as
-        a number or a value, like ``index``; a float in all lanes."""
+        """``table[index]``, from whole numbers that the compiler knows or from floats: a whole
+        number as a number or a value, like ``index``; a float in all lanes."""
         table = np.asarray(table)
         whole = table.dtype.kind == "i"
         if isinstance(index, int):
@@ -159,14 +159,14 @@ class Vectors:
         """A known float in all lanes."""
         return ir.Constant(self.type, [float(np.float32(value))] * self.width)
 
-    def spread(self, one):
-        """A float, or the one that a pointer points at, in all lanes."""
-        one = self.builder.load(one, align=4) if one.type.is_pointer else one
-        kind = ir.VectorType(one.type, self.width)
+    def spread(self, value):
+        """A float, or the float that a pointer points at, in all lanes."""
+        value = self.builder.load(value, align=4) if value.type.is_pointer else value
+        kind = ir.VectorType(value.type, self.width)
         first = ir.Constant(_LANE, 0)
-        lone = self.builder.insert_element(ir.Constant(kind, ir.Undefined), one, first)
+        vector = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value, first)
         lanes = ir.Constant(ir.VectorType(_LANE, self.width), [0] * self.width)
-        return self.builder.shuffle_vector(lone, lone, lanes)
+        return self.builder.shuffle_vector(vector, vector, lanes)
 
     def plus_product(self, total, a, b):
         """total + a·b, in one rounding where the machine can; a total of None is 0."""
@@ -188,21 +188,21 @@ class Vectors:
         return self.builder.fdiv(a, b)
 
     def where(self, truths, a, b):
-        """In each lane that of a where it is true, else of b."""
+        """In each lane the float of a where ``truths`` is true, else of b."""
         return self.builder.select(truths, a, b)
 
     def exceeds(self, a, b):
-        """In which lanes a > b: a vector of truth values."""
+        """The lanes in which a > b, as a vector of truth values."""
         return self.builder.fcmp_ordered(">", a, b)
 
     def raise_to(self, pointer, a):
-        """The float that ``pointer`` points at becomes the largest of itself and all lanes."""
+        """Raise the float that ``pointer`` points at to the largest of itself and all lanes."""
         most, before = self.largest(a), self.builder.load(pointer, align=4)
         higher = self.builder.fcmp_ordered(">", most, before)
         self.builder.store(self.builder.select(higher, most, before), pointer, align=4)
 
     def room(self, count: int):
-        """Pointer to ``count`` vectors of the code's own, side by side, of any content."""
+        """Pointer to new room for ``count`` vectors in a row, of any content."""
         kind = ir.ArrayType(_FLOAT, count * self.width)
         return self.builder.bitcast(cgutils.alloca_once(self.builder, kind), _FLOAT.as_pointer())
 
@@ -213,17 +213,17 @@ class Vectors:
         return self.builder.call(function, [a], fastmath=("nnan", "nsz"))
 
     def reaches(self, a, b):
-        """In which lanes a ≥ b: a vector of truth values."""
+        """The lanes in which a ≥ b, as a vector of truth values."""
         return self.builder.fcmp_ordered(">=", a, b)
 
     def any(self, truths):
-        """1 if one of the lanes is true, else 0: a whole number."""
+        """1 if any lane is true, else 0: a whole number."""
         bits = self.builder.bitcast(truths, ir.IntType(self.width))
         return self.builder.zext(self.builder.icmp_unsigned("!=", bits, bits.type(0)), _INDEX)
 
     def list_lanes(self, truths, first, pointer):
-        """Write the numbers ``first`` + lane, int32, of the lanes that are true one after another;
-        returns how many."""
+        """Write the numbers ``first`` + lane, int32, of the true lanes in a row; returns how many
+        there are."""
         kind = ir.VectorType(_LANE, self.width)
         numbers = self.builder.add(
             self.spread(self.builder.trunc(first, _LANE)),
@@ -247,7 +247,7 @@ class Vectors:
 
 
 class Items:
-    """An array among the arguments: where its items lie. Strides are of whole items."""
+    """The addresses of the items of an array argument. Strides are whole items."""
 
     def __init__(self, context, v: Vectors, kind, array):
         self.builder = v.builder
@@ -266,6 +266,3 @@ class Items:
         for place, step in zip(index, self.steps, strict=False):
             pointer = self.builder.gep(pointer, [self.builder.mul(place, step)])
         return pointer
-
-
-__all__ = ["ABREAST", "WIDTH", "Items", "Vectors", "vector_code"]

@@ -1,44 +1,49 @@
-"""All births of a run as columns: read once, settled at one generation. numpy alone."""
+"""All births of a run as columns of numpy: read once, up to one generation."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity.analysis.wanted import Aim, aims_of, recorded_of
+from evocity.analysis.goals import Aim, aims_of, recorded_of
 from evocity.columns import array_of, words_of
-from evocity.errors import RunError, check_word, near_miss, shown
+from evocity.errors import RunError, check_word, near_miss, spell
 from evocity.fitness import Aims, measures
+from evocity.genome import VOID
 from evocity.kinds import Expressed
-from evocity.search.fronts import ranks_of
-from evocity.search.judging import aims_of_run, broken_by, losses_of
-from evocity.store import Birth, Run, Source
+from evocity.search.record.aims import aims_of_run, births_without_genomes, losses_of, violations_of
+from evocity.search.record.grid import Binned, binned, grid_of_run
+from evocity.selection.cells import Grid
+from evocity.selection.fronts import ranks_of
+from evocity.store import Birth, RunLog, Source
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: What a birth has besides its measures, in the order of tables; islands where there are some.
+#: Columns of a birth besides its measures, in the order of tables; `island` in runs with islands.
 OWN = ("generation", "id", "island", "operator", "status", "feasible", "seconds", "alive", "lived")
 #: Why a birth without a genome has no map.
 NEVER_BRED = "it was never bred"
 
 
-class Told:
-    """The births of a ``run`` in its generations 0…``last``, a row each, by id; what is asked for
-    is read once and kept.
+class Births:
+    """The births of a ``run`` in its generations 0…``last``, one row each, by id, each column read
+    once.
 
     Raises `RunError` where the run is damaged, or has no whole generation yet.
     """
 
-    def __init__(self, run: Run, last: int | None = None):
+    def __init__(self, run: RunLog, last: int | None = None):
         self.run = run
         if not run.generations:
             raise RunError(
                 f"{run.path} has no whole generation yet",
-                "at least one",
-                f"wait for the first generation to end, or go on: evocity resume {run.path}",
+                "at least one whole generation",
+                "wait for the first generation to end, or resume the run: "
+                f"evocity resume {run.path}",
             )
         #: The last generation that counts.
         self.last = run.generations[-1] if last is None else last
@@ -50,12 +55,12 @@ class Told:
 
     @cached_property
     def history(self) -> list[dict]:
-        """What the log tells of each generation, as `evocity.store.Run.history` has it."""
-        return [one for one in Run.history(self.run) if one["generation"] <= self.last]
+        """The log's summary of each generation, as `evocity.store.RunLog.history` returns it."""
+        return [one for one in RunLog.history(self.run) if one["generation"] <= self.last]
 
     @property
-    def read_already(self) -> bool:
-        """Whether the columns are at hand, and cost nothing any more."""
+    def is_read(self) -> bool:
+        """Whether the columns are in memory."""
         return "_table" in self.__dict__
 
     @cached_property
@@ -65,21 +70,20 @@ class Told:
         columns += ["island"] if header.islands else []
         columns += [f"fitness.{name}" for name in header.columns]
         table = self.read(columns)
-        ids = array_of(table["id"])
-        if (np.diff(ids) <= 0).any():
+        if (np.diff(array_of(table["id"])) <= 0).any():
             raise RunError(
-                f"{self.run.path}: the births are damaged: one stands there twice",
+                f"{self.run.path}: the log of births is damaged: an id occurs twice",
                 "births as `evocity run` writes them",
                 "bring the file back from a copy",
             )
         return table
 
     def read(self, columns: Sequence[str]) -> "pa.Table":
-        """``columns`` of the log, of all births by id, and their generation and id."""
-        table = Run.births(self.run, columns=list(dict.fromkeys(["generation", "id", *columns])))
+        """Read ``columns`` of the log, with generation and id, of all births by id."""
+        table = RunLog.births(self.run, columns=list(dict.fromkeys(["generation", "id", *columns])))
         table = table.replace_schema_metadata(None)
         born = array_of(table["generation"])
-        if (born > self.last).any():  # it may go on
+        if (born > self.last).any():  # the run may go on
             table = table.filter(born <= self.last)
         if (np.diff(array_of(table["id"])) < 0).any():
             table = table.sort_by("id")
@@ -92,48 +96,45 @@ class Told:
 
     @cached_property
     def generation(self) -> np.ndarray:
-        """Int32 ``(n,)``: when each was born."""
+        """Int32 ``(n,)``: the generation of each birth."""
         return array_of(self._table["generation"])
 
     @property
     def parents(self) -> "pa.ListArray":
-        """Int64 lists ``(n,)``: the ids of what each was bred from."""
+        """Int64 lists ``(n,)``: the ids of each birth's parents."""
         return self._table["parents"].combine_chunks()
 
     @cached_property
     def operator(self) -> np.ndarray:
-        """Text ``(n,)``: by what each was bred."""
-        return self._words("operator")
+        """Text ``(n,)``: the operator that bred each."""
+        return words_of(self._table["operator"])
 
     @cached_property
     def status(self) -> np.ndarray:
         """Text ``(n,)``: how each birth ended."""
-        return self._words("status")
+        return words_of(self._table["status"])
 
     @cached_property
     def island(self) -> np.ndarray:
-        """Text ``(n,)``: where each was born; of a run with islands alone."""
-        return self._words("island")
+        """Text ``(n,)``: the island of each birth; only of a run with islands."""
+        return words_of(self._table["island"])
 
     @cached_property
     def seconds(self) -> np.ndarray:
-        """Float64 ``(n,)``: what each took one worker."""
+        """Float64 ``(n,)``: seconds that each took one worker."""
         return array_of(self._table["seconds"])
-
-    def _words(self, name: str) -> np.ndarray:
-        return words_of(self._table[name])
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Float64 ``(n, measures)`` in the order of ``header.columns``; NaN where there is none."""
+        """Float64 ``(n, measures)`` in the order of ``header.columns``; NaN for no value."""
         names = [f"fitness.{name}" for name in self.run.header.columns]
-        found = np.empty((len(self), len(names)))
-        for column, name in zip(found.T, names, strict=True):
+        values = np.empty((len(self), len(names)))
+        for column, name in zip(values.T, names, strict=True):
             column[:] = array_of(self._table[name])
-        return found
+        return values
 
     def value(self, name: str) -> np.ndarray:
-        """Float64 ``(n,)``: what each birth has of the measure ``name``."""
+        """Return the values of the measure ``name``, float64 ``(n,)``."""
         return self.values[:, self.run.header.columns.index(name)]
 
     @cached_property
@@ -143,27 +144,31 @@ class Told:
 
     @cached_property
     def recorded(self) -> list[Aim]:
-        """One a measure that is recorded besides."""
+        """The measures that the run only records."""
         return recorded_of(self.run)
 
     @property
     def logged(self) -> list[Aim]:
-        """One a measure of the log: those in which something was wanted, then the recorded."""
+        """All measures of the log: those with a goal or bounds, then the recorded ones."""
         return [*self.aims, *self.recorded]
+
+    @property
+    def sought(self) -> list[Aim]:
+        """The measures that have a goal, not only bounds."""
+        return [aim for aim in self.aims if aim.sought]
 
     @cached_property
     def ok(self) -> np.ndarray:
-        """Bool ``(n,)``: it was bred, and has a value of all that is sought. One of before a
-        measure was sought may lack its value."""
-        found = self.status == "ok"
-        for aim in self.aims:
-            if aim.goal != "bounds":
-                found &= ~np.isnan(self.value(aim.name))
-        return found
+        """Bool ``(n,)``: bred, with a value of each measure that has a goal. A birth before a
+        measure was added may lack its value."""
+        ok = self.status == "ok"
+        for aim in self.sought:
+            ok &= ~np.isnan(self.value(aim.name))
+        return ok
 
     @cached_property
     def feasible(self) -> np.ndarray:
-        """Bool ``(n,)``: it was measured, and lies within all bounds that now hold."""
+        """Bool ``(n,)``: measured, and within all bounds that hold now."""
         within = self.ok.copy()
         for aim in self.aims:
             within &= aim.within(self.value(aim.name))
@@ -175,8 +180,8 @@ class Told:
         return self.run.sources()
 
     @cached_property
-    def islands_noted(self) -> dict[str, Mapping]:
-        """What provenance notes of each island, by their names."""
+    def island_settings(self) -> dict[str, Mapping]:
+        """Island -> its table of the recipe, as provenance records it."""
         recipe = self.run.provenance.get("recipe")
         listed = recipe.get("islands") if isinstance(recipe, Mapping) else None
         listed = listed if isinstance(listed, list) else ()
@@ -185,44 +190,50 @@ class Told:
 
     @cached_property
     def founders(self) -> np.ndarray:
-        """Ids of the births that are the source cities, as their codes have them."""
+        """Ids of the births that are the source cities' own codes."""
         return self.ids[(self.operator == "source") & (self.generation == 0)]
 
     # -- goals -------------------------------------------------------------------------------
 
     @cached_property
-    def wanted(self) -> Aims:
-        """What the run wants, by the weights it has now. Raises `RunError` where it does not
-        tell."""
+    def weighted_aims(self) -> Aims:
+        """Goals and constraints with their present weights. Raises `RunError` where they are not
+        recorded."""
         return aims_of_run(self.run)
 
     @property
     def goals(self) -> tuple[str, ...]:
-        """Names of the goals: a measure's, or a sum's."""
-        return self.wanted.names
+        """Names of the goals: of measures, or of sums of measures."""
+        return self.weighted_aims.names
+
+    @cached_property
+    def has_known_goals(self) -> bool:
+        """Whether provenance records the goals, and the grid of a run with one."""
+        with suppress(RunError):
+            grid_of_run(self.run)
+            return bool(self.goals)
+        return False
 
     @cached_property
     def losses(self) -> np.ndarray:
-        """Float64 ``(n, goals)``, lower is better; the worst of all where a birth was not
+        """Float64 ``(n, goals)``, lower is better; the largest number for births that were not
         measured."""
-        return losses_of(self.wanted, self._wanted_values)
+        return losses_of(self.weighted_aims, self._aim_values)
 
     @cached_property
     def violation(self) -> np.ndarray:
         """Float64 ``(n,)``: how far each breaks the constraints, 0 where it keeps them."""
-        return broken_by(self.wanted, self._wanted_values)
+        return violations_of(self.weighted_aims, self._aim_values)
 
     @property
-    def _wanted_values(self) -> dict[str, np.ndarray]:
+    def _aim_values(self) -> dict[str, np.ndarray]:
         return {name: self.value(name) for name in self.run.header.measures}
 
     def losses_by(self, name: str, goal: str | None = None) -> np.ndarray:
-        """Float64 ``(n,)``, lower is better, NaN where there is no value: by one measure, or by a
-        sum of the run's. ``goal``: "max" or "min" in place of the run's own.
-
-        Raises `RunError` for an unknown name, and for a measure of which the run wanted neither
-        more nor less, unless a goal is given.
-        """
+        """Return the losses by one measure, or by a sum of the run's: float64 ``(n,)``, lower is
+        better, NaN for no value. ``goal``: "max" or "min" in place of the run's own goal. Raises
+        `RunError` for an unknown name, and for a measure without a goal, unless ``goal`` is
+        given."""
         if goal is not None:
             check_word("goal", goal, ("max", "min"), "leave it out for the run's own", RunError)
         sums = sorted({aim.total for aim in self.aims} - {None})
@@ -231,72 +242,99 @@ class Told:
                 return self.losses[:, self.goals.index(name)]
             error = unknown(name, [*self.run.header.columns, *sums], str(self.run.path))
             if name in {measure.name for measure in measures()}:
-                ask = f"the run did not log it: run.score(run.front(), [{name!r}]) measures it now"
-                raise RunError(error.found, error.expected, ask)
+                remedy = f"the run did not log it; measure it: run.score(run.front(), [{name!r}])"
+                raise RunError(error.found, error.expected, remedy)
             raise error
         aim = next(one for one in self.logged if one.name == name)
         if goal is not None:
             aim = replace(aim, goal=goal, target=None)
         if aim.target is None and aim.goal not in ("max", "min"):
             raise RunError(
-                f"{self.run.path}: the run wanted neither more nor less of {name} ({aim.wanted})",
+                f"{self.run.path}: {name} has no goal in this run ({aim.wanted})",
                 "a measure with a goal",
-                f'say which: run.best("{name}", goal="max")',
+                f'give a goal: run.best("{name}", goal="max")',
             )
         return aim.losses(self.value(name))
 
     def quality_on(self, island: str | None = None) -> str:
-        """What the best of a cell is the best by, on an ``island`` or in the run as a whole: a
-        measure, or a sum; all of them where there are several."""
-        own = self.islands_noted.get(island, {}).get("measures")
-        goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.aims if aim.sought}
+        """Return the measure or sum that ranks the births of a cell, on an ``island`` or in the
+        whole run; all of them, joined by commas, where there are several."""
+        own = self.island_settings.get(island, {}).get("measures")
+        goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.sought}
         kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
         return ", ".join(kept)
 
-    # -- who lived ---------------------------------------------------------------------------
+    @cached_property
+    def grids(self) -> dict[str | None, Binned]:
+        """The best of each cell, of each grid that the run fills: island -> grid, None for the run
+        as a whole. A grid without recorded goals is left out."""
+        grids = {}
+        for island in self.run.header.islands or (None,):
+            with suppress(RunError):
+                grid = grid_of_run(self.run, island)
+                goal = None if island is None else self.quality_on(island)
+                if grid is not None:
+                    grids[island] = binned(self.run, grid, self.last, goal)
+        return grids
+
+    def source_cells(self, grid: Grid) -> dict[int, np.ndarray]:
+        """Return the place in the ``grid`` of each source city's own code, by the number of the
+        city; a code without a cell is left out."""
+        numbers = self.founders[self.founders < len(self.run.header.cities)]
+        rows = self.rows(numbers)
+        values = [self.value(name)[rows] for name in grid.descriptors]
+        cells = grid.cells(np.column_stack(values))
+        known = cells >= 0
+        return dict(zip(numbers[known].tolist(), grid.places(cells[known]), strict=True))
+
+    # -- the living --------------------------------------------------------------------------
 
     @cached_property
     def members(self) -> "pa.Table":
-        """Who lived in each generation, Arrow, see `evocity.store.Run.members`."""
+        """The living of each generation, an Arrow table, see `evocity.store.RunLog.members`."""
         table = self.run.members()
         born = array_of(table["generation"])
         return table.filter(born <= self.last) if (born > self.last).any() else table
 
     @cached_property
     def lives(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of each that lived in each generation its number, and the row of the birth; once where
-        it lived on several islands."""
-        names = ("generation", "id")
-        born, ids = (array_of(self.members[name]) for name in names)
+        """Generation and row of each living birth of each generation, once for several islands."""
+        born, ids = (array_of(self.members[name]) for name in ("generation", "id"))
         if self.run.header.islands:
             born, ids = np.unique(np.column_stack([born, ids]), axis=0).T
         return born, self.rows(ids)
 
     @cached_property
     def lived(self) -> np.ndarray:
-        """Int64 ``(n,)``: in how many generations each lived."""
+        """Int64 ``(n,)``: the number of generations in which each lived."""
         return np.bincount(self.lives[1], minlength=len(self))
 
     @cached_property
     def alive(self) -> np.ndarray:
-        """Bool ``(n,)``: it lives in the last generation."""
-        found = np.zeros(len(self), bool)
-        found[self.rows(array_of(self.run.members(self.last)["id"]))] = True
-        return found
+        """Bool ``(n,)``: alive in the last generation."""
+        alive = np.zeros(len(self), bool)
+        alive[self.rows(array_of(self.run.members(self.last)["id"]))] = True
+        return alive
+
+    @cached_property
+    def front(self) -> np.ndarray:
+        """Int64: ids of the last generation's front, best first."""
+        ids, ranks = self.ranked()
+        return ids[ranks == 0]
 
     def check_generation(self, generation: int) -> None:
-        """Raise `RunError` unless a ``generation`` counts."""
+        """Raise `RunError` unless ``generation`` is one of 0…`last`."""
         if isinstance(generation, bool) or generation not in range(self.last + 1):
             raise RunError(
-                f"{self.run.path}: no generation {generation!r}",
-                f"one of 0…{self.last}",
-                "see `evocity status`",
+                f"{self.run.path}: the run has no generation {generation!r}",
+                f"a generation from 0 to {self.last}",
+                "see the last generation in `evocity status`",
             )
 
     def ranked(self, generation: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Ids and ranks of those who lived in a ``generation``, the last unless it is given, best
-        first, as its algorithm has them. Of a run with islands each individual once, ranked by all
-        goals together."""
+        """Return ids and ranks of the living of a ``generation``, of the last one by default, best
+        first by the run's algorithm. In a run with islands each individual stands once, ranked by
+        all goals together."""
         generation = self.last if generation is None else generation
         self.check_generation(generation)
         table = self.run.members(generation)
@@ -310,8 +348,7 @@ class Told:
         return once[order], ranks[order]
 
     def _ranks(self, once: np.ndarray, ids: np.ndarray, ranks: np.ndarray) -> np.ndarray:
-        """The fronts of individuals by all goals; the best that an island tells, where the run does
-        not tell what it wanted."""
+        """Ranks by all goals; the best rank on any island where the goals are not recorded."""
         rows = self.rows(once)
         try:
             return ranks_of(self.losses[rows], self.violation[rows])
@@ -323,7 +360,7 @@ class Told:
     # -- rows --------------------------------------------------------------------------------
 
     def rows(self, ids: Iterable[int]) -> np.ndarray:
-        """The row of each of these ``ids``. Raises `RunError` for one that is none."""
+        """Return the row of each of ``ids``. Raises `RunError` for an unknown id."""
         listed = ids if isinstance(ids, np.ndarray) else list(ids)
         try:
             sought = np.asarray(listed)
@@ -333,38 +370,37 @@ class Told:
             return np.zeros(0, np.intp)
         if sought.ndim != 1:
             raise RunError(
-                f"{self.run.path}: ids {shown(sought.tolist())}",
-                "ids one after the other, not lists of them",
+                f"{self.run.path}: ids = {spell(sought.tolist())}",
+                "a flat list of ids",
                 "give for example [1, 2]",
             )
         if sought.dtype.kind not in "iu":
-            self.run.individuals(sought.tolist())  # says what is wrong with it
-        found = np.searchsorted(self.ids, sought)
-        beyond = found == len(self.ids)
-        missing = sought[beyond | (np.append(self.ids, 0)[found] != sought)]
+            self.run.individuals(sought.tolist())  # raises, and names the fault
+        rows = np.searchsorted(self.ids, sought)
+        beyond = rows == len(self.ids)
+        missing = sought[beyond | (np.append(self.ids, 0)[rows] != sought)]
         if missing.size:
             raise RunError(
-                f"{self.run.path}: no individual {missing[0]}",
+                f"{self.run.path}: the run has no individual {missing[0]}",
                 f"an id of a birth in generations 0…{self.last}",
-                f"take one from `evocity status {self.run.path}`, the report, or run.scores",
+                f"take an id from `evocity status {self.run.path}`, the report, or run.scores",
             )
-        return found
+        return rows
 
     def expressed(self, birth: Birth) -> Expressed:
-        """What a ``birth`` of the run stands for: its map, or why it has none."""
+        """Return the map of a ``birth`` of the run, or the reason why it has none."""
         if birth.genome is None:
             return Expressed(None, NEVER_BRED)
         return self.run.header.chromosome.express(birth.genome)
 
     @property
     def columns(self) -> list[str]:
-        """Names of what each birth has, as tables call it: a measure by its own name, unless that
-        is one of `OWN`."""
+        """Names of the columns of tables: a measure's own name, unless it is one of `OWN`."""
         own = [name for name in OWN if name != "island" or self.run.header.islands]
         return own + [label(name) for name in self.run.header.columns]
 
     def column(self, name: str) -> np.ndarray:
-        """What each birth has under a ``name`` of `columns`. Raises `RunError` for another."""
+        """Return the column ``name``, one of `columns`. Raises `RunError` for another name."""
         if name not in self.columns:
             raise unknown(name, self.columns, str(self.run.path))
         if name in OWN:
@@ -372,18 +408,24 @@ class Told:
         return self.value(name.removeprefix("fitness."))
 
 
+def source_births(run: RunLog) -> list[Birth]:
+    """Return the births of the source cities' codes, in the order of the cities, without
+    genomes."""
+    places = [place for place, name in enumerate(run.header.cities) if name != VOID]
+    ids = set(places[: run.header.population])
+    births = births_without_genomes(run, 0)
+    return [birth for birth in births if birth.operator == "source" and birth.id in ids]
+
+
 def label(measure: str) -> str:
-    """What a table calls a ``measure``."""
+    """Return the name of a ``measure`` in tables."""
     return f"fitness.{measure}" if measure in OWN else measure
 
 
 def unknown(name: object, known: Collection[str], where: str) -> RunError:
-    """What is told of a ``name`` that is none of those ``known``."""
+    """Make the error for a ``name`` that is not among those ``known``."""
     return RunError(
         f"{where}: there is no {name!r}",
         f"one of {', '.join(known)}",
-        near_miss(str(name), known) or "name one that there is",
+        near_miss(str(name), known) or "choose one of these names",
     )
-
-
-__all__ = ["NEVER_BRED", "OWN", "Told", "label", "unknown"]

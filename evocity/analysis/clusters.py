@@ -1,8 +1,8 @@
-"""Groups of like ones, each around one of its own: k-medoids.
+"""Clusters of similar births, and the births that differ most: k-medoids and farthest-first choice.
 
-Where few sets of medoids are possible all of them are tried. Else BUILD and SWAP of PAM (Kaufman
-and Rousseeuw 1990), each swap the best of all (Schubert and Rousseeuw 2021, FastPAM1): nothing is
-drawn at random.
+Where few sets of medoids are possible all are tried. Otherwise BUILD and SWAP of PAM (Kaufman and
+Rousseeuw 1990), each swap the best of all (Schubert and Rousseeuw 2021, FastPAM1). Nothing is
+random.
 """
 
 from itertools import combinations
@@ -10,23 +10,23 @@ from math import comb
 
 import numpy as np
 
-# So many sets of medoids are tried, at most.
+# Sets of medoids that are tried, at most.
 _MOST_SETS = 20_000
 
 
 def medoids(distances: np.ndarray, k: int) -> np.ndarray:
-    """Rows of the ``k`` medoids, rising, of ``(n, n)`` distances: those to which all together are
-    nearest. 1 ≤ k ≤ n."""
+    """Return the rows of the ``k`` medoids, rising, of ``(n, n)`` distances: those with the least
+    sum of distances from all. 1 ≤ k ≤ n."""
     n = len(distances)
     if comb(n, k) <= _MOST_SETS:
         sets = np.array(list(combinations(range(n), k)))
         sums = [distances[:, one].min(axis=1).sum() for one in sets]
         return sets[int(np.argmin(sums))]
-    return swapped(distances, built(distances, k))
+    return swap(distances, build(distances, k))
 
 
-def built(distances: np.ndarray, k: int) -> np.ndarray:
-    """BUILD: the one to which all are nearest, then each time the one that gains most."""
+def build(distances: np.ndarray, k: int) -> np.ndarray:
+    """Choose ``k`` medoids one after the other, each the one that gains most (BUILD)."""
     chosen = [int(distances.sum(axis=0).argmin())]
     near = distances[:, chosen[0]]
     while len(chosen) < k:
@@ -37,16 +37,17 @@ def built(distances: np.ndarray, k: int) -> np.ndarray:
     return np.sort(chosen)
 
 
-def swapped(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """SWAP: while one gains, the exchange of a medoid for another that gains most."""
+def swap(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Exchange medoids for others while that gains, each time the exchange that gains most
+    (SWAP)."""
     chosen = chosen.copy()
-    everyone = np.arange(len(distances))
+    every = np.arange(len(distances))
     while True:
         to_each = distances[:, chosen]
         order = np.argsort(to_each, axis=1, kind="stable")
         nearest = order[:, 0]
-        near = to_each[everyone, nearest]
-        far = to_each[everyone, order[:, 1]] if len(chosen) > 1 else np.full(len(near), np.inf)
+        near = to_each[every, nearest]
+        far = to_each[every, order[:, 1]] if len(chosen) > 1 else np.full(len(near), np.inf)
         shared = np.minimum(distances - near[:, None], 0)
         alone = np.minimum(distances, far[:, None]) - near[:, None] - shared
         change = np.stack([alone[nearest == one].sum(axis=0) for one in range(len(chosen))])
@@ -58,12 +59,24 @@ def swapped(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         chosen[gone] = new
 
 
-def labelled(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Int ``(n,)``: the number of the nearest of the ``chosen`` rows, of equal ones the first; a
-    medoid's is its own."""
+def label_clusters(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return the number of the nearest of the ``chosen`` rows, of equal ones the first, int
+    ``(n,)``; a medoid's number is its own."""
     labels = distances[:, chosen].argmin(axis=1)
     labels[chosen] = np.arange(len(chosen))
     return labels
 
 
-__all__ = ["built", "labelled", "medoids", "swapped"]
+def farthest_first(distances: np.ndarray, count: int) -> np.ndarray:
+    """Return ``count`` rows of ``(n, n)`` distances: the two farthest from each other, then each
+    time the one farthest from all before it; of equal ones the first."""
+    if not len(distances):
+        return np.zeros(0, np.intp)
+    chosen = list(np.unravel_index(int(distances.argmax()), distances.shape))
+    chosen = list(dict.fromkeys(int(one) for one in chosen))[:count]
+    near = distances[:, chosen].min(axis=1) if chosen else np.zeros(0)
+    while 0 < len(chosen) < min(count, len(distances)):
+        near[chosen] = -1
+        chosen.append(int(near.argmax()))
+        near = np.minimum(near, distances[:, chosen[-1]])
+    return np.array(chosen, np.intp)

@@ -1,8 +1,8 @@
-"""Conditions on births, "fsi > 2 and crumbs < 4": read by Python's parser, never executed.
+"""Conditions on births, "fsi > 2 and crumbs < 4": parsed by Python, never executed.
 
-Comparisons, also chained ones (0.2 < gsi <= 0.4), ``and``, ``or``, ``not``, brackets, + - * /,
-numbers, texts, True and False, and the names of columns. A name that Python would not take stands
-between backticks: `` `gsi@old town` > 0.3``.
+A condition may have comparisons, also chained ones (0.2 < gsi <= 0.4), ``and``, ``or``, ``not``,
+brackets, + - * /, numbers, texts, True and False, and names of columns. A name that is not a Python
+name stands between backticks: `` `gsi@old town` > 0.3``.
 """
 
 import ast
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.errors import EvocityError, near_miss, shown
+from evocity.errors import EvocityError, near_miss, spell
 
 #: Letters of a condition, and operations within each other.
 MOST_LETTERS, DEEPEST = 2000, 50
-#: Operations that may stand in one.
+#: Operations that a condition may have.
 _COMPARED: Mapping[type, Callable] = {
     ast.Lt: np.less,
     ast.LtE: np.less_equal,
@@ -26,7 +26,7 @@ _COMPARED: Mapping[type, Callable] = {
     ast.Eq: np.equal,
     ast.NotEq: np.not_equal,
 }
-_RECKONED: Mapping[type, Callable] = {
+_CALCULATED: Mapping[type, Callable] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,
     ast.Mult: np.multiply,
@@ -40,7 +40,7 @@ _PLACE = "quotedǁ{}"
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition on births; made by `Condition.read`. ``names``: the columns it asks for."""
+    """A condition on births; made by `Condition.read`. ``names``: the columns in it."""
 
     text: str
     names: tuple[str, ...]
@@ -50,11 +50,10 @@ class Condition:
 
     @classmethod
     def read(cls, text: str, known: Collection[str]) -> "Condition":
-        """The condition in ``text``; ``known``: the columns there are, a measure's under its own
-        name or as fitness.NAME. Raises `EvocityError` for what is none, and for a name that is
-        none of them."""
+        """Parse the condition in ``text``; ``known`` are the columns, a measure by its name or as
+        fitness.NAME. Raises `EvocityError` for other texts and names."""
         if not isinstance(text, str):
-            raise _fault(text, "it is no text")
+            raise _fault(text, "it is not a text")
         if len(text) > MOST_LETTERS:
             raise _fault(text, f"{len(text)} letters, more than {MOST_LETTERS}")
         quoted: list[str] = []
@@ -75,21 +74,22 @@ class Condition:
         return cls(text, tuple(names), tree, tuple(quoted), tuple(known))
 
     def kept(self, column: Callable[[str], np.ndarray], count: int) -> np.ndarray:
-        """Bool ``(count,)``: which births meet it. ``column``: what each of them has under a name.
+        """Return which births meet it, bool ``(count,)``. ``column``: a function from a name to its
+        column.
 
-        A birth that has no number there (NaN) meets no comparison with it. Raises `EvocityError`
-        where numbers, texts and truths are mixed up.
+        A birth without a number there (NaN) meets no comparison with it. Raises `EvocityError`
+        where numbers, texts and truths are mixed.
         """
         with np.errstate(all="ignore"):
-            found = self._value(self._tree, {name: column(name) for name in self.names})
-        if _kind(found) != "truth":
-            raise _fault(self.text, f"it is a {_kind(found)}, not a condition")
-        return np.broadcast_to(found, count).copy()
+            truths = self._value(self._tree, {name: column(name) for name in self.names})
+        if _kind(truths) != "truth":
+            raise _fault(self.text, f"it is a {_kind(truths)}, not a condition")
+        return np.broadcast_to(truths, count).copy()
 
     # -- reading -----------------------------------------------------------------------------
 
     def _names(self, node: ast.expr, depth: int) -> list[str]:
-        """The columns that a ``node`` asks for; raises for what no condition may have."""
+        """The columns in a ``node``; raises for a part that a condition may not have."""
         if depth > DEEPEST:
             raise _fault(self.text, f"more than {DEEPEST} operations within each other")
         if (name := self._named(node)) is not None:
@@ -100,7 +100,7 @@ class Condition:
         return [name for part in parts for name in self._names(part, depth + 1)]
 
     def _named(self, node: ast.expr) -> str | None:
-        """The name that a ``node`` is: building_types.house, gsi@quarter; None if it is none."""
+        """The name that a ``node`` is: building_types.house, gsi@quarter; None for other nodes."""
         if isinstance(node, ast.Name):
             place, _, number = node.id.partition("ǁ")
             quoted = place == "quoted" and number.isdecimal() and int(number) < len(self._quoted)
@@ -117,12 +117,12 @@ class Condition:
         for one in (name, name.removeprefix("fitness.")):
             if one in self._known:
                 return one
-        told = near_miss(name, self._known) or f"name one of {', '.join(self._known)}"
+        remedy = near_miss(name, self._known) or f"name one of {', '.join(self._known)}"
         raise EvocityError(
-            f"{self.text!r}: there is no column {name!r}", "a column of the births", told
+            f"{self.text!r}: there is no column {name!r}", "a column of the births", remedy
         )
 
-    # -- telling -----------------------------------------------------------------------------
+    # -- evaluation --------------------------------------------------------------------------
 
     def _value(self, node: ast.expr, columns: Mapping[str, np.ndarray]):
         if (name := self._named(node)) is not None:
@@ -130,9 +130,9 @@ class Condition:
         if isinstance(node, ast.Constant):
             return node.value
         if isinstance(node, ast.BoolOp):
-            told = [self._truth(self._value(one, columns)) for one in node.values]
+            truths = [self._truth(self._value(one, columns)) for one in node.values]
             join = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
-            return join.reduce(np.broadcast_arrays(*told))
+            return join.reduce(np.broadcast_arrays(*truths))
         if isinstance(node, ast.UnaryOp):
             value = self._value(node.operand, columns)
             if isinstance(node.op, ast.Not):
@@ -140,37 +140,37 @@ class Condition:
             return np.negative(self._number(value)) if isinstance(node.op, ast.USub) else value
         if isinstance(node, ast.BinOp):
             left, right = (self._number(self._value(n, columns)) for n in (node.left, node.right))
-            return _RECKONED[type(node.op)](left, right)
+            return _CALCULATED[type(node.op)](left, right)
         assert isinstance(node, ast.Compare)
         values = [self._value(one, columns) for one in (node.left, *node.comparators)]
         pairs = zip(values, values[1:], node.ops, strict=False)
-        told = [self._compared(left, right, type(op)) for left, right, op in pairs]
-        return np.logical_and.reduce(np.broadcast_arrays(*told))
+        truths = [self._compared(left, right, type(op)) for left, right, op in pairs]
+        return np.logical_and.reduce(np.broadcast_arrays(*truths))
 
     def _compared(self, left, right, op: type) -> np.ndarray:
         kinds = {_kind(left), _kind(right)}
         if len(kinds) > 1:
             raise _fault(self.text, f"a {' is compared with a '.join(sorted(kinds))}")
         if kinds != {"number"} and op not in (ast.Eq, ast.NotEq):
-            raise _fault(self.text, f"a {kinds.pop()} is neither more nor less than another")
-        found = np.asarray(_COMPARED[op](left, right), bool)
-        if kinds == {"number"}:  # NaN differs from all numbers, and is none
-            found = found & ~(np.isnan(left) | np.isnan(right))
-        return found
+            raise _fault(self.text, f"a {kinds.pop()} cannot be more or less than another")
+        truths = np.asarray(_COMPARED[op](left, right), bool)
+        if kinds == {"number"}:  # NaN is not a number, so it does not differ from any
+            truths = truths & ~(np.isnan(left) | np.isnan(right))
+        return truths
 
     def _truth(self, value) -> np.ndarray:
         if _kind(value) != "truth":
-            raise _fault(self.text, f"{_kind(value)}s are joined as if they were conditions")
+            raise _fault(self.text, f"it joins {_kind(value)}s like conditions")
         return np.asarray(value, bool)
 
     def _number(self, value):
         if _kind(value) != "number":
-            raise _fault(self.text, f"it reckons with a {_kind(value)}")
+            raise _fault(self.text, f"it calculates with a {_kind(value)}")
         return np.asarray(value, float)
 
 
 def _parts(node: ast.expr) -> list[ast.expr] | None:
-    """What a ``node`` is made of; None for what may not stand in a condition."""
+    """The parts of a ``node``; None for a node that a condition may not have."""
     if isinstance(node, ast.Constant):
         kinds = (bool, int, float, str)
         large = isinstance(node.value, int) and abs(node.value) > 2**63
@@ -180,7 +180,7 @@ def _parts(node: ast.expr) -> list[ast.expr] | None:
     if isinstance(node, ast.UnaryOp):
         return [node.operand] if isinstance(node.op, ast.Not | ast.USub | ast.UAdd) else None
     if isinstance(node, ast.BinOp):
-        return [node.left, node.right] if type(node.op) in _RECKONED else None
+        return [node.left, node.right] if type(node.op) in _CALCULATED else None
     if isinstance(node, ast.Compare):
         known = all(type(op) in _COMPARED for op in node.ops)
         return [node.left, *node.comparators] if known else None
@@ -194,15 +194,14 @@ def _kind(value) -> str:
 
 def _shown(node: ast.expr) -> str:
     try:
-        return shown(ast.unparse(node))
+        return spell(ast.unparse(node))
     except (ValueError, RecursionError):
         return "what"
 
 
 def _fault(text: object, why: str) -> EvocityError:
     return EvocityError(
-        f"{shown(text)}: {why}", _EXAMPLE, "use comparisons, and, or, not, + - * /, and brackets"
+        f"{spell(text)}: {why}",
+        _EXAMPLE,
+        "use comparisons, and, or, not, + - * /, and brackets",
     )
-
-
-__all__ = ["Condition"]

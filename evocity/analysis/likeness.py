@@ -1,20 +1,20 @@
-"""How far births are from each other: by how they look, by their scores, by their stones."""
+"""Distances between births: by looks, by scores, by stones."""
 
 import numpy as np
 
-from evocity.analysis.births import NEVER_BRED, Told
-from evocity.analysis.fabrics import fabric_of
+from evocity.analysis.births import NEVER_BRED, Births
+from evocity.analysis.fabric_genomes import fabric_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError, check_word
 from evocity.genome import Genome
 from evocity.genome.nucleotides import packed, unpacked
-from evocity.search.fronts import Scale
-from evocity.search.looks import SIDE, STOREY, look_of
+from evocity.selection.fronts import Scale
+from evocity.selection.thumbprints import SIDE, STOREY, look_of
 
-#: What births are compared by: the share of the map's cells that differ by more than a storey; the
-#: losses of all goals, in units of their ranges; the share whose stones are of different places.
+#: Ways to compare births: the share of the map's cells that differ by more than a storey; the
+#: losses of all goals, in units of their ranges; the share of cells with stones of other places.
 WAYS = ("looks", "scores", "kin")
-#: So many are compared with each other, at most.
+#: Births compared with each other, at most.
 MOST = 3000
 
 # Births that are read at a time.
@@ -24,36 +24,36 @@ _STOREY = np.uint16(round(STOREY * 10))
 
 
 class Likeness:
-    """How far the births that are ``told`` are from each other; what was decoded is kept."""
+    """Distances between the ``births`` of a run; keeps the maps that it decodes."""
 
-    def __init__(self, told: Told):
-        self._told = told
+    def __init__(self, births: Births):
+        self._births = births
         self._kept: dict[str, dict[int, np.ndarray]] = {"looks": {}, "kin": {}}
 
     def note(self, identifier: int, city: CityMap) -> None:
-        """What a birth decodes to is known: it is not decoded again."""
+        """Keep the map of a birth that is decoded already."""
         self._kept["looks"][identifier] = look_of(city)
 
     def points(self, ids: np.ndarray, by: str) -> np.ndarray:
-        """What the births ``ids`` are compared by, a row each. Raises `EvocityError` for no way of
-        `WAYS`, `RunError` for a birth without a map, or without scores."""
+        """Return what the births ``ids`` are compared by, a row each. Raises `EvocityError` for a
+        way not in `WAYS`, `RunError` for a birth without a map, or without scores."""
         check_word("by", by, WAYS)
         if by == "scores":
-            rows = self._told.rows(ids)
-            if not self._told.ok[rows].all():
-                raise self._lacks(ids[~self._told.ok[rows]][0], "it was not measured")
-            return self._told.losses[rows]
+            rows = self._births.rows(ids)
+            if not self._births.ok[rows].all():
+                raise self._lacks(ids[~self._births.ok[rows]][0], "it was not measured")
+            return self._births.losses[rows]
         kept = self._kept[by]
         missing = [one for one in dict.fromkeys(ids.tolist()) if one not in kept]
-        self._told.rows(missing)
+        self._births.rows(missing)
         for start in range(0, len(missing), _AT_A_TIME):
             some = missing[start : start + _AT_A_TIME]
-            for birth in self._told.run.individuals(some, stones=by == "kin"):
+            for birth in self._births.run.individuals(some, stones=by == "kin"):
                 kept[birth.id] = self._look(birth) if by == "looks" else self._places(birth)
         return np.array([kept[one] for one in ids.tolist()])
 
     def _look(self, birth) -> np.ndarray:
-        expressed = self._told.expressed(birth)
+        expressed = self._births.expressed(birth)
         if expressed.city is None:
             raise self._lacks(birth.id, expressed.problem)
         return look_of(expressed.city)
@@ -61,45 +61,45 @@ class Likeness:
     def _places(self, birth) -> np.ndarray:
         if birth.genome is None:
             raise self._lacks(birth.id, NEVER_BRED)
-        return _stones(fabric_of(self._told.run.header, birth.genome, "the kin"))
+        return _stones(fabric_of(self._births.run.header, birth.genome, "the kin"))
 
     def _lacks(self, identifier: int, why: str) -> RunError:
         return RunError(
-            f"{self._told.run.path}: individual {identifier} is compared with others, but {why}",
+            f"{self._births.run.path}: individual {identifier} cannot be compared: {why}",
             "births with status ok",
-            "leave it out of those that are compared",
+            "leave this individual out",
         )
 
     def matrix(self, ids: np.ndarray, by: str) -> np.ndarray:
-        """Float64 ``(n, n)``: of all births ``ids`` from each other. Raises as `points`, and for
-        more than `MOST`."""
+        """Return the distances of all births ``ids`` from each other, float64 ``(n, n)``. Raises as
+        `points`, and for more than `MOST`."""
         if len(ids) > MOST:
             raise EvocityError(
-                f"{len(ids)} births, each compared with all others",
-                f"at most {MOST}",
-                'choose some: of=run.archive.ids, or of=run.where("alive")',
+                f"{len(ids)} births are too many to compare each with all others",
+                f"at most {MOST} births",
+                'choose fewer births: of=run.archive.ids, or of=run.where("alive")',
             )
         points = self._scaled(self.points(ids, by), by)
-        found = np.zeros((len(points), len(points)))
+        distances = np.zeros((len(points), len(points)))
         for row in range(len(points) - 1):
-            found[row, row + 1 :] = _apart(points[row], points[row + 1 :], by)
-        return found + found.T
+            distances[row, row + 1 :] = _distances(points[row], points[row + 1 :], by)
+        return distances + distances.T
 
     def from_one(self, one: int, ids: np.ndarray, by: str) -> np.ndarray:
-        """Float64 ``(n,)``: how far the births ``ids`` are from ``one``."""
+        """Return the distances of the births ``ids`` from ``one``, float64 ``(n,)``."""
         points = self._scaled(self.points(np.append(ids, one), by), by)
-        return _apart(points[-1], points[:-1], by)
+        return _distances(points[-1], points[:-1], by)
 
     def _scaled(self, points: np.ndarray, by: str) -> np.ndarray:
-        """Losses in units of the ranges of those that keep the constraints, or of all that were
-        measured where nobody does."""
+        """Losses in units of the ranges of all that keep the constraints, or of all measured
+        births."""
         if by != "scores" or not len(points):
             return points
-        ok = self._told.ok & self._told.feasible
-        return Scale(self._told.losses[ok if ok.any() else self._told.ok])(points)
+        ok = self._births.ok & self._births.feasible
+        return Scale(self._births.losses[ok if ok.any() else self._births.ok])(points)
 
 
-def _apart(point: np.ndarray, others: np.ndarray, by: str) -> np.ndarray:
+def _distances(point: np.ndarray, others: np.ndarray, by: str) -> np.ndarray:
     if by == "scores":
         return np.sqrt(np.square(others - point).mean(axis=1))
     if by == "kin":
@@ -110,8 +110,8 @@ def _apart(point: np.ndarray, others: np.ndarray, by: str) -> np.ndarray:
 
 
 def _stones(genome: Genome) -> np.ndarray:
-    """Which stone lies in each cell, at most `SIDE` along each axis, int64: its city, how it is
-    turned, and the pixel of that city from which its north-west corner is as far."""
+    """The stone in each cell, at most `SIDE` along each axis, int64: its city, its turn, and the
+    pixel of that city at its north-west corner."""
     pavement = genome.pavement
     down, right = (slice(None, None, -(-n // SIDE)) for n in (pavement.height, pavement.width))
     block = pavement.index[down, right]
@@ -121,6 +121,3 @@ def _stones(genome: Genome) -> np.ndarray:
     place = packed(row + rows - top, column + columns - left).astype(np.int64)
     kind = genome.parent.astype(np.int64) * 8 + genome.turn
     return ((kind[block] << 32) | place).ravel()
-
-
-__all__ = ["MOST", "WAYS", "Likeness"]

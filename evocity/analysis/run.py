@@ -1,4 +1,4 @@
-"""`Run`: a run as one asks it the morning after."""
+"""`Run`: a run folder and its births, as tables, graphs, pictures and files."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,42 +8,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity.analysis.asked import check_count, ids_of, ids_of_any, kept_by
-from evocity.analysis.births import Told
-from evocity.analysis.clusters import labelled, medoids
+from evocity.analysis.arguments import check_count, ids_of, ids_of_any, mask_of
+from evocity.analysis.births import Births
+from evocity.analysis.clusters import farthest_first, label_clusters, medoids
 from evocity.analysis.compromise import best_compromise, weights_of
 from evocity.analysis.credit import credit_of
-from evocity.analysis.extras import library
-from evocity.analysis.fabrics import fabric_of
+from evocity.analysis.fabric_genomes import shares_of
+from evocity.analysis.goals import Aim
 from evocity.analysis.individual import Individual
 from evocity.analysis.likeness import Likeness
+from evocity.analysis.optional_libraries import library
 from evocity.analysis.pedigree import Pedigree, graph_of, steps_of
-from evocity.analysis.series import series_of
-from evocity.analysis.spread import diversity_of, farthest_first
-from evocity.analysis.wanted import Aim
-from evocity.displayed import Displayed
+from evocity.analysis.series import diversity_of, series_of
 from evocity.errors import RunError
-from evocity.search import opening
+from evocity.html_display import Displayed
+from evocity.search.record import complete_run
 
 if TYPE_CHECKING:
     import networkx as nx
     import pandas as pd
     import pyarrow as pa
 
-    from evocity.analysis.comparing import Comparison
-    from evocity.analysis.keeping import Keeping
+    from evocity.analysis.comparison import Comparison
+    from evocity.analysis.shortlist import Shortlist
     from evocity.analysis.view import View
     from evocity.search import Archive
 
-# Births whose genomes are held at a time.
-_AT_A_TIME = 256
-
 
 def open_run(path: str | os.PathLike) -> "Run":
-    """Open a run folder to see what happened in it; nothing in it is executed, nothing changed.
+    """Open a run folder, read only. Opening a run executes nothing and changes nothing.
 
-    Works while the run goes on: only whole generations are seen. Raises `RunError` if there
-    is no run at ``path``, if it is damaged, or if another release wrote another schema.
+    The run may still be in progress; only whole generations are visible. Raises `RunError` if there
+    is no run at ``path``, if it is damaged, or if another release wrote it with another schema.
 
     >>> import evocity
     >>> run = evocity.open_run("runs/demo")  # doctest: +SKIP
@@ -52,64 +48,70 @@ def open_run(path: str | os.PathLike) -> "Run":
     return Run(path)
 
 
-class Run(opening.Run, Displayed):
-    """A run folder, read only; made by `evocity.open_run`. What `evocity.store.Run` has, and more.
+class Run(complete_run.CompleteRun, Displayed):
+    """Run folder, read only; `evocity.open_run` opens it. It extends `evocity.store.RunLog`.
 
-    What names several births gives a pandas frame of their scores, a birth a row, ``id`` its index;
-    what names one gives an `Individual`. Where ``of`` asks which births, it takes ids, individuals,
-    such a frame, or a condition, see `where`. ``len(run)``, ``run[97]``, ``run[-1]``,
-    ``run[10:20]``, ``97 in run`` and iteration go over births by id.
+    Methods for several births return a pandas frame of their scores: one row for each birth, with
+    the index ``id``. Methods for one birth return an `Individual`.
+    The argument ``of`` chooses births by ids, individuals, a frame of scores, or a condition (see
+    `where`). Births can be counted, indexed by id and iterated: ``len(run)``, ``run[97]``,
+    ``run[-1]``, ``run[10:20]``, ``97 in run``.
 
-    Of a run that goes on, all of one object tells of the generations that were whole when it was
-    first asked, until `refresh`. All methods raise `RunError` on damage, and where there is no
-    whole generation yet; those that give frames `EvocityError` without pandas.
+    While a run is in progress, an object shows the generations that were whole at its first use,
+    until `refresh`. Methods raise `RunError` if the run is damaged or has no whole generation, and
+    `EvocityError` if they need pandas and it is missing.
     """
 
     @property
     def generations(self) -> range:
-        """Numbers of the generations that were whole when this was first asked: 0…g."""
-        if not self.__dict__.get("_settled"):  # while there is none, it is looked for anew
+        """Numbers of the generations that were whole at the first use of this object: 0…g."""
+        if not self.__dict__.get("_settled"):  # without any, the folder is looked at again
             self._settled = super().generations
         return self._settled
 
     def refresh(self) -> "Run":
-        """Look at the folder anew: at generations that have been bred since, at what was
-        replaced. Returns the run itself."""
+        """Read the folder again, for new generations and a new recipe. Return the run itself."""
         path = self.path
         self.__dict__.clear()
         self.__init__(path)
         return self
 
     @cached_property
-    def told(self) -> Told:
-        """All births as columns of numpy, for who wants no pandas."""
-        return Told(self)
+    def columns(self) -> Births:
+        """All births as columns of numpy; needs no pandas."""
+        return Births(self)
 
-    # -- births one by one -------------------------------------------------------------------
+    @property
+    def told(self) -> Births:
+        """Former name of `columns`."""
+        return self.columns
+
+    # -- single births -----------------------------------------------------------------------
 
     def __len__(self) -> int:
-        return len(self.told) if self.generations else 0
+        return len(self.columns) if self.generations else 0
 
     def __iter__(self) -> Iterator[Individual]:
-        return (Individual(self.told, one) for one in (self.told.ids.tolist() if len(self) else ()))
+        ids = self.columns.ids.tolist() if len(self) else ()
+        return (Individual(self.columns, one) for one in ids)
 
     def __contains__(self, one: object) -> bool:
         if isinstance(one, Individual):
             return one.run.path.resolve() == self.path.resolve() and one.id in self
         whole = isinstance(one, Integral) and not isinstance(one, bool)
-        return whole and len(self) > 0 and bool(np.isin(one, self.told.ids))
+        return whole and len(self) > 0 and bool(np.isin(one, self.columns.ids))
 
     def __getitem__(self, which: int | slice) -> Individual | list[Individual]:
-        """``run[97]``: the individual 97; ``run[-1]``: the last one born; ``run[10:20]``: those ten
-        as a list."""
+        """``run[97]``: the individual 97; ``run[-1]``: the last birth; ``run[10:20]``: ten
+        individuals as a list."""
         if isinstance(which, slice):
-            return [Individual(self.told, one) for one in self.told.ids[which].tolist()]
+            return [Individual(self.columns, one) for one in self.columns.ids[which].tolist()]
         whole = isinstance(which, Integral) and not isinstance(which, bool)
-        if whole and which < 0 and -len(self) <= which:  # only the last ones need all to be read
-            which = int(self.told.ids[which])
-        return Individual(self.told, which)
+        if whole and which < 0 and -len(self) <= which:  # only this needs all births
+            which = int(self.columns.ids[which])
+        return Individual(self.columns, which)
 
-    # -- births in tables --------------------------------------------------------------------
+    # -- tables of births --------------------------------------------------------------------
 
     def births(
         self,
@@ -117,294 +119,296 @@ class Run(opening.Run, Displayed):
         columns: Sequence[str] | None = None,
         where: str | None = None,
     ) -> "pa.Table":
-        """Births of one generation, or of all, as an Arrow table, which polars and DuckDB take as
-        it is.
+        """Return the births of one generation, or of all, as an Arrow table. polars and DuckDB read
+        this table directly.
 
-        ``columns``: those wanted, in their order; all those of the files if not given. ``where``:
-        a condition, see `where`. Raises `RunError` for a name that is no column, and for a
-        generation that is not whole; `EvocityError` for what is no condition.
+        The argument ``columns`` names columns in order, by default all of the log. See `where` for
+        conditions. Raises `RunError` if a column is unknown or the generation not whole, and
+        `EvocityError` if ``where`` is not a condition.
         """
         if where is None:
             return super().births(generation, columns)
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        kept = pa.array(self.told.ids[kept_by(where, self.told)])
-        asked = columns if columns is None else [*self._known(columns), "id"]
-        table = super().births(generation, None if asked is None else list(dict.fromkeys(asked)))
+        kept = pa.array(self.columns.ids[mask_of(where, self.columns)])
+        names = columns if columns is None else [*self._known(columns), "id"]
+        table = super().births(generation, None if names is None else list(dict.fromkeys(names)))
         table = table.filter(pc.is_in(table["id"], value_set=kept))
         return table if columns is None else table.select(list(columns))
 
     @property
     def scores(self) -> "pd.DataFrame":
-        """All births, a row each, index ``id``: generation, operator, status, feasible (it was
-        measured, and keeps all bounds that now hold), seconds, alive (in the last generation), then
-        the measures under their own names; NaN where there is no value. In a run with islands
-        ``island`` too. A measure named as one of these columns is fitness.NAME."""
+        """Scores of all births: one row for each, with the index ``id``. Columns: generation,
+        operator, status, feasible (measured, and within all present bounds), seconds and alive (in
+        the last generation), and each measure; NaN for no value. A run with islands also has
+        ``island``. A measure whose name is already a column is named fitness.NAME."""
         return self.frame(slice(None))
 
     def frame(self, rows: np.ndarray | slice, **more: np.ndarray) -> "pd.DataFrame":
-        """The `scores` of some ``rows`` of `told`, in their order, with ``more`` columns."""
-        told = self.told
-        names = [name for name in told.columns if name not in ("id", "lived")]
-        columns = {name: told.column(name)[rows] for name in names} | more
+        """Return the `scores` of some ``rows`` of `columns`, in order, with ``more`` columns."""
+        births = self.columns
+        names = [name for name in births.columns if name not in ("id", "lived")]
+        columns = {name: births.column(name)[rows] for name in names} | more
         pandas = library("pandas", "a table of births")
-        index = pandas.Index(told.ids[rows], name="id")
+        index = pandas.Index(births.ids[rows], name="id")
         for name, column in columns.items():
             if column.dtype == object:  # text, of no births too
                 columns[name] = pandas.Series(column, index, dtype="str")
         return pandas.DataFrame(columns, index)
 
     def where(self, condition: str) -> "pd.DataFrame":
-        """The `scores` of the births that meet a ``condition``: "fsi > 2 and crumbs < 4", "operator
-        == 'relocation' and not alive", "0.2 < gsi <= 0.4". Its names are columns of `scores`, and
-        ``id`` and ``lived``. It is read, never executed.
+        """Return the `scores` of the births that meet a ``condition``. Examples are "fsi > 2 and
+        crumbs < 4", "operator == 'relocation' and not alive" and "0.2 < gsi <= 0.4". Names are
+        columns of `scores`, ``id`` and ``lived``. The condition is parsed, never executed.
 
-        Raises `EvocityError` for what is none, and for a name that is no column.
+        Raises `EvocityError` if the text is not a condition, or names an unknown column.
         """
-        return self.frame(kept_by(condition, self.told))
+        return self.frame(mask_of(condition, self.columns))
 
     @property
     def series(self) -> "pd.DataFrame":
-        """A row a generation, index ``generation``: births and failures up to then, living,
-        feasible of them, hypervolume, evaluations_per_second; ``best.<measure>``, the best of the
-        living; ``mean.<measure>`` of the living."""
+        """Course of the run, one row per generation: ``births`` and ``failures`` so far,
+        ``living``, ``feasible`` ones among them, ``hypervolume`` and ``evaluations_per_second``.
+        Columns ``best.<measure>`` and ``mean.<measure>`` summarise the living."""
         pandas = library("pandas", "a table of generations")
-        columns = series_of(self.told)
+        columns = series_of(self.columns)
         index = pandas.Index(columns.pop("generation"), name="generation")
         return pandas.DataFrame(columns, index)
 
-    # -- what was wanted, and who is good ----------------------------------------------------
+    # -- goals and the best ------------------------------------------------------------------
 
     @property
     def aims(self) -> list[Aim]:
-        """What was wanted of each measure, in words and signs, in the recipe's order."""
-        return list(self.told.aims)
+        """Goal of each measure, in words and signs, in the recipe's order."""
+        return list(self.columns.aims)
 
     def front(self, generation: int | None = None) -> "pd.DataFrame":
-        """The `scores` of those who lived in a ``generation``, the last unless it is given, and
-        whom none of these dominated, best first. Of a run with islands by all goals together."""
-        ids, ranks = self.told.ranked(generation)
-        return self.frame(self.told.rows(ids[ranks == 0]))
+        """Return the `scores` of the front of a ``generation``, by default the last, best first:
+        the living that no other dominates. With islands, the goals of all islands count."""
+        ids, ranks = self.columns.ranked(generation)
+        return self.frame(self.columns.rows(ids[ranks == 0]))
 
     def best(self, measure: str, goal: str | None = None, alive: bool = False) -> Individual:
-        """Of all births that keep the constraints the best by a ``measure``, or by a sum of the
-        run's; of equal ones the first born.
+        """Return the best birth by a ``measure``, or by a sum of measures in the recipe. Only
+        births that keep the constraints count. Of equally good births, the first wins.
 
-        goal : "max" or "min" in place of the run's own; needed where the run wanted nothing of it.
-        alive : only of those who live in the last generation.
+        goal : "max" or "min" in place of the run's own goal; required if the run has none.
+        alive : whether only individuals that are alive in the last generation count.
 
-        Raises `RunError` for an unknown measure, for one without a goal, and if nobody qualifies.
+        Raises `RunError` if the measure is unknown or has no goal, or if no birth qualifies.
         """
-        told = self.told
-        losses = told.losses_by(measure, goal)
-        rows = np.flatnonzero(told.feasible & np.isfinite(losses) & (told.alive | (not alive)))
+        births = self.columns
+        losses = births.losses_by(measure, goal)
+        rows = np.flatnonzero(births.feasible & np.isfinite(losses) & (births.alive | (not alive)))
         if not len(rows):
-            raise self._nobody(f"no birth keeps the constraints and has a value of {measure}")
-        return self[int(told.ids[rows[np.argmin(losses[rows])]])]
+            raise self._none_left(f"no birth keeps the constraints and has a value of {measure}")
+        return self[int(births.ids[rows[np.argmin(losses[rows])]])]
 
-    def _nobody(self, found: str) -> RunError:
+    def _none_left(self, found: str) -> RunError:
         return RunError(
-            f"{self.path}: {found}", "one at least", "see why: run.scores, or evocity status"
+            f"{self.path}: {found}",
+            "at least one birth",
+            "see the reason in run.scores, or with evocity status",
         )
 
     @cached_property
     def archive(self) -> "Archive":
-        """Of all births those that no other ever dominated, the dead among them; of a run of
-        MAP-Elites the best of each cell. See `evocity.archive`; ``run.archive.ids`` are theirs."""
+        """The births of the whole run that no other dominates; of a run of MAP-Elites the best of
+        each cell. See `evocity.archive`; ``run.archive.ids`` are their ids."""
         from evocity.search import archive
 
-        return archive(self, self.told.last)
+        return archive(self, self.columns.last)
 
     def compromise(
         self, weights: Mapping[str, float] | None = None, of: object = None
     ) -> Individual:
-        """The best compromise of the archive, or ``of`` these births: the one that is least behind,
-        in the goal where it is farthest behind the best of them (achievement scalarisation after
-        Wierzbicki 1980). ``weights``: how much goals count, by name; 1 unless told, 0 for not.
+        """Return the best compromise of the archive, or ``of`` these births. Every birth has a
+        distance from the best value of each goal. The compromise is the birth whose largest
+        distance is smallest (achievement scalarisation, Wierzbicki 1980). The mapping ``weights``
+        gives goals a weight: 1 by default, 0 to ignore the goal.
 
-        Raises `EvocityError` for weights that are none, `RunError` if there is no birth.
+        Raises `EvocityError` for wrong weights, and `RunError` if there is no birth.
         """
-        ids, heavy = self._feasible(of), weights_of(weights, self.told.goals)
-        return self[int(ids[best_compromise(self.told.losses[self.told.rows(ids)], heavy)])]
+        ids, heavy = self._feasible(of), weights_of(weights, self.columns.goals)
+        return self[int(ids[best_compromise(self.columns.losses[self.columns.rows(ids)], heavy)])]
 
-    def keep(self, n: int = 5, of: object = None) -> "Keeping":
-        """The ``n`` births of the archive, or ``of`` these, that are worth keeping, or as many as
-        differ, the dead too: the compromise, the best by each goal, one of each kind of look. Each
-        has ``individual``, ``role``, ``why``, what it ``gave_up``, whose stones are ``built``."""
-        from evocity.analysis.keeping import kept_of
+    def keep(self, n: int = 5, of: object = None) -> "Shortlist":
+        """Return the ``n`` births of the archive, or ``of`` these, that are worth keeping. They are
+        the compromise, the best by each goal, and births that look different; fewer if few differ.
+        Each entry has ``individual``, ``role``, ``why``, ``gave_up`` and ``built``."""
+        from evocity.analysis.shortlist import choose_shortlist
 
         check_count("n", n)
         where = "in the archive" if of is None else "given that keep the constraints"
-        return kept_of(self.told, self._feasible(of), self._likeness, n, where)
+        return choose_shortlist(self.columns, self._feasible(of), self.likeness, n, where)
 
     def view(
         self, of: object = None, measures: Sequence[str] | None = None, order: str | None = None
     ) -> "View":
-        """All births, or ``of`` these, as a gallery and parallel coordinates with one filter: a
-        widget of Jupyter. What is chosen there is ``view.selected``, what passes the filter
-        ``view.filtered``; where widgets do not live, a picture stands in its place.
+        """Return a Jupyter widget of all births, or ``of`` these: a gallery and parallel
+        coordinates with one filter. The attribute ``view.selected`` lists selected births, and
+        ``view.filtered`` births that pass the filter. Without widgets, a notebook shows a picture.
 
-        measures : the axes at first; those that something was wanted of unless they are given.
-        order : a name of `scores`; ``-`` before it turns the order. By the first measure, best
-            first, unless it is given.
+        measures : first axes of the plot; by default the measures with a goal or bounds.
+        order : column of `scores` that orders the births; ``-`` before the name reverses the order.
+            The default is the first measure, best first.
 
-        Raises `EvocityError` without anywidget, and for a name that is none.
+        Raises `EvocityError` if anywidget is missing, or if a name is unknown.
         """
         from evocity.analysis.view import View
 
         return View(self, of, measures, order)
 
-    # -- who is like whom --------------------------------------------------------------------
+    # -- likeness ----------------------------------------------------------------------------
 
     @cached_property
-    def _likeness(self) -> Likeness:
-        return Likeness(self.told)
+    def likeness(self) -> Likeness:
+        """Distances between births; keeps the maps that it decodes."""
+        return Likeness(self.columns)
 
     def _ids(self, of: object) -> np.ndarray:
-        """The births that ``of`` names: one or many ids or individuals, a frame, a condition; None
-        for the archive."""
-        return ids_of_any(self.archive.ids if of is None else of, self.told)
+        """Ids that ``of`` names: ids, individuals, a frame, a condition; None for the archive."""
+        return ids_of_any(self.archive.ids if of is None else of, self.columns)
 
     def _feasible(self, of: object) -> np.ndarray:
-        """Those of the births that ``of`` names that keep the constraints; at least one."""
+        """Ids that ``of`` names and that keep the constraints; at least one."""
         ids = np.unique(self._ids(of))
-        found = ids[self.told.feasible[self.told.rows(ids)]]
-        if not len(found):
+        kept = ids[self.columns.feasible[self.columns.rows(ids)]]
+        if not len(kept):
             of_archive = "no birth keeps the constraints, so the archive is empty"
             given = f"none of {len(ids)} births keeps the constraints"
-            raise self._nobody(of_archive if of is None else given)
-        return found
+            raise self._none_left(of_archive if of is None else given)
+        return kept
 
     def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
-        """The `scores` of the archive, or ``of`` these births, in ``k`` groups of like ones:
-        ``cluster``, their number from 0, and ``medoid``, whether it is the one in the middle.
+        """Divide the archive, or ``of`` these births, into ``k`` groups of similar births. Return
+        the scores with two more columns. The column ``cluster`` is the number of the group, from 0.
+        The column ``medoid`` marks the middle birth of each group.
 
-        by : "looks", the share of the map that differs by more than a storey; "scores", losses in
-            units of their ranges; "kin", the share of the map with other stones.
+        by : kind of distance. "looks" is the share of the map that differs by more than a storey.
+            "scores" is the difference of losses in units of their ranges. "kin" is the share of the
+            map whose range blocks come from other places.
 
-        Raises `EvocityError` for a ``k`` that is none, or more births than can be compared.
+        Raises `EvocityError` if ``k`` is wrong, or if there are too many births to compare.
         """
         ids = self._ids(of)
         check_count("k", k, len(ids))
-        distances = self._likeness.matrix(ids, by)
+        distances = self.likeness.matrix(ids, by)
         chosen = medoids(distances, k)
         medoid = np.isin(np.arange(len(ids)), chosen)
-        labels = labelled(distances, chosen)
-        return self.frame(self.told.rows(ids), cluster=labels, medoid=medoid)
+        labels = label_clusters(distances, chosen)
+        return self.frame(self.columns.rows(ids), cluster=labels, medoid=medoid)
 
     def nearest(
         self, one: int | Individual, n: int = 1, by: str = "looks", of: object = None
     ) -> "Individual | pd.DataFrame":
-        """The birth of the archive, or ``of`` these, that is most like ``one``, other than itself:
-        an `Individual`; for ``n`` above 1 their `scores` and ``distance``, the nearest first.
-        ``by`` as `clusters` has it."""
-        (one,) = ids_of(one, self.told)
+        """Return the birth of the archive, or ``of`` these, that is most similar to the birth
+        ``one``. For ``n`` above 1, return the scores of the ``n`` most similar, nearest first, with
+        ``distance``. See `clusters` for the kinds of distance."""
+        (one,) = ids_of(one, self.columns)
         ids = self._ids(of)
         ids = ids[ids != one]
         check_count("n", n, len(ids))
-        distances = self._likeness.from_one(int(one), ids, by)
+        distances = self.likeness.from_one(int(one), ids, by)
         order = np.lexsort((ids, distances))[:n]
         if n == 1:
             return self[int(ids[order[0]])]
-        return self.frame(self.told.rows(ids[order]), distance=distances[order])
+        return self.frame(self.columns.rows(ids[order]), distance=distances[order])
 
     def most_different(self, n: int, of: object = None, by: str = "looks") -> "pd.DataFrame":
-        """The `scores` of ``n`` of the archive, or ``of`` these births: the two that are farthest
-        apart, then each time the one farthest from all before it. ``by`` as `clusters` has it."""
+        """Return the scores of ``n`` births of the archive, or ``of`` these: first the two that
+        differ most, then always the farthest from all before. See `clusters` for the distances."""
         ids = self._ids(of)
         check_count("n", n, len(ids))
-        rows = farthest_first(self._likeness.matrix(ids, by), n)
-        return self.frame(self.told.rows(ids[rows]))
+        rows = farthest_first(self.likeness.matrix(ids, by), n)
+        return self.frame(self.columns.rows(ids[rows]))
 
     def diversity(self, by: str = "scores", generations: int = 50) -> "pd.DataFrame":
-        """How far two of the living are from each other in the mean, ``apart``, in so many
-        ``generations`` evenly from the first to the last, index ``generation``. ``by`` as
-        `clusters` has it; by looks all of the living are decoded."""
+        """Return the mean distance ``apart`` between two living individuals, in generations spread
+        evenly over the run. See `clusters` for the distances; "looks" decodes all living
+        individuals."""
         check_count("generations", generations)
         pandas = library("pandas", "a table of generations")
-        numbers, apart = diversity_of(self.told, self._likeness, by, generations)
+        numbers, apart = diversity_of(self.columns, self.likeness, by, generations)
         return pandas.DataFrame({"apart": apart}, pandas.Index(numbers, name="generation"))
 
-    # -- who came of what --------------------------------------------------------------------
+    # -- descent -----------------------------------------------------------------------------
 
     def survivors(self, n: int | None = None) -> "pd.DataFrame":
-        """The `scores` of the births that lived in a generation at least, or of the first ``n`` of
-        them, with ``lived``, in how many; longest first, of equal ones the first born."""
-        lived = self.told.lived
-        rows = np.lexsort((self.told.ids, -lived))[: np.count_nonzero(lived)]
+        """Return the scores of the (first ``n``) births that survived at least one generation. The
+        column ``lived`` counts generations. The longest come first, then the
+        first born."""
+        lived = self.columns.lived
+        rows = np.lexsort((self.columns.ids, -lived))[: np.count_nonzero(lived)]
         if n is not None:
             check_count("n", n)
             rows = rows[:n]
         return self.frame(rows, lived=lived[rows])
 
     @cached_property
-    def _pedigree(self) -> Pedigree:
-        return Pedigree(self.told)
+    def pedigree(self) -> Pedigree:
+        """Parents and ancestors of all births, as arrays."""
+        return Pedigree(self.columns)
+
+    @cached_property
+    def operator_credit(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The table of `credit` as arrays: names of the operators, and columns."""
+        return credit_of(self.columns, self.pedigree)
 
     def credit(self) -> "pd.DataFrame":
-        """Which operators paid, a row each, index ``operator``: ``births``; ``failed`` of them;
-        ``survived``, who lived in a generation at least; ``entered``, whom none born until then
-        dominated, of equal ones the first; ``ancestors``, its share of all from whom the living
-        descend, 0…1, the living among them; ``paid``, that share by its share of the births: above
-        1 where it has paid; ``seconds``, the mean of a birth."""
+        """Return one row per operator. Columns are ``births``, ``failed`` and ``survived`` (at
+        least one generation). The column ``entered`` counts births that entered the archive when
+        born. The column ``ancestors`` is the operator's share of the living and their ancestors.
+        The column ``paid`` divides this share by the operator's share of births; above 1, the
+        operator has paid. The column ``seconds`` is the mean time of a birth."""
         pandas = library("pandas", "a table of operators")
-        names, columns = credit_of(self.told, self._pedigree)
+        names, columns = self.operator_credit
         return pandas.DataFrame(columns, pandas.Index(names, name="operator"))
 
     def lineage(self, one: int | Individual, generations: int | None = None) -> "nx.DiGraph":
-        """From whom ``one`` descends, as a graph of networkx: nodes are ids, with what `scores`
-        tells of each; edges lead from parent to child. ``generations``: so many steps back; all the
-        way to the source cities unless it is told."""
+        """Return the ancestors of ``one`` birth as a graph of networkx. Nodes are ids with their
+        scores; edges lead from parent to child. The graph goes back ``generations`` steps, by
+        default to the source cities."""
         library("networkx", "a lineage")
-        told = self.told
-        rows = told.rows(ids_of(one, told))
-        rows = self._pedigree.ancestors(rows, steps_of(generations))
-        names = [name for name in told.columns if name not in ("id", "lived")]
-        columns = {name: told.column(name)[rows] for name in names}
-        return graph_of(told.ids[rows], columns, *self._pedigree.edges(rows))
+        births = self.columns
+        rows = births.rows(ids_of(one, births))
+        rows = self.pedigree.ancestors(rows, steps_of(generations))
+        names = [name for name in births.columns if name not in ("id", "lived")]
+        columns = {name: births.column(name)[rows] for name in names}
+        return graph_of(births.ids[rows], columns, *self.pedigree.edges(rows))
 
     def ancestry(self, which: object) -> "dict[str, float] | pd.DataFrame":
-        """Source city -> share of the map that is its stone, of one birth; of several, named by
-        ids or a frame, a frame with a row each and a column a city."""
+        """Return the share of the map that comes from each source city. One birth gives a mapping
+        from city to share. Several births give a frame: a row per birth, a column per city."""
         if isinstance(which, Integral | Individual):
             return self[int(self._ids(which)[0])].ancestry()
         pandas = library("pandas", "a table of shares")
         ids = self._ids(which)
-        found = np.full((len(ids), len(self.header.cities)), np.nan)
-        order = np.argsort(ids, kind="stable")  # those of a generation lie together in the log
-        for rows in np.array_split(order, len(ids) // _AT_A_TIME + 1):
-            for row, birth in zip(rows, self.individuals(ids[rows].tolist()), strict=True):
-                if birth.genome is not None:
-                    found[row] = fabric_of(self.header, birth.genome, "the ancestry").shares
         index = pandas.Index(ids, name="id")
-        return pandas.DataFrame(found, index, list(self.header.cities))
+        return pandas.DataFrame(shares_of(self, ids), index, list(self.header.cities))
 
-    # -- what the night did not ask ----------------------------------------------------------
+    # -- other measures ----------------------------------------------------------------------
 
     def score(
-        self,
-        ids: object,
-        measures: object,
-        workers: int | None = None,
-        timeout: float = 60.0,
+        self, ids: object, measures: object, workers: int | None = None, timeout: float = 60.0
     ) -> "pd.DataFrame":
-        """Measures that the run did not log, of these births (ids, individuals, a frame), index
-        ``id``: a column each, NaN where it has no value, and ``error``, which says why.
+        """Measure births (ids, individuals or a frame) by measures that the run did not log. Return
+        one column per measure, with NaN for missing values, and the reason in ``error``.
 
-        measures : names, files NAME.py, which are executed, or measures; one or a list.
-        workers : processes, one a core unless told; 0 measures here, without a deadline.
-        timeout : seconds, of all measures of one birth.
+        measures : one measure or a list: names, measures, or files NAME.py, which are executed.
+        workers : number of processes, by default one per core; 0 uses this process, no deadline.
+        timeout : seconds that all measures of one birth may take together.
 
-        What was measured once is kept in the user's cache, ``evocity/scores`` in $XDG_CACHE_HOME or
-        ~/.cache, never in the run. Raises `FitnessError` for an unknown measure.
+        The values are kept in the user's cache, evocity/scores in $XDG_CACHE_HOME or ~/.cache, and
+        never in the run. Raises `FitnessError` for an unknown measure.
         """
-        from evocity.analysis.scoring import measures_of, scored
+        from evocity.analysis.scores import measures_of, score_births
 
         pandas = library("pandas", "a table of scores")
-        asked, ids = measures_of(measures), self._ids(ids)
-        values, reasons = scored(self, ids, asked, workers, timeout)
-        columns = {one.name: column for one, column in zip(asked, values.T, strict=True)}
+        chosen, ids = measures_of(measures), self._ids(ids)
+        values, reasons = score_births(self, ids, chosen, workers, timeout)
+        columns = {one.name: column for one, column in zip(chosen, values.T, strict=True)}
         table = pandas.DataFrame(columns, pandas.Index(ids, name="id"))
         table["error"] = pandas.Series(reasons, table.index, dtype=object)
         return table
@@ -412,39 +416,35 @@ class Run(opening.Run, Displayed):
     # -- files -------------------------------------------------------------------------------
 
     def to_csv(self, path: str | os.PathLike, form: str = "plain", of: object = None) -> None:
-        """Write the scores of all births, or ``of`` these, as CSV. ``form``: "plain"; or
-        "design-explorer", with ``in:`` (generation, operator, share of each city), ``out:``
-        (measures) and ``img``, a picture each in the folder NAME-pictures beside it, of the archive
-        unless ``of`` says otherwise. Nothing is left half-written."""
-        from evocity.analysis.exporting import write_csv
+        """Write the scores of all births, or ``of`` these, as CSV, whole or not at all.
 
-        every = self.told.ids if of is None and form == "plain" else self._ids(of)
-        write_csv(self.told, every, path, form)
+        The ``form`` is "plain" or "design-explorer". The second has columns named ``in:``
+        (generation, operator, share of each city), ``out:`` (measures) and ``img``. It
+        writes the archive by default, and a picture of each birth in the folder NAME-pictures next
+        to the file.
+        """
+        from evocity.analysis.export import write_csv
+
+        every = self.columns.ids if of is None and form == "plain" else self._ids(of)
+        write_csv(self.columns, every, path, form)
 
     def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write births, named by ids, individuals, a frame or `keep`, into one ``path``. A .zip has
-        of each its map as GeoTIFF, its footprints, a picture, its genome, its scene; their scores;
-        whom to thank. A .png is a contact sheet: their maps on one scale, with ids and scores.
+        """Write births, as ids, individuals, a frame or the result of `keep`, into one file.
 
-        at : a source city on whose ground all in a .zip are laid, as in `Individual.save`.
+        A ``.zip`` holds a table of scores and the attribution. It also holds five files for each
+        birth: map as GeoTIFF, footprints, picture, genome and scene. A ``.png`` is a contact sheet:
+        maps on one scale, with ids and scores.
+
+        at : source city at whose place the maps in a ``.zip`` lie, see `Individual.save`.
         """
-        from evocity.analysis.exporting import roles_of, write_several
+        from evocity.analysis.export import roles_of, write_several
 
         write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which))
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
-        """This run beside an ``other``: frames ``recipes``, what differs in them; ``hypervolume``
-        by what both want; ``fronts``, who dominates whom; ``print`` tells it in sentences."""
-        from evocity.analysis.comparing import Comparison, Side
+        """Compare this run with another, in frames. The frame ``recipes`` lists differences of the
+        recipes. The frame ``hypervolume`` uses the goals of both runs. The frame ``fronts`` says
+        which run dominates which. Printing the result shows sentences."""
+        from evocity.analysis.comparison import compare
 
-        other = other if isinstance(other, Run) else open_run(other)
-        names = [run.path.resolve().name for run in (self, other)]
-        if names[0] == names[1]:
-            names = [str(self.path), str(other.path)]
-        if names[0] == names[1]:
-            names[1] += " (2)"
-        sides = zip(names, (self, other), strict=True)
-        return Comparison(*(Side(name, run.told, run.archive.ids) for name, run in sides))
-
-
-__all__ = ["Run", "open_run"]
+        return compare(self, other if isinstance(other, Run) else open_run(other))

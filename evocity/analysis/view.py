@@ -1,17 +1,17 @@
-"""`View`: a run's births on one page, in a notebook; what is chosen there, in Python."""
+"""`View`: a run's births as a Jupyter widget, with selection and filter in Python."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evocity.analysis.asked import ids_of_any
+from evocity.analysis.arguments import ids_of_any
 from evocity.analysis.births import unknown
-from evocity.analysis.extras import library
 from evocity.analysis.individual import Individual
-from evocity.analysis.viewed import Viewed
-from evocity.displayed import Displayed
+from evocity.analysis.optional_libraries import library
+from evocity.analysis.view_table import ViewTable
 from evocity.errors import RunError
+from evocity.html_display import Displayed
 from evocity.viewer.table import Brushes, Table
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 class View(Displayed):
-    """Births of a run as a gallery and parallel coordinates with one filter; made by `Run.view`.
+    """Births of a run as a gallery and parallel coordinates with one filter; `Run.view` makes it.
 
-    A notebook shows it as a widget, and where widgets do not live as a picture. What is set here is
-    seen there at once, and the other way round.
+    A notebook shows the view as a widget, or as a picture if widgets are missing. Each change in
+    Python appears in the widget at once, and each change in the widget appears in Python.
     """
 
     def __init__(
@@ -38,13 +38,13 @@ class View(Displayed):
         library("anywidget", "a view of a run")
         from evocity.viewer.widget import Widget
 
-        #: The `Run`, which makes its views and so cannot be known here.
+        #: The `Run` of the births.
         self.run = run
         self._of = of
-        self._viewed = Viewed(run, of)
+        self._viewed = ViewTable(run, of)
         axes = self._viewed.axes(measures)
         order = order or (axes[0]["name"] if axes else "id")
-        #: The widget itself, to lay it beside others, or to be told of changes:
+        #: The widget itself, to combine it with others, or to observe changes:
         #: ``view.widget.observe(function, "chosen")``.
         self.widget: Widget = Widget(
             self.table, self._viewed.about, self._sheet, axes=axes, order=self._order_of(order)
@@ -52,62 +52,63 @@ class View(Displayed):
 
     @property
     def table(self) -> Table:
-        """The births as columns."""
+        """Births as columns."""
         return self._viewed.table
 
     @property
     def thumbnails(self) -> "Thumbnails":
-        """Small pictures of them."""
+        """Small pictures of the births."""
         return self._viewed.thumbnails
 
     def _sheet(self, ids: list[int], side: int) -> "Sheet":
         return self._viewed.sheet(ids, side)
 
-    # -- what is set -------------------------------------------------------------------------
+    # -- settings ----------------------------------------------------------------------------
 
     @property
     def selected(self) -> list[Individual]:
-        """Those that are chosen, in the order in which they were. Set by ids, individuals, a
-        frame, or a condition; `RunError` for one that is not shown."""
-        return [Individual(self.run.told, one) for one in self.widget.chosen]
+        """Selected births, in the order of selection. Set this to ids, individuals, a frame or a
+        condition. A birth that the view does not show raises `RunError`."""
+        return [Individual(self.run.columns, one) for one in self.widget.chosen]
 
     @selected.setter
     def selected(self, which: object) -> None:
-        ids = ids_of_any([] if which is None else which, self.run.told)
+        ids = ids_of_any([] if which is None else which, self.run.columns)
         gone = ids[~np.isin(ids, self.table.ids)]
         if len(gone):
             raise RunError(
-                f"{self.run.path}: individual {gone[0]} is not among those that the view shows",
-                "some of them",
-                "view others: run.view(of=…)",
+                f"{self.run.path}: the view does not show individual {gone[0]}",
+                "births that the view shows",
+                "view other births: run.view(of=…)",
             )
         self.widget.chosen = ids.tolist()
 
     @property
     def brushes(self) -> dict[str, list]:
-        """The filter: of a column the spans, ``{"fsi": [(1, 2)]}``, or the words,
-        ``{"operator": ["mutation"]}``, that let births pass. Set alike, ``{}`` for none."""
+        """Filter, by column. Set it to spans, as in ``{"fsi": [(1, 2)]}``, or to words, as in
+        ``{"operator": ["mutation"]}``. A birth passes if its values lie in these spans or among
+        these words. The value ``{}`` removes the filter."""
         return dict(self.widget.brushes)
 
     @brushes.setter
     def brushes(self, brushes: Brushes) -> None:
-        self.widget.brushes = self.table.checked(brushes)
+        self.widget.brushes = self.table.check_brushes(brushes)
 
     @property
     def filtered(self) -> "pd.DataFrame":
-        """The `Run.scores` of those that pass the filter, in the gallery's order."""
-        return self.run.frame(self.run.told.rows(self.filtered_ids))
+        """Births that pass the filter, as `Run.scores`, in the gallery's order."""
+        return self.run.frame(self.run.columns.rows(self.filtered_ids))
 
     @property
     def filtered_ids(self) -> np.ndarray:
-        """Int64: ids of those that pass the filter, in the gallery's order."""
-        rows = self.table.ordered(self.widget.order["name"], self.widget.order["reversed"])
-        return self.table.ids[rows[self.table.passing(self.widget.brushes)[rows]]]
+        """Ids of the births that pass the filter, int64, in the gallery's order."""
+        rows = self.table.row_order(self.widget.order["name"], self.widget.order["reversed"])
+        return self.table.ids[rows[self.table.matches(self.widget.brushes)[rows]]]
 
     @property
     def order(self) -> str:
-        """The column by which the gallery is in order, ``-`` before it where the order is turned:
-        best first, lowest first, or by the alphabet."""
+        """Column that orders the gallery: best first, lowest first, or alphabetically. ``-`` before
+        its name reverses the order."""
         return "-" * self.widget.order["reversed"] + self.widget.order["name"]
 
     @order.setter
@@ -122,14 +123,13 @@ class View(Displayed):
         return {"name": name.removeprefix("-") if is_turned else name, "reversed": is_turned}
 
     def refresh(self) -> "View":
-        """Look at the run anew, see `Run.refresh`; what is chosen and brushed stays. Returns the
-        view itself."""
+        """Read the run again, and keep selection and filter. Return the view itself."""
         self.run.refresh()
-        self._viewed = Viewed(self.run, self._of)
+        self._viewed = ViewTable(self.run, self._of)
         self.widget.show(self.table, self._viewed.about)
         return self
 
-    # -- shown -------------------------------------------------------------------------------
+    # -- display -----------------------------------------------------------------------------
 
     def __repr__(self) -> str:
         shown, chosen = len(self.filtered_ids), len(self.widget.chosen)
@@ -138,10 +138,7 @@ class View(Displayed):
         )
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict:
-        """The widget, and for where there is none a picture."""
+        """The widget, and a picture where there are no widgets."""
         bundle = self.widget._repr_mimebundle_()
         data = dict(bundle[0] if isinstance(bundle, tuple) else bundle or {})
         return data | {"text/plain": repr(self), "text/html": self._repr_html_()}
-
-
-__all__ = ["View"]

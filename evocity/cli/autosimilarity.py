@@ -1,4 +1,4 @@
-"""`evocity autosimilarity`: where a map is like itself."""
+"""`evocity autosimilarity`: where a map is similar to itself."""
 
 import csv
 import math
@@ -7,23 +7,17 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import (
-    check_output,
+from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.options import FILE, SIZES, json_option, map_options, option, output_option
+from evocity.cli.shared.terminal import (
     describe,
     echo,
-    json_option,
-    map_options,
     note_compiling,
     note_reading,
-    output_option,
     print_json,
     progress_bar,
-    writing,
 )
 from evocity.errors import EvocityError
-
-#: Largest side of a map, pixels.
-MAX_SIDE = 32767
 
 #: Measure: title, symbol, unit, and whether B is free.
 _MEASURES = {
@@ -35,26 +29,6 @@ _MEASURES = {
 }
 
 
-class _Sizes(click.ParamType):
-    name = "sizes"
-
-    def convert(self, value, param, ctx) -> tuple[int, ...]:
-        if isinstance(value, tuple):
-            return value
-        try:
-            return tuple(size for part in value.split(",") for size in _span(part))
-        except ValueError:
-            self.fail(f"{value!r} is no list of pixels such as 20 or 16,20 or 9-32", param, ctx)
-
-
-def _span(text: str) -> range:
-    first, dash, last = text.partition("-")
-    first, last = int(first), int(last if dash else first)
-    if not 0 < first <= last <= MAX_SIDE:
-        raise ValueError(text)
-    return range(first, last + 1)
-
-
 @click.command(
     epilog="""\b
 Examples:
@@ -64,69 +38,49 @@ Examples:
   evocity autosimilarity lyon-1er --domains 9-20 --measure domain --normalise variance -o d.png"""
 )
 @click.argument("map", metavar="MAP")
-@output_option(
-    "FILE",
-    "File to write: .tif (values, where on Earth), .png (a picture), .npy (bare values); "
-    "overwritten if it exists.",
+@output_option("FILE", "File to write: .tif (values with a place), .png (a picture), .npy (values)")
+@option(
+    "--block N[,N…]", "Sides B of the range blocks, pixels; several sides let B vary.", SIZES, "8"
 )
-@click.option(
-    "--block",
-    type=_Sizes(),
-    metavar="N[,N…]",
-    default="8",
-    show_default=True,
-    help="B, side of the range blocks, pixels; several leave B free.",
+@option(
+    "--domains N[,N…]|N-N",
+    "Sides D of the domain blocks, pixels; each B is compared only with larger D. [2B]",
+    SIZES,
 )
-@click.option(
-    "--domains",
-    type=_Sizes(),
-    metavar="N[,N…]|N-N",
-    show_default="2B",
-    help="D, sides of the domain blocks, pixels: any above B; 9-32 leaves D free up to 32. With "
-    "several B, each takes those of them that are larger than it.",
-)
-@click.option(
+@option(
     "--measure",
-    type=click.Choice([*_MEASURES]),
-    show_default="mean; likeness if B is free",
-    help="mean: µ̃ of each pixel; least: µ_min; with B free, largest: B_max; likeness: "
-    "(1 − µ_min)·B_max; domain: the D that explains most.",
+    "Value to write for a pixel: mean µ, least µ, largest B, (1 − µ)·B, or best D. "
+    "[mean; likeness if B is free]",
+    click.Choice([*_MEASURES]),
 )
-@click.option(
+@option(
     "--normalise",
-    type=click.Choice(["heights", "variance"]),
-    default="heights",
-    show_default=True,
-    help="What µ is divided by: heights, the map's range of heights, squared; variance, the "
-    "block's own, flat blocks left out.",
+    "Divisor of µ: the square of the map's range of heights, or the variance of the block.",
+    click.Choice(["heights", "variance"]),
+    "heights",
 )
-@click.option(
-    "--curve",
-    type=click.Path(path_type=Path),
-    metavar="CSV",
-    show_default="not written",
-    help="Also write the curve D → mean of µ, a row for each B and D.",
-)
-@click.option("--threads", type=int, show_default="all cores", help="Threads to use.")
+@option("--curve CSV", "CSV file for the mean of µ by D, a row for each B and D.", FILE)
+@option("--threads", "Number of threads. [all cores]", int)
 @map_options
 @json_option
 def autosimilarity(
     map, output: Path, block, domains, measure, normalise, curve, threads, reading, as_json
 ) -> None:
-    """Map where MAP is like itself (Marsault 2005, section 1.3).
+    """Write a map of the places where MAP is similar to itself (Marsault 2005, section 1.3).
 
-    µ is what the best domain block leaves unexplained of a range block, 0…1: 0 where the map
-    repeats itself at another scale. Every position of either, 8 isometries, exact. MAP is a
-    file or the name of a bundled district.
+    µ is the part of a range block that its best domain block does not explain, from 0 to 1. µ is 0
+    where the map repeats itself exactly at another scale. The search is exact: it compares all
+    positions of both blocks, in 8 isometries. MAP is a file or the name of a bundled district.
 
-    Time grows with the fourth power of the map's side and with the number of B and D; 256 px
-    with one of each take some ten seconds.
+    The time grows with the fourth power of the map's side, and with the number of sides B and D. A
+    map of 256 px takes about ten seconds with one B and one D.
 
-    Pixels without a value, as on flat ground if µ is divided by the variance, are NaN in .tif and
-    .npy, grey in pictures, and left out of what is printed.
+    Some pixels have no value, for example flat ground with --normalise variance. Pixels without a
+    value are NaN in .tif and .npy and grey in pictures, and the printed figures leave them out.
 
-    JSON keys: measure, normalise, lowest, mean, highest (of the values written; null if there are
-    none), known (share of the pixels that have a value), curve (B to D to the mean of µ), seconds.
+    JSON keys: measure, normalise, lowest, mean, highest (of the written values; null if there are
+    none), known (share of the pixels that have a value), curve (by B and D, the mean of µ),
+    seconds.
     """
     import numpy as np
 
@@ -149,15 +103,16 @@ def autosimilarity(
             "domains": domains, "normalise": normalise, "threads": threads, "progress": progress,
         }  # fmt: skip
         if len(blocks) == 1:
-            found = autosimilarity_maps(city, block=blocks[0], **options)
-            every = [found]
+            result = autosimilarity_maps(city, block=blocks[0], **options)
+            maps = [result]
         else:
-            found = free_block_maps(city, blocks=blocks, **options)
-            every = list(found.maps.values())
-    values = getattr(found, measure)
+            result = free_block_maps(city, blocks=blocks, **options)
+            maps = list(result.maps.values())
+    values = getattr(result, measure)
     write_field(Field(city, values, title, symbol, unit), output)
     if curve:
-        _write_curve(curve, every)
+        _write_curve(curve, maps)
+    seconds = sum(m.seconds for m in maps)
     known = values[~np.isnan(values)]
     lowest, mean, highest = (
         (float(known.min()), float(known.mean(dtype=float)), float(known.max()))
@@ -173,13 +128,12 @@ def autosimilarity(
                 "mean": mean,
                 "highest": highest,
                 "known": known.size / values.size,
-                "curve": {str(one.block): one.curve for one in every},
-                "seconds": sum(one.seconds for one in every),
+                "curve": {str(m.block): m.curve for m in maps},
+                "seconds": seconds,
             }
         )
         return
     echo(describe(city))
-    seconds = sum(one.seconds for one in every)
     echo(
         f"{title}: {lowest:.4g} to {highest:.4g}{unit and ' ' + unit}, mean {mean:.4g}"
         f"; {seconds:.1f} s"
@@ -198,20 +152,17 @@ def _check_measure(measure: str, free: bool | None, blocks: list[int]) -> None:
         return
     sizes = ",".join(str(size) for size in blocks)
     raise EvocityError(
-        f"--measure {measure} with --block {sizes}",
-        "largest or likeness with several sizes of blocks, mean with one, least with either",
-        "give --block 4,6,8 for the first two, --block 8 for mean",
+        f"--measure {measure} does not fit --block {sizes}",
+        "several block sizes for largest and likeness, one for mean, one or several for least",
+        "give --block 4,6,8 for largest and likeness, --block 8 for mean",
     )
 
 
-def _write_curve(path: Path, every) -> None:
-    from evocity.files import whole_file
-
+def _write_curve(path: Path, maps) -> None:
     with (
-        writing(path),
-        whole_file(path) as temporary,
+        replace_file(path) as temporary,
         open(temporary, "w", newline="", encoding="utf-8") as file,
     ):
         rows = csv.writer(file)
         rows.writerow(["block", "domain", "mean_error"])
-        rows.writerows((m.block, extent, mean) for m in every for extent, mean in m.curve.items())
+        rows.writerows((m.block, extent, mean) for m in maps for extent, mean in m.curve.items())

@@ -1,27 +1,26 @@
-"""`evocity breed`: parents become a child, by one operator."""
+"""`evocity breed`: one child of parents, by an operator."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
 
-from evocity.cli.common import (
-    check_output,
-    echo,
+from evocity.cli.shared.checks import check_genome_output, report_write_errors
+from evocity.cli.shared.inputs import parents_of
+from evocity.cli.shared.options import (
+    WHOLE,
+    ids_option,
     json_option,
-    note,
-    note_compiling,
+    option,
     output_option,
-    print_json,
-    writing,
+    parent_options,
+    settings_option,
 )
-from evocity.cli.encode import check_no_map_name
-from evocity.cli.given import ids_option
-from evocity.cli.parents import parent_options, parents_of
-from evocity.cli.settings import settings_of, settings_option
+from evocity.cli.shared.parameters import settings_of
+from evocity.cli.shared.terminal import echo, note, note_compiling, print_json
 from evocity.errors import OperatorError
 
-#: By how much of the map less than asked for is told.
+#: The least shortfall of a share that is noted.
 SHORT = 0.1
 
 
@@ -35,44 +34,34 @@ Examples:
 )
 @click.argument("operator", metavar="OPERATOR")
 @click.argument("parents", metavar="PARENT...", nargs=-1, required=True)
-@output_option("GENOME", "Genome file to write, usually .parquet; overwritten if it exists.")
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of all random draws: the same seed makes the same child.",
-)
+@output_option("GENOME", "Genome file to write, usually .parquet")
+@option("--seed", "Seed of the random draws; the same seed makes the same child.", WHOLE, 0)
 @settings_option("the operator's own")
-@ids_option(
-    "Which individual of a run folder. Give it once for each run among the parents, in order."
-)
+@ids_option("once for each run among the parents, in their order")
 @parent_options
 @json_option
 def breed(
     operator: str, parents, output: Path, seed, settings, identifiers, reading, coding, as_json
 ) -> None:
-    """Breed PARENTs by OPERATOR.
+    """Breed a child of PARENTs with OPERATOR, and write its genome.
 
-    `evocity operators list` names the operators and their parameters. A PARENT is a genome
-    file, a run folder with --id, a map file or the name of a bundled district; maps are coded
-    first. All must have one size, one pixel and, but for some operators, one block. What is locked
-    in one, by `evocity encode --lock`, stays in the child.
+    `evocity operators list` prints the operators and their parameters. A PARENT is a genome file, a
+    run folder with --id, a map file or a bundled district; the command codes maps first. All
+    parents must have the same size and pixels, and for most operators the same range blocks. The
+    child keeps the pixels that `evocity encode --lock` locked in a parent.
 
-    JSON keys: operator, seed, lifs, cities (each source city's share of the map), made (what
-    the operator tells: what it reached, how many lifs were repaired).
+    JSON keys: operator, seed, lifs, cities (by source city, its share of the map), made (facts from
+    the operator, such as the shares it reached and the number of lifs it repaired).
     """
     import numpy as np
 
-    for parent in parents:
-        check_output(output, parent)
-    check_no_map_name(output)
-    breeding = chosen(operator, settings_of(settings))
+    check_genome_output(output, *parents)
+    breeding = make_operator(operator, settings_of(settings))
     _check_count(breeding, len(parents))
     note_compiling()
     genomes = parents_of(parents, identifiers, reading, coding)
     child = breeding(genomes, np.random.default_rng(seed))
-    with writing(output):
+    with report_write_errors(output):
         child.write(output)
     shares = dict(zip(child.cities, child.shares.tolist(), strict=True))
     made = {key: value for key, value in child.made.items() if key != "operator"}
@@ -88,74 +77,75 @@ def breed(
         f"{operator}: {len(child)} lifs, {sides}, {p.height} × {p.width} px at "
         f"{child.metres_per_pixel:g} m"
     )
-    echo("stone of " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
+    echo("shares: " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
     for key, value in made.items():
-        echo(f"{key}: {_told(value)}")
+        echo(f"{key}: {_format(value)}")
     echo(f"wrote {output}")
 
 
 def _note_fill(made: Mapping[str, object]) -> None:
-    """Say if the parents' shares are farther from what was asked for than the margin allows, or
-    nothing of one was laid."""
+    """Note shares that miss ``fill`` by more than the margin, and parents without a part in the
+    child."""
     if not {"fill", "fill_reached", "margin"} <= made.keys():
         return
     shares = list(zip(made["fill"], made["fill_reached"], strict=True))
-    off = max(abs(asked - reached) for asked, reached in shares)
-    none = [str(k) for k, (asked, reached) in enumerate(shares, 1) if asked and not reached]
-    more = "a larger tolerance= lets in more, see evocity operators list"
-    if none:
-        note(f"nothing was laid of parent {' and '.join(none)}: no group fits; {more}")
+    off = max(abs(share - reached) for share, reached in shares)
+    absent = [str(k) for k, (share, reached) in enumerate(shares, 1) if share and not reached]
+    more = "a larger tolerance= admits more, see evocity operators list"
+    if absent:
+        note(f"the child has nothing of parent {' and '.join(absent)}: no group fits; {more}")
     elif off > made["margin"]:
         note(
-            f"a share is {off:.2f} off what fill asks for, margin {made['margin']:g}: too few "
-            f"groups fit; {more}"
+            f"a share misses fill by {off:.2f}, margin {made['margin']:g}: too few groups fit; "
+            f"{more}"
         )
 
 
 def _note_street_blocks(breeding, parents: Sequence[str], made: Mapping[str, object]) -> None:
-    """Say if an operator that fills street blocks filled none, or much less than asked."""
+    """Note if an operator filled no street block, or far fewer than it should."""
     if "street_blocks" not in made:
         return
     more = "a lower density= fills more, see evocity operators list"
-    filled, asked = made["street_blocks"], getattr(breeding, "street_blocks", None)
+    filled, planned = made["street_blocks"], getattr(breeding, "street_blocks", None)
     names = [*parents, "bare ground"]  # of the void, if it takes part
     shares = list(zip(names, made.get("fill", ()), made.get("fill_reached", ()), strict=False))[1:]
-    if asked is not None:
-        if filled < asked:
-            note(f"asked to fill {asked} street block{'s' * (asked > 1)}, filled {filled}: {more}")
+    if planned is not None:
+        if filled < planned:
+            blocks = f"street block{'s' * (planned > 1)}"
+            note(f"{filled} of {planned} {blocks} filled: {more}")
     elif not filled and any(share for _, share, _ in shares):
         note(f"no street block was filled: {more}")
     else:
         for name, share, reached in shares:
             if share - reached > SHORT:
-                note(f"asked {share:.2f} of {name}, reached {reached:.2f}: {more}")
+                note(f"{name} has a share of {reached:.2f}, not {share:.2f}: {more}")
 
 
-def chosen(name: str, settings: Mapping[str, object]):
-    """The operator called ``name`` with its parameters as typed: ``reach=all`` stands for None,
-    as in recipes, and a list of one does without its comma. Raises `OperatorError`."""
+def make_operator(name: str, settings: Mapping[str, object]):
+    """Make the operator called ``name`` with its parameters as typed: ``reach=all`` stands for
+    None, as in recipes, and a list of one item needs no comma. Raises `OperatorError`."""
     from evocity.operators import make, operators
     from evocity.operators.parameters import wrong_types
 
     kind = operators().get(name)
 
-    def meant(key: str, value: object) -> object:
+    def typed(key: str, value: object) -> object:
         if (key, value) == ("reach", "all"):
             return None
         if kind and wrong_types(kind, {key: value}) and not wrong_types(kind, {key: [value]}):
             return [value]
         return value
 
-    settings = {key: meant(key, value) for key, value in settings.items()}
+    settings = {key: typed(key, value) for key, value in settings.items()}
     try:
         return make(name, **settings)
     except OperatorError as error:
         if not error.faults:
             raise
-        # with colons: they are no options of this command, though some have the name of one
+        # with colons: some have the name of an option of this command
         raise OperatorError(
             f"{name} with --set "
-            + ", ".join(f"{k}: {found}" for k, (found, _) in error.faults.items()),
+            + ", ".join(f"{key}: {fault}" for key, (fault, _) in error.faults.items()),
             error.expected,
             error.remedy,
         ) from error
@@ -165,20 +155,20 @@ def _check_count(operator, count: int) -> None:
     """Raise, before any map is coded, unless ``count`` parents suit the ``operator``."""
     fewest, most = operator.parents
     if count < fewest or (most is not None and count > most):
-        wanted = fewest if most == fewest else f"{fewest} or more" if most is None else ""
+        counts = f"{fewest} or more" if most is None else f"{fewest} to {most}"
         raise OperatorError(
-            f"{operator.name}: {count} parent{'s' * (count > 1)}",
-            f"{wanted or f'{fewest} to {most}'} parent{'s' * (most != 1)}",
+            f"{operator.name} cannot breed from {count} parent{'s' * (count > 1)}",
+            f"{fewest if most == fewest else counts} parent{'s' * (most != 1)}",
             "name that many genomes, maps or districts after the operator",
         )
     if hasattr(operator, "check_count"):
         operator.check_count(count)
 
 
-def _told(value) -> str:
-    """A fact of an operator's, as it is read."""
+def _format(value) -> str:
+    """A fact from an operator, for reading."""
     if isinstance(value, list | tuple):
-        return ", ".join(map(_told, value)) or "none"
+        return ", ".join(map(_format, value)) or "none"
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_told(one)}" for key, one in value.items())
+        return ", ".join(f"{key} {_format(item)}" for key, item in value.items())
     return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)

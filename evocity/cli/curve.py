@@ -1,5 +1,4 @@
-"""`evocity curve`: lines as curves with details: traced, fitted, laid on maps; `detailing`: told
-and changed."""
+"""`evocity curve`: lines as curves with details: `trace`, `fit` and `lay`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,32 +6,33 @@ from typing import TYPE_CHECKING
 
 import click
 
-from evocity.cli.common import (
-    Commands,
-    check_output,
-    echo,
-    json_option,
-    map_options,
-    note,
-    output_option,
-    print_json,
-    writing,
-)
-from evocity.cli.detailing import (
+from evocity.cli.curve_detail import (
     WRITTEN,
     amplify,
     curve_output,
     detail,
     length_of,
     plain_line,
+    print_warnings,
     read_stored,
     transfer,
-    warned,
-    written,
+    write_output,
 )
-from evocity.cli.given import city_of, id_option
+from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.inputs import city_of
+from evocity.cli.shared.options import (
+    FILE,
+    POSITIVE,
+    WHOLE,
+    id_option,
+    json_option,
+    map_options,
+    option,
+    output_option,
+)
+from evocity.cli.shared.terminal import echo, note, print_json
 from evocity.errors import EvocityError
-from evocity.files import whole_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,10 +42,10 @@ _RASTERS = (".tif", ".tiff", ".npy", ".png")
 
 @click.group(cls=Commands)
 def curve() -> None:
-    """Lines as curves with details: trace, fit, tell, change, lay on a map.
+    """Curves with details: trace lines, fit curves, describe and change them, lay them on a map.
 
-    A curve has a few control points, maps that make the parts of it, and what the line has beside
-    these, level by level. CURVE is a file that `fit` wrote.
+    A curve has a few control points, maps that make its parts, and details. The details are what
+    the line adds to these parts, level by level. CURVE is a file that `fit` wrote.
     """
 
 
@@ -58,35 +58,23 @@ Examples:
 )
 @click.argument("source", metavar="MAP|GENOME|RUN")
 @id_option
-@output_option("GEOJSON", "File to write; overwritten if it exists.")
-@click.option(
+@output_option("GEOJSON", "File to write")
+@option(
     "--what",
-    type=click.Choice(["edge", "skyline", "facades", "streets"]),
-    default="edge",
-    show_default=True,
-    help="The edge of the fabric; the roofs against the sky; walls; middle lines of streets.",
+    "Edge of the fabric, roofs against the sky, walls, or middle lines of streets.",
+    click.Choice(["edge", "skyline", "facades", "streets"]),
+    "edge",
 )
-@click.option(
+@option(
     "--bearing",
-    type=click.FloatRange(-360, 360),
-    default=0.0,
-    show_default=True,
-    help="Of a skyline: whither one looks, degrees from north by east.",
+    "Direction of view of a skyline, degrees clockwise from north.",
+    click.FloatRange(-360, 360),
+    0.0,
 )
-@click.option(
-    "--reach",
-    type=click.FloatRange(0, 200),
-    default=12.0,
-    show_default=True,
-    help="Of an edge: gaps narrower than twice this, metres, are within the fabric.",
+@option(
+    "--reach", "Half the width of gaps that an edge closes, metres.", click.FloatRange(0, 200), 12.0
 )
-@click.option(
-    "--count",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="How many lines at most, the longest first.",
-)
+@option("--count", "Largest number of lines, the longest first.", POSITIVE, 1)
 @json_option
 @map_options
 def trace(
@@ -100,36 +88,38 @@ def trace(
     as_json: bool,
     reading: Mapping[str, object],
 ) -> None:
-    """Take lines of a map: edge, skyline, façades, streets.
+    """Trace lines of a map: the edge of its fabric, its skyline, façades, streets.
 
-    JSON keys: lines, a list of points and length (metres).
+    JSON keys: lines, a list of objects with points and length (metres).
     """
     from evocity import scene
     from evocity.io import PlacedLines, write_lines
-    from evocity.io.lines import crs_told
+    from evocity.io.lines import crs_code
 
     check_output(output, source, {".geojson", ".json"})
     city = city_of(source, reading, identifier)
     if what == "skyline":
         lines, crs = [scene.skyline(city, bearing)], None
     else:
-        found = {
+        trace_lines = {
             "edge": lambda: scene.fabric_edges(city, reach),
             "facades": lambda: scene.facades(city),
             "streets": lambda: scene.street_axes(city),
-        }
-        lines, crs = found[what]()[:count], crs_told(city)
+        }[what]
+        lines, crs = trace_lines()[:count], crs_code(city)
     if not lines:
         raise EvocityError(
-            f"{city.name}: no line of 50 m or more", "a larger map", "choose another --what"
+            f"{city.name}: the map has no line of 50 m or more",
+            "a map with a line of 50 m or more",
+            "choose a larger map, or another --what",
         )
     write_lines(PlacedLines(tuple(lines), crs, city.attribution), output)
-    told = [{"points": len(line), "length": length_of(line)} for line in lines]
+    listed = [{"points": len(line), "length": length_of(line)} for line in lines]
     if as_json:
-        print_json({"lines": told})
+        print_json({"lines": listed})
         return
-    for one in told:
-        echo(f"{what}: {one['points']} points, {one['length']:.0f} m")
+    for line in listed:
+        echo(f"{what}: {line['points']} points, {line['length']:.0f} m")
     echo(f"wrote {output}")
 
 
@@ -142,45 +132,13 @@ Examples:
 )
 @click.argument("line", metavar="LINE.geojson")
 @curve_output
-@click.option(
-    "--points",
-    type=click.IntRange(2, 16),
-    default=4,
-    show_default=True,
-    help="Control points of a polygon.",
-)
-@click.option(
-    "--maps", type=click.IntRange(2, 64), default=2, show_default=True, help="Parts of a polygon."
-)
-@click.option(
-    "--depth",
-    type=click.IntRange(1, 19),
-    show_default="as many as the line has points for",
-    help="Levels; the line is resampled at equal steps.",
-)
-@click.option(
-    "--drawn",
-    default="3",
-    show_default=True,
-    metavar="K|all",
-    help="The maps are fitted to draw so many of the finest levels alone.",
-)
-@click.option(
-    "--starts",
-    type=click.IntRange(1, 1000),
-    default=6,
-    show_default=True,
-    help="From how many maps the fit sets out.",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of their draws."
-)
-@click.option(
-    "--number",
-    type=click.IntRange(min=0),
-    show_default="the longest",
-    help="Which line of the file, from 0.",
-)
+@option("--points", "Number of control points.", click.IntRange(2, 16), 4)
+@option("--maps", "Number of maps, and so of parts of each polygon.", click.IntRange(2, 64), 2)
+@option("--depth", "Number of levels. [by the points of the line]", click.IntRange(1, 19))
+@option("--drawn K|all", "Number of finest levels that the maps draw without details.", default="3")
+@option("--starts", "Number of starting points of the fit.", click.IntRange(1, 1000), 6)
+@option("--seed", "Seed of the starting points.", WHOLE, 0)
+@option("--number", "Index of the line in the file, from 0. [the longest]", WHOLE)
 @json_option
 def fit(
     line: str,
@@ -194,51 +152,57 @@ def fit(
     number: int | None,
     as_json: bool,
 ) -> None:
-    """Make a curve of a line in a GeoJSON file, its details included.
+    """Fit a curve, with details, to a line in a GeoJSON file.
 
-    The maps are fitted so that without details in the finest K levels the curve lies as near to
-    the line as it can; they contract. Degrees become metres about the line's middle.
+    The fit searches for contracting maps that keep the curve near the line, even without details in
+    the finest K levels (--drawn). Coordinates in degrees become metres around the middle of the
+    line.
 
-    JSON keys: points, depth, numbers (kept without the finest K levels), rms (metres, then),
-    contraction (lower, upper, proved).
+    JSON keys: points, depth, numbers (how many numbers the curve has without the finest K levels),
+    rms (metres from the line, without these levels), contraction (lower, upper, proved).
     """
     import numpy as np
 
     from evocity.io import read_lines
     from evocity.shapes import StoredCurve, fit_curve, rms_of
-    from evocity.shapes.lines import tell_crossing
+    from evocity.shapes.lines import warn_crossing
 
     check_output(output, line, WRITTEN)
     if drawn != "all" and not (drawn.isdecimal() and 1 <= int(drawn) <= 64):
-        raise EvocityError(f"--drawn {drawn}", "a whole number, 1 or more, or all", "correct it")
+        raise EvocityError(
+            f"--drawn {drawn} is not a number of levels",
+            "a whole number, 1 or more, or all",
+            "correct the number",
+        )
     placed = read_lines(line)
-    taken = _taken(placed.lines, number, line)
-    with warned():
-        one = fit_curve(
-            taken, points, maps, depth, None if drawn == "all" else int(drawn), starts,
+    chosen = _choose_line(placed.lines, number, line)
+    with print_warnings():
+        fitted = fit_curve(
+            chosen, points, maps, depth, None if drawn == "all" else int(drawn), starts,
             np.random.default_rng(seed),
         )  # fmt: skip
-        tell_crossing(plain_line(one), line)
-    levels = one.depth if drawn == "all" else min(int(drawn), one.depth)
-    rms, told = rms_of(one, levels), one.curve.contraction
-    written(StoredCurve(one, placed.crs, placed.attribution), output)
-    numbers = len(one.points(one.depth - levels))
+        warn_crossing(plain_line(fitted), line)
+    levels = fitted.depth if drawn == "all" else min(int(drawn), fitted.depth)
+    rms, bounds = rms_of(fitted, levels), fitted.curve.contraction
+    write_output(StoredCurve(fitted, placed.crs, placed.attribution), output)
+    numbers = len(fitted.points(fitted.depth - levels))
     if as_json:
-        contraction = {"lower": told.lower, "upper": told.upper, "proved": told.proved}
+        contraction = {"lower": bounds.lower, "upper": bounds.upper, "proved": bounds.proved}
         print_json(
             {
-                "points": len(one.line()),
-                "depth": one.depth,
+                "points": len(fitted.line()),
+                "depth": fitted.depth,
                 "numbers": numbers,
                 "rms": rms,
                 "contraction": contraction,
             }
         )
         return
-    echo(f"{len(one.line())} points, {one.depth} levels; exact with all details")
+    echo(f"{len(fitted.line())} points, {fitted.depth} levels; exact with all details")
     echo(f"without the finest {levels} levels: {numbers} points, {rms:.4g} m off (RMS)")
-    known = "proved" if told.proved else "not proved, not refuted"
-    echo(f"the maps contract: {known}; joint spectral radius {told.lower:.4g} to {told.upper:.4g}")
+    proof = "proved" if bounds.proved else "not proved, not refuted"
+    radius = f"{bounds.lower:.4g} to {bounds.upper:.4g}"
+    echo(f"the maps contract: {proof}; joint spectral radius {radius}")
     echo(f"wrote {output}")
 
 
@@ -252,22 +216,10 @@ Examples:
 @click.argument("source", metavar="CURVE")
 @click.argument("place", metavar="MAP|GENOME|RUN")
 @id_option
-@output_option("TIF|NPY|PNG", "The map with the curve on it; overwritten if it exists.")
-@click.option("--width", type=float, required=True, help="Of the strip along the curve, metres.")
-@click.option(
-    "--height",
-    type=float,
-    default=0.0,
-    show_default=True,
-    help="Of what lies there, metres: 0 is ground or water, more a wall.",
-)
-@click.option(
-    "--mask",
-    type=click.Path(path_type=Path),
-    metavar="NPY",
-    show_default="none",
-    help="Write also where it lies: what `evocity encode --lock` takes, for decoding to keep.",
-)
+@output_option("TIF|NPY|PNG", "Map to write, with the curve on it")
+@option("--width", "Width of the strip along the curve, metres.", float, required=True)
+@option("--height", "Height of the strip, metres; 0 for ground or water.", float, 0.0)
+@option("--mask NPY", "Mask of the strip to write, for `evocity encode --lock`.", FILE)
 @json_option
 @map_options
 def lay(
@@ -283,11 +235,12 @@ def lay(
 ) -> None:
     """Lay a curve on a map: a river, a boulevard, a wall.
 
-    Of both on Earth the curve is laid where it is; a curve that lies nowhere, in metres from the
-    map's south-west corner. One that crosses itself, misses the map or is narrower than a pixel is
-    refused.
+    If the curve and the map have places on Earth, the curve keeps its place. Otherwise the
+    coordinates of the curve are metres from the map's south-west corner. The command refuses a
+    curve that crosses itself, misses the map or is narrower than a pixel.
 
-    JSON keys: pixels (covered), built (square metres of buildings that it takes).
+    JSON keys: pixels (covered by the strip), built (square metres of buildings that the strip
+    replaces).
     """
     import numpy as np
 
@@ -304,7 +257,10 @@ def lay(
     taken = int(np.count_nonzero(layer.mask & city.built)) * city.metres_per_pixel**2
     evocity.write_map(city.replace(layer.laid(city.heights)), output)
     if mask is not None:
-        with writing(mask), whole_file(mask) as temporary, open(temporary, "wb") as file:
+        with (
+            replace_file(mask) as temporary,
+            open(temporary, "wb") as file,
+        ):
             np.save(file, layer.mask.astype(np.uint8))
     if as_json:
         print_json({"pixels": len(layer), "built": taken})
@@ -312,22 +268,20 @@ def lay(
     echo(f"{len(layer)} pixels, of which {taken:.0f} m² were built; wrote {output}")
 
 
-def _taken(lines: "tuple[np.ndarray, ...]", number: int | None, name: str) -> "np.ndarray":
+def _choose_line(lines: "tuple[np.ndarray, ...]", number: int | None, name: str) -> "np.ndarray":
     if number is not None:
         if number >= len(lines):
             raise EvocityError(
-                f"--number {number}, of {len(lines)} lines in {name}",
-                f"0…{len(lines) - 1}",
-                "choose another",
+                f"--number {number} is too large for the {len(lines)} lines in {name}",
+                f"a number from 0 to {len(lines) - 1}",
+                "choose another line",
             )
         return lines[number]
     longest = max(range(len(lines)), key=lambda k: length_of(lines[k]))
     if len(lines) > 1:
-        note(f"{name} has {len(lines)} lines; number {longest}, the longest, is taken")
+        note(f"{name} has {len(lines)} lines; this command takes number {longest}, the longest")
     return lines[longest]
 
 
 for _command in (detail, transfer, amplify):
     curve.add_command(_command)
-
-__all__ = ["curve"]

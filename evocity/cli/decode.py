@@ -1,4 +1,4 @@
-"""`evocity decode`: a genome becomes a map."""
+"""`evocity decode`: the map of a genome."""
 
 import shlex
 from pathlib import Path
@@ -6,29 +6,28 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import (
-    check_output,
-    converged,
-    count_option,
-    describe,
-    echo,
-    note,
-    note_compiling,
-    output_option,
-)
-from evocity.cli.given import (
-    at_option,
-    decoded,
-    decoded_name,
+from evocity.cli.shared.checks import check_output, check_zoom
+from evocity.cli.shared.inputs import (
+    decode_genome,
     fabric_in,
     genome_of,
-    id_option,
     is_run,
+    name_decoded,
     place_at,
+    warn_unconverged,
 )
-from evocity.errors import EvocityError, setting
+from evocity.cli.shared.options import (
+    at_option,
+    count_option,
+    flag,
+    id_option,
+    option,
+    output_option,
+)
+from evocity.cli.shared.terminal import describe, echo, note, note_compiling
+from evocity.errors import EvocityError
 
-# What is written in these lies somewhere.
+# Suffixes of files that have a place on Earth.
 _PLACED = (".gpkg", ".tif", ".tiff")
 
 
@@ -47,51 +46,35 @@ Examples:
 @click.argument("genome", metavar="GENOME|RUN")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights, where on Earth), .gpkg or .geojson (footprints with heights), "
-    ".png (a picture), .npy (bare heights); overwritten if it exists.",
+    "Map to write: .tif (heights with a place), .gpkg or .geojson (footprints with heights), "
+    ".png (a picture), .npy (heights)",
 )
 @id_option
 @at_option
-@click.option(
-    "--zoom",
-    type=float,
-    default=1.0,
-    show_default=True,
-    help="Fractal zoom: above 1 creates detail, below 1 simplifies.",
+@option("--zoom", "Fractal zoom: above 1 adds detail, below 1 simplifies.", float, 1.0)
+@option(
+    "--low-pass F_C", "Replace pixels that the code calls more than F_C times by ground.", float
 )
-@click.option(
-    "--low-pass",
-    type=float,
-    metavar="F_C",
-    show_default="none",
-    help="Cut frequency: what the code calls more often becomes ground, and what is made of it "
-    "flat. `show --usage` tells which numbers make sense; the papers take 1, 10 and 100.",
-)
-@click.option(
-    "--high-pass",
-    type=float,
-    metavar="F_C",
-    show_default="none",
-    help="Cut frequency: what the code calls less often becomes ground, and what is made of it "
-    "flat. With --low-pass it leaves a band.",
+@option(
+    "--high-pass F_C", "Replace pixels that the code calls fewer than F_C times by ground.", float
 )
 @count_option
-@click.option(
-    "--raw",
-    is_flag=True,
-    help="Footprints along the edges of their pixels, in place of straight walls.",
-)
+@flag("--raw", "Keep footprints along pixel edges, without straight walls.")
 def decode(
     genome: str, output: Path, identifier, at, zoom: float, low_pass, high_pass, count, raw
 ) -> None:
-    """Write the map that a genome stands for, its attractor.
+    """Decode a genome, and write its map, the attractor.
 
-    The genome is a GENOME file, or that of one individual of a RUN folder, named by --id.
+    The genome is a GENOME file, or the genome of individual --id of a RUN folder.
 
-    Footprints are a polygon a building, with id, height (the mean of its pixels, metres) and area
-    (m²). Their walls are straight lines fitted to the pixels, and none overlaps another. A map that
-    lies nowhere on Earth, such as a child of two towns, is written as .gpkg, in local metres, not
-    as .geojson; --at lays it on the ground of one of them.
+    The filters --low-pass and --high-pass replace pixels by ground, and flatten the pixels that the
+    code makes from these. Both filters together leave a band of pixels. The command `evocity show
+    --usage` prints useful values of F_C; the papers use 1, 10 and 100.
+
+    A file of footprints has one polygon per building, with id, height (the mean of its pixels,
+    metres) and area (m²). Walls are straight lines fitted to the pixels, and footprints never
+    overlap. A child of two towns has no place on Earth: it can be written as .gpkg, in local
+    metres, but not as .geojson. With --at, such a child gets the place of one of its towns.
     """
     from evocity.io import RAW_WRITERS, WRITERS
 
@@ -101,13 +84,15 @@ def decode(
     if count is not None and not filters:
         raise EvocityError(
             "--count without --low-pass or --high-pass",
-            "a filter to count for",
+            "a filter, since --count selects the calls that a filter compares",
             "add --low-pass F_C or --high-pass F_C",
         )
     for name, f_c in filters.items():
         if not f_c >= 0:
             raise EvocityError(
-                f"--{name} {f_c:g}", "calls, 0 or more", "give for example 10; see show --usage"
+                f"--{name} {f_c:g} is not a number of calls",
+                "0 calls or more",
+                "give for example 10; evocity show --usage prints useful values",
             )
     note_compiling()
     code = genome_of(genome, identifier)
@@ -117,19 +102,19 @@ def decode(
         _write_form(code, genome, identifier, zoom, filters, output, raw)
         return
     check_zoom(code.pavement, zoom)
-    told = []
+    facts = []
     for name, f_c in filters.items():
-        code, share = _filtered(code, name, f_c, count or "pixels")
-        told.append(f"{name} at {f_c:g} calls: {share:.0%} of the pixels go to ground")
-    decoding = converged(evocity.decode(code, zoom=zoom), genome)
+        code, share = _filter(code, name, f_c, count or "pixels")
+        facts.append(f"{name} at {f_c:g} calls: ground on {share:.0%} of the pixels")
+    decoding = warn_unconverged(evocity.decode(code, zoom=zoom), genome)
     city = decoding.city
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
-    name = decoded_name(city.name, code, genome, identifier) + filtered
+    name = name_decoded(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output, raw=raw)
     if at is None and city.crs is None and is_run(genome) and output.suffix.lower() in _PLACED:
         _note_nowhere(evocity.open_run(genome), code)
-    for line in (describe(city), *told, f"decoded in {decoding.iterations} steps"):
+    for line in (describe(city), *facts, f"decoded in {decoding.iterations} steps"):
         echo(line)
     echo(f"wrote {output}")
 
@@ -137,52 +122,38 @@ def decode(
 def _write_form(
     form, source: str, identifier, zoom: float, filters, output: str, raw: bool
 ) -> None:
-    """Write the map of what is no fabric alone."""
+    """Write the map of a shape, a curve or a site."""
     if filters:
         fabric_in(form, source)
         raise EvocityError(
-            f"--{next(iter(filters))} of a {form.kind}",
-            "a fabric alone",
-            "leave it out",
+            f"--{next(iter(filters))} does not fit a {form.kind}",
+            "a fabric",
+            "leave the filter out",
         )
-    city = decoded(form, source, identifier, zoom)
+    city = decode_genome(form, source, identifier, zoom)
     evocity.write_map(city, output, raw=raw)
     echo(describe(city))
     echo(f"wrote {output}")
 
 
 def _note_nowhere(run, code) -> None:
-    """Say where a map may be laid that lies nowhere, for the cities of its ``run`` lie in several
+    """Name a place for a map that lies nowhere, since the cities of its ``run`` lie in several
     places."""
-    from evocity.analysis.placing import ground_of
+    from evocity.analysis.georeference import ground_of
 
     shares = dict(zip(code.cities, code.shares.tolist(), strict=True))
     ground = ground_of(shares, run.sources())
     if ground is not None:
         note(
-            "it lies nowhere on Earth, since its parents lie in several places; "
-            f"--at {shlex.quote(ground)} lays it on the ground of the one that it has most of"
+            "the map lies nowhere on Earth, since its parents lie in several places; "
+            f"--at {shlex.quote(ground)} puts it on the ground of its main parent"
         )
 
 
-def _filtered(code, name: str, f_c: float, count: str) -> tuple:
-    """The filtered ``code``, and the share of its pixels that the filter laid bare."""
+def _filter(code, name: str, f_c: float, count: str) -> tuple:
+    """The filtered ``code``, and the share of its pixels that the filter turns to ground."""
     from evocity.coding import high_pass, low_pass
 
     filtered = {"low-pass": low_pass, "high-pass": high_pass}[name](code, f_c, count=count)
-    kept = [0 if one.condensation is None else len(one.condensation) for one in (code, filtered)]
+    kept = [0 if c.condensation is None else len(c.condensation) for c in (code, filtered)]
     return filtered, (kept[1] - kept[0]) / (code.pavement.height * code.pavement.width)
-
-
-def check_zoom(pavement, zoom: float) -> None:
-    """Raise if a genome of this ``pavement``, decoded at ``zoom``, is a map too large."""
-    from evocity.citymap import MAX_PIXELS
-
-    pixels = pavement.height * pavement.width * zoom**2
-    if pixels > MAX_PIXELS:
-        most = (MAX_PIXELS / (pavement.height * pavement.width)) ** 0.5
-        raise EvocityError(
-            f"{setting('zoom', zoom)} makes a map of {pixels / 1e6:.0f} million pixels",
-            f"at most {MAX_PIXELS // 10**6} million",
-            f"choose a zoom below {most:.0f}",
-        )

@@ -1,30 +1,24 @@
-"""`evocity fitness`: what maps can be measured by; and `list`, the measures there are."""
+"""`evocity fitness`: measures of maps; `list` prints them."""
 
 import os.path
 
 import click
 
 import evocity
-from evocity.cli.common import (
-    Commands,
-    json_option,
-    near,
-    print_json,
-    print_table,
-    quiet_stdout,
-    warn,
-)
 from evocity.cli.fitness_bench import bench
 from evocity.cli.fitness_check import check
 from evocity.cli.fitness_new import new
+from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.options import json_option, option
+from evocity.cli.shared.terminal import print_json, print_table, quiet_stdout, relative_path, warn
 
-#: Seconds a listing spends on one measure, and on all.
+#: Time limits of the costs in a list, seconds: of one measure, and of all.
 _EACH, _ALL = 2.0, 10.0
 
 
 @click.group(cls=Commands)
 def fitness() -> None:
-    """What maps can be measured by, and measures of your own."""
+    """Measures of maps, also your own."""
 
 
 fitness.add_command(new)
@@ -41,22 +35,22 @@ Examples:
   evocity score lyon-1er --fitness gsi --fitness my_measure.py""",
 )
 @click.argument("files", metavar="[FILE.py]...", nargs=-1)
-@click.option("--cost/--no-cost", help="Measure what a call of each costs.", show_default=True)
+@option("--cost/--no-cost", "Measure the cost of one call of each measure.", show_default=True)
 @json_option
 def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
-    """List the measures: name, goal, unit, range, where from, and what each says.
+    """List the measures: name, goal, unit, range, origin and meaning.
 
-    A measure without a goal of its own takes a target (target = 0.35) or a city to be like
-    (like = "lyon-1er") in the recipe. Measures of your own live in Python files: those named
-    are executed, and their measures listed too. `evocity fitness new` begins one.
+    A measure without a goal needs a target in the recipe (target = 0.35), or a city to be like
+    (like = "lyon-1er"). Your own measures are in Python files: the command executes the files that
+    you name, and lists their measures too. To write your first file, use `evocity fitness new`.
 
-    With --cost, what one call costs on lyon-1er, 256 × 256 px, is told too, in milliseconds; "-" of
-    those that ask for genome, parents or sources, and of those that fail; "?" where the time was
-    up, 2 s of one measure or 10 s of all. `evocity fitness bench` times every measure, and more
+    --cost adds the milliseconds of one call on lyon-1er, 256 × 256 px. "-" marks measures that
+    fail, or that need a genome, parents or sources. "?" marks measures without a result within 2 s
+    for one measure or 10 s for all. The command `evocity fitness bench` times every measure more
     exactly.
 
-    JSON: each name to goal, unit, range (null: no bound), milliseconds (null without
-    --cost), origin, doc.
+    JSON: for each name, goal, unit, range (null: no bound), milliseconds (null without --cost),
+    origin, doc.
     """
     with quiet_stdout():
         for file in files:
@@ -74,12 +68,12 @@ def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
 
 
 def _costs(measures) -> dict[str, float | None]:
-    """Seconds of one call of each measure; None of those for which there was too little time. Those
-    that ask for more than a map, or fail, are left out."""
+    """Seconds of one call of each measure; None for those without a result in time. Measures that
+    need more than a map, or fail, are missing."""
     import time
 
-    from evocity.authoring import Case
-    from evocity.authoring.watching import watched
+    from evocity.fitness.check import Case
+    from evocity.fitness.check.observed_call import observe
 
     case = Case(evocity.read_map("lyon-1er"))
     end = time.perf_counter() + _ALL
@@ -89,7 +83,7 @@ def _costs(measures) -> dict[str, float | None]:
         if "reference" in measure.needs:
             measure = measure.bound(case.city)
         while case.serves(measure) and len(seconds) < 3 and time.perf_counter() < end:
-            call = watched(measure, case.fresh(), _EACH)
+            call = observe(measure, case.fresh(), _EACH)
             if call.error:
                 late |= isinstance(call.error, TimeoutError)
                 break
@@ -119,8 +113,8 @@ def _row(measure, costs) -> tuple[str, ...]:
         measure.name,
         measure.goal or "-",
         measure.unit or "-",
-        measure.told_range,
+        measure.range_text,
         "-" if measure.name not in costs else "?" if seconds is None else f"{1e3 * seconds:.2g}",
-        near(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
+        relative_path(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
         measure.summary or "-",
     )

@@ -1,18 +1,11 @@
-"""`evocity fitness bench`: what measures cost."""
+"""`evocity fitness bench`: the time that measures take."""
 
 import click
 
 import evocity
-from evocity.cli.common import (
-    describe,
-    echo,
-    json_option,
-    map_options,
-    print_json,
-    print_table,
-    quiet_stdout,
-)
-from evocity.cli.given import case_of, measures_of
+from evocity.cli.shared.inputs import case_of, measures_of
+from evocity.cli.shared.options import POSITIVE, json_option, map_options, option
+from evocity.cli.shared.terminal import describe, echo, print_json, print_table, quiet_stdout
 
 
 @click.command(
@@ -21,45 +14,37 @@ Examples:
   evocity fitness bench
   evocity fitness bench my_measure.py gsi --map villeurbanne-gratte-ciel"""
 )
-@click.argument("measures", metavar="[NAME|FILE.py]...", nargs=-1)
-@click.option(
-    "--map",
-    "source",
-    metavar="MAP|GENOME",
+@click.argument("words", metavar="[NAME|FILE.py]...", nargs=-1)
+@option(
+    "--map source MAP|GENOME",
+    "Map or genome to measure; measures that need a genome get the coded map.",
     default="lyon-1er",
-    show_default=True,
-    help="What is measured; the code of a map too, by measures that ask for genome, parents or "
-    "sources.",
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(min=1),
-    default=7,
-    show_default=True,
-    help="Calls that are timed; the fewest milliseconds and their median are told.",
-)
+@option("--repeats", "Number of timed calls.", POSITIVE, 7)
 @map_options
 @json_option
-def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json: bool) -> None:
-    """Time measures, all of `evocity fitness list` if none is named, on one map and one core.
+def bench(words: tuple[str, ...], source: str, repeats: int, reading, as_json: bool) -> None:
+    """Time measures, or all of `evocity fitness list`, on one map and one core.
 
-    Alone: a call on a map that no other measure has seen, the views it asks for included. Shared:
-    on a map whose views are there already. All together: one call of each, on one map whose views
-    they share. A first call, which loads what is compiled, is not counted.
+    The column "alone" is the time of a call on a map that no other measure has seen, with the views
+    that the measure needs. The column "shared" is the time of a call on a map whose views already
+    exist. The row "all together" is the time of one call of each measure, on one map with common
+    views. The first call, which loads compiled code, does not count. Each time is the least of all
+    calls, with the median in brackets.
 
-    JSON: measures (each name to alone and shared, milliseconds: least, median) and together
-    (least, median).
+    JSON: measures (by name, alone and shared: least and median, milliseconds) and together (least
+    and median).
     """
-    from evocity.authoring.timing import cost, cost_together
+    from evocity.fitness.check.cost import cost, cost_together
 
     with quiet_stdout():
-        wanted = {m.name: m for word in measures for m in measures_of(word)}
-        wanted = list(wanted.values()) or evocity.fitness.measures()
+        measures = {m.name: m for word in words for m in measures_of(word)}
+        measures = list(measures.values()) or evocity.fitness.measures()
         case = case_of(source, reading)
-        wanted = [m.bound(case.city) if "reference" in m.needs else m for m in wanted]
-        coded = case if all(map(case.serves, wanted)) else _coded(case)
-        costs = {m.name: cost(m, case if case.serves(m) else coded, repeats) for m in wanted}
-        together = cost_together(wanted, coded, repeats)
+        measures = [m.bound(case.city) if "reference" in m.needs else m for m in measures]
+        coded = case if all(map(case.serves, measures)) else _with_code(case)
+        costs = {m.name: cost(m, case if case.serves(m) else coded, repeats) for m in measures}
+        together = cost_together(measures, coded, repeats)
     costs = dict(sorted(costs.items(), key=lambda item: item[1].alone.least))
     if as_json:
         each = {k: {"alone": _ms(v.alone), "shared": _ms(v.shared)} for k, v in costs.items()}
@@ -67,18 +52,18 @@ def bench(measures: tuple[str, ...], source: str, repeats: int, reading, as_json
         return
     echo(describe(case.city))
     rows = [("milliseconds", "alone", "(median)", "shared", "(median)")]
-    rows += [(name, *_cells(one.alone), *_cells(one.shared)) for name, one in costs.items()]
+    rows += [(name, *_cells(time.alone), *_cells(time.shared)) for name, time in costs.items()]
     if len(costs) > 1:
         rows.append(("all together", "", "", *_cells(together)))
     print_table(rows)
 
 
-def _coded(case):
-    """The ``case`` of a map's own code, or of the genome it has, which is its own parent; the
-    genome's map stands in for the cities it is made of."""
+def _with_code(case):
+    """The ``case`` with the code of its map as genome and parent. A genome without sources is its
+    own parent, and its map stands for its source cities."""
     import numpy as np
 
-    from evocity.cli.trials import bred_case
+    from evocity.cli.shared.trial_maps import bred_case
     from evocity.genome import packed
 
     genome, name = case.genome, f"{case.city.name}, decoded"

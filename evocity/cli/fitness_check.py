@@ -1,22 +1,22 @@
-"""`evocity fitness check`: a measure is tried, and what is wrong with it is told."""
+"""`evocity fitness check`: tries measures, and prints their faults."""
 
 import math
 from pathlib import Path
 
 import click
 
-from evocity.cli.common import (
+from evocity.cli.shared.commands import message_of
+from evocity.cli.shared.inputs import measures_of
+from evocity.cli.shared.options import json_option, option
+from evocity.cli.shared.terminal import (
     echo,
-    json_option,
-    near,
     note_compiling,
     print_json,
     print_table,
     progress_bar,
     quiet_stdout,
-    told,
+    relative_path,
 )
-from evocity.cli.given import measures_of
 from evocity.errors import EvocityError, FitnessError
 
 
@@ -30,42 +30,38 @@ Examples:
 Exit codes: 0 it can be used; 1 something is wrong with it; 2 the command line is at fault."""
 )
 @click.argument("measures", metavar="FILE.py|NAME...", nargs=-1, required=True)
-@click.option(
-    "--timeout",
-    type=click.FloatRange(min=0, min_open=True),
-    default=10.0,
-    show_default=True,
-    help="Seconds after which a call is given up.",
+@option(
+    "--timeout", "Time limit of one call, seconds.", click.FloatRange(min=0, min_open=True), 10.0
 )
 @json_option
 def check(measures: tuple[str, ...], timeout: float, as_json: bool) -> None:
-    """Try measures on cities and on awkward maps, and tell what is wrong with them.
+    """Try measures on cities and on unusual maps, and print their faults.
 
-    They are run on the bundled districts, on towns drawn by a rule, on an empty map, a full one,
-    an odd and a tiny one, and on children bred from two districts. Told are the values; errors
-    with file, line and remedy; the time a call takes, and its memory; whether the same map gives
-    the same bits; and how far the value moves when a map is turned or mirrored, or has half the
-    resolution, which is no fault.
+    The maps are the bundled districts, towns drawn by a rule, children of two districts, an empty
+    map, a full map, a map with odd sides and a tiny map. The command prints the values; errors with
+    file, line and fix; the time and the memory of a call; and whether the same map gives the same
+    bits. The command also prints how much a value changes when a map is turned, mirrored or halved
+    in resolution. A changed value is not an error.
 
-    JSON: each measure's name to usable, findings (kind, about, file, line, found, expected,
-    remedy), values (map to number; null where undefined or failed), reasons (why), milliseconds
-    (map to those of the first call), first_ms, median_ms, memory (bytes), turned and halved
-    (before, after; null if not asked). A file that cannot be loaded stands there by its name,
-    with usable and findings.
+    JSON: for each measure, usable, findings (kind, about, file, line, found, expected, remedy),
+    values (by map, a number; null where undefined or failed), reasons (why a value is null),
+    milliseconds (by map, of the first call), first_ms, median_ms, memory (bytes), turned and halved
+    (before and after; null if not needed). For a file that cannot be loaded, the JSON has usable
+    and findings under the name of the file.
     """
     note_compiling()
-    # click.Context.exit() raises: outside of all that tidies up
-    if not _checked(measures, timeout, as_json):
+    # click.Context.exit() raises: call it outside of all context managers
+    if not _check_all(measures, timeout, as_json):
         click.get_current_context().exit(1)
 
 
-def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
-    """Whether all are usable; tells it."""
+def _check_all(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
+    """Try all measures, and print the reports; returns whether all are usable."""
     documents, usable = {}, True
     for number, word in enumerate(words):
         try:
             with quiet_stdout():
-                found = measures_of(word)
+                measures = measures_of(word)
         except FitnessError as error:
             if not Path(word).is_file():
                 raise
@@ -74,8 +70,8 @@ def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
             if not as_json:
                 echo(_message("Error", error))
             continue
-        hung = set()  # functions given up: those of several numbers are not tried for each
-        for place, measure in enumerate(found):
+        hung = set()  # functions that ran out of time: their other numbers are not tried
+        for place, measure in enumerate(measures):
             if measure.function in hung:
                 continue
             report = _report(measure, timeout)
@@ -87,30 +83,29 @@ def _checked(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
             else:
                 if number or place:
                     echo()
-                _tell(report, word)
+                _print_report(report, word)
     if as_json:
         print_json(documents)
     return usable
 
 
 def _report(measure, timeout: float):
-    from evocity.authoring import check as tried
-    from evocity.cli.trials import trial_cases
+    from evocity.cli.shared.trial_maps import trial_cases
+    from evocity.fitness.check import check as try_measure
 
     with progress_bar(f"trying {measure.name}") as progress, quiet_stdout():
-        cases = trial_cases()
-        return tried(measure, cases, timeout=timeout, progress=progress)
+        return try_measure(measure, trial_cases(), timeout=timeout, progress=progress)
 
 
 # -- in words ----------------------------------------------------------------------------------
 
 
-def _tell(report, word: str) -> None:
+def _print_report(report, word: str) -> None:
     measure = report.measure
     unit = f" {measure.unit}" if measure.unit else ""
     echo(
-        f"{measure.name}: goal {measure.goal or 'none'}, {measure.told_range}{unit}; "
-        f"{near(measure.file)}, line {measure.line}"
+        f"{measure.name}: goal {measure.goal or 'none'}, {measure.range_text}{unit}; "
+        f"{relative_path(measure.file)}, line {measure.line}"
     )
     echo()
     rows = [("map", "value", "ms", "")]
@@ -120,10 +115,11 @@ def _tell(report, word: str) -> None:
     echo()
     for line in _facts(report):
         echo(line)
-    for one in report.findings:
-        error = EvocityError(one.found, one.expected, one.remedy)
+    for finding in report.findings:
+        error = EvocityError(finding.found, finding.expected, finding.remedy)
+        place = f"{relative_path(finding.file)}, line {finding.line}"
         echo()
-        echo(_message(f"{one.kind.capitalize()}: {near(one.file)}, line {one.line}", error))
+        echo(_message(f"{finding.kind.capitalize()}: {place}", error))
     echo()
     echo(_verdict(report, word))
 
@@ -139,16 +135,16 @@ def _facts(report) -> list[str]:
     if report.memory is not None:
         facts.append(f"memory: {report.memory / 2**20:.1f} MiB a call")
     measured = any(trial.value is not None for trial in report.trials)
-    if measured and not any(one.about in ("random", "time") for one in report.findings):
+    if measured and not any(f.about in ("random", "time") for f in report.findings):
         facts.append("the same map again: the same bits")
     if report.turned:
-        facts.append(f"turned and mirrored: {_moved(report.turned)}")
+        facts.append(f"turned and mirrored: {_describe_change(report.turned)}")
     if report.halved:
-        facts.append(f"at half the resolution: {_moved(report.halved)}")
+        facts.append(f"at half the resolution: {_describe_change(report.halved)}")
     return facts
 
 
-def _moved(change) -> str:
+def _describe_change(change) -> str:
     before, after = change.before, change.after
     if math.isnan(after):
         return f"undefined, in place of {before:.4g}"
@@ -162,7 +158,7 @@ def _moved(change) -> str:
 
 def _verdict(report, word: str) -> str:
     name = report.measure.name
-    errors = sum(one.kind == "error" for one in report.findings)
+    errors = sum(finding.kind == "error" for finding in report.findings)
     warnings = len(report.findings) - errors
     kinds = ((errors, "error"), (warnings, "warning"))
     counted = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in kinds if count]
@@ -171,12 +167,12 @@ def _verdict(report, word: str) -> str:
     with_what = f" ({', '.join(counted)})" if counted else ""
     key = f'name = "{name}"'
     if word.endswith((".py", ".toml")):
-        lone = [one.name for one in measures_of(word)] == [name]
-        key = f'file = "{word}"' + ("" if lone else f"\n  {key}")
+        is_only = [measure.name for measure in measures_of(word)] == [name]
+        key = f'file = "{word}"' + ("" if is_only else f"\n  {key}")
     values = (trial.value for trial in report.trials if trial.value is not None)
     example = next(value for value in values if math.isfinite(value))
-    wanted = "" if report.measure.goal else f"\n  target = {example:.4g}"
-    return f"{name} can be used{with_what}. In a recipe:\n  [[fitness]]\n  {key}{wanted}"
+    target = "" if report.measure.goal else f"\n  target = {example:.4g}"
+    return f"{name} can be used{with_what}. In a recipe:\n  [[fitness]]\n  {key}{target}"
 
 
 def _value(trial) -> str:
@@ -190,7 +186,7 @@ def _milliseconds(seconds: float | None) -> str:
 
 
 def _message(head: str, error: EvocityError) -> str:
-    return f"{head}: {told(error, click.get_current_context().command)}"
+    return f"{head}: {message_of(error, click.get_current_context().command)}"
 
 
 # -- as a document -----------------------------------------------------------------------------
@@ -200,23 +196,23 @@ def _document(report) -> dict[str, object]:
     changes = {"turned": report.turned, "halved": report.halved}
     return {
         "usable": report.usable,
-        "findings": [vars(one) for one in report.findings],
-        "values": {one.map: one.value for one in report.trials},
-        "reasons": {one.map: one.reason for one in report.trials if one.reason},
-        "milliseconds": {one.map: _thousand(one.seconds) for one in report.trials},
-        "first_ms": _thousand(report.first),
-        "median_ms": _thousand(report.median),
+        "findings": [vars(finding) for finding in report.findings],
+        "values": {trial.map: trial.value for trial in report.trials},
+        "reasons": {trial.map: trial.reason for trial in report.trials if trial.reason},
+        "milliseconds": {trial.map: _milliseconds_of(trial.seconds) for trial in report.trials},
+        "first_ms": _milliseconds_of(report.first),
+        "median_ms": _milliseconds_of(report.median),
         "memory": report.memory,
-        **{key: None if one is None else vars(one) for key, one in changes.items()},
+        **{key: change and vars(change) for key, change in changes.items()},
     }
 
 
-def _thousand(seconds: float | None) -> float | None:
+def _milliseconds_of(seconds: float | None) -> float | None:
     return None if seconds is None else 1e3 * seconds
 
 
 def _fault(error: FitnessError, word: str) -> dict[str, object]:
-    """A file that could not be loaded, as a finding; its line stands in what was found."""
+    """A file that could not be loaded, as a finding; its text names the line."""
     return {
         "kind": "error",
         "about": "loading",

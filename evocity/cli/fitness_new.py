@@ -1,4 +1,4 @@
-"""`evocity fitness new`: a file with a measure to begin from."""
+"""`evocity fitness new`: a Python file with a first measure."""
 
 import builtins
 import dataclasses
@@ -11,7 +11,9 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_folder, echo, writing
+from evocity.cli.shared.checks import check_folder, report_write_errors
+from evocity.cli.shared.options import FILE, option
+from evocity.cli.shared.terminal import echo
 from evocity.errors import EvocityError
 
 _TEMPLATE = '''\
@@ -22,23 +24,23 @@ import math
 import evocity
 import numpy as np
 
-# What a city offers. Its views are computed when first asked for, once a map, shared by all
+# A city has the following. Its views are computed at first use, once for each map, shared by all
 # measures, and read-only: change a copy. Times are those of a map of 256 × 256 px.
 #
 {offers}
 #
-# Lengths are in metres: a pixel's side is city.metres_per_pixel. Take more arguments, called
-# genome, parents and sources, to be given the code that the map was decoded from, those that this
-# was bred from, and the maps of the cities that it is made of.
+# Lengths are in metres: a pixel's side is city.metres_per_pixel. A measure may have more
+# arguments: genome, the code of the map; parents, the genomes it was bred from; and sources, the
+# maps of the cities that it is made of.
 
 
 @evocity.fitness({options})
 def {name}(city):
-    """What it says of a city, in one line.
+    """What it says about a city, in one line.
 
-    Formula: standard deviation of the heights of all built pixels, to begin with.
+    Formula: standard deviation of the heights of all built pixels, as a beginning.
     Unit: {unit}. Range: 0 upwards. Empty map: undefined, nothing is built.
-    Source: who thought of it, and where it is written.
+    Source: its author, and where it is published.
     """
     if not city.built.any():
         return evocity.fitness.Undefined("nothing is built")
@@ -53,45 +55,40 @@ Examples:
   evocity fitness new crowding --goal min --unit /ha -o measures"""
 )
 @click.argument("name", metavar="NAME")
-@click.option(
+@option(
     "--goal",
-    type=click.Choice(["max", "min", "none"]),
-    default="max",
-    show_default=True,
-    help="What a search wants of it, if the recipe does not say otherwise; none: it must say a "
-    "target, or a city to be like.",
+    "Goal of searches; with none, the recipe sets a target or a city to be like.",
+    click.Choice(["max", "min", "none"]),
+    "max",
 )
-@click.option("--unit", default="", show_default="a pure number", help="Unit, such as m or /ha.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    metavar="FILE|FOLDER",
-    show_default="NAME.py here",
-    help="File to write, or the folder for it; never overwritten.",
+@option("--unit", "Unit, such as m or /ha. [a pure number]", default="")
+@option(
+    "-o --output FILE|FOLDER",
+    "File to write, or its folder; existing files are never overwritten. [NAME.py here]",
+    FILE,
 )
 def new(name: str, goal: str, unit: str, output: Path | None) -> None:
-    """Write a Python file with a measure called NAME, to begin from.
+    """Write a Python file with an example of a measure, called NAME.
 
-    It works as it is, and has a place for each thing a measure should say of itself. Change its
-    formula, and see what it says of cities: `evocity fitness check NAME.py`.
+    The measure works, and the file has a place for every fact that a measure states about itself.
+    Change the formula, and try the measure on cities: `evocity fitness check NAME.py`.
     """
     _check_name(name)
     _check_unit(unit)
-    path = _free(output or Path(), name)
-    text = written(name, goal, unit, path.name)
-    with writing(path), open(path, "x", encoding="utf-8") as file:
+    path = _new_path(output or Path(), name)
+    text = measure_text(name, goal, unit, path.name)
+    with report_write_errors(path), open(path, "x", encoding="utf-8") as file:
         file.write(text)
     echo(f"wrote {path}")
     echo()
     echo(f"Change its formula, then:\n  evocity fitness check {path}")
     echo(f"  evocity score lyon-1er --fitness {path}")
     echo("To breed with it, in a recipe beside it (docs/recipe.md):")
-    wanted = "\n  target = 1.0" if goal == "none" else ""
-    echo(f'  [[fitness]]\n  file = "{path.name}"{wanted}')
+    target = "\n  target = 1.0" if goal == "none" else ""
+    echo(f'  [[fitness]]\n  file = "{path.name}"{target}')
 
 
-def written(name: str, goal: str, unit: str, file: str) -> str:
+def measure_text(name: str, goal: str, unit: str, file: str) -> str:
     """The text of a file with a measure of this ``name``."""
     options = [] if goal == "none" else [f'goal="{goal}"']
     options += [f'unit="{unit}"'] if unit else []
@@ -105,29 +102,30 @@ def written(name: str, goal: str, unit: str, file: str) -> str:
 
 
 def _offers() -> list[str]:
-    """A comment on all that a `CityMap` has, a line or more each, as its own documentation says."""
-    told = {
+    """Comments on everything that a `CityMap` has, from its documentation."""
+    texts = {
         "heights": "float32 (H, W), metres above ground, 0 = ground; row 0 in the north.",
         "metres_per_pixel": "side of a pixel, metres.",
         "area": "ground covered by the whole map, m².",
     }
-    told |= {name: _in_short(view) for name, view in views().items()}
-    lines = []
-    for name, text in told.items():
-        lines += textwrap.wrap(
+    texts |= {name: _summary(view) for name, view in views().items()}
+    return [
+        line
+        for name, text in texts.items()
+        for line in textwrap.wrap(
             f"city.{name}: {text}", 96, initial_indent="# ", subsequent_indent="#     "
         )
-    return lines
+    ]
 
 
 def views() -> dict[str, cached_property]:
     """The views of a `CityMap` by name."""
-    found = vars(evocity.CityMap).items()
-    return {name: one for name, one in found if isinstance(one, cached_property)}
+    members = vars(evocity.CityMap).items()
+    return {name: view for name, view in members if isinstance(view, cached_property)}
 
 
-def _in_short(view: cached_property) -> str:
-    """What the documentation of a ``view`` begins with, its cost, and what the view itself has."""
+def _summary(view: cached_property) -> str:
+    """The first sentence of a ``view``'s documentation, its cost, and its fields."""
     from evocity.citymap import BUILT_ABOVE
 
     doc = re.sub(r"[`\\]", "", " ".join(view.__doc__.split()))
@@ -137,7 +135,7 @@ def _in_short(view: cached_property) -> str:
         text += f" {cost[0].removesuffix(' at 256²')}."
     kind = view.func.__annotations__.get("return")
     if dataclasses.is_dataclass(kind):
-        computed = (name for name, one in vars(kind).items() if isinstance(one, _COMPUTED))
+        computed = (name for name, member in vars(kind).items() if isinstance(member, _COMPUTED))
         names = [field.name for field in dataclasses.fields(kind)] + [*computed]
         text += f" It has {', '.join(name for name in names if not name.startswith('_'))}."
     return text
@@ -149,27 +147,27 @@ _COMPUTED = property | cached_property
 def _check_name(name: str) -> None:
     if not name.isidentifier() or keyword.iskeyword(name):
         raise EvocityError(
-            f"{name!r} as the name of a measure",
-            "a name that a function of Python can have: letters, digits and _, no digit first, "
-            "no word of the language",
-            f"for example evocity fitness new {_cleaned(name)}",
+            f"{name!r} cannot be the name of a measure",
+            "the name of a Python function: letters, digits and _, no digit first, and no "
+            "Python keyword",
+            f"choose another, for example: evocity fitness new {_clean_name(name)}",
         )
     if name in ("evocity", "np", "math", "city") or hasattr(builtins, name):
         raise EvocityError(
-            f"{name!r} as the name of a measure",
-            "a name that means nothing else in the file",
-            f"for example evocity fitness new my_{name}",
+            f"{name!r} cannot be the name of a measure",
+            "a name without another meaning in the file",
+            f"choose another, for example: evocity fitness new my_{name}",
         )
     for measure in evocity.fitness.measures():
         if name in (measure.name, measure.name.partition(".")[0]):
             raise EvocityError(
-                f"there is a measure called {name} already, of {measure.origin}",
-                "a name of its own",
-                f"for example evocity fitness new my_{name}",
+                f"there is already a measure called {name}, from {measure.origin}",
+                "a new name",
+                f"choose another, for example: evocity fitness new my_{name}",
             )
 
 
-def _cleaned(name: str) -> str:
+def _clean_name(name: str) -> str:
     letters = "".join(c if c.isalnum() else "_" for c in name).strip("_").lower()
     return letters if letters.isidentifier() and not keyword.iskeyword(letters) else "my_measure"
 
@@ -177,24 +175,26 @@ def _cleaned(name: str) -> str:
 def _check_unit(unit: str) -> None:
     if not unit.isprintable() or set(unit) & set('"\\{}'):
         raise EvocityError(
-            f"--unit {unit!r}", "a unit, such as m, m² or /ha", "leave quotes and such out"
+            f"--unit {unit!r} has characters that no unit may have",
+            "a unit, such as m, m² or /ha",
+            "remove quotes, braces and backslashes",
         )
 
 
-def _free(output: Path, name: str) -> Path:
-    """The file to write; raises unless it can be made anew."""
+def _new_path(output: Path, name: str) -> Path:
+    """The file to write. Raises `EvocityError` if it exists, or cannot be created."""
     path = output / f"{name}.py" if output.is_dir() else output
     if path.suffix != ".py":
         raise EvocityError(
-            f"{str(path)!r} is no name of a Python file",
+            f"{str(path)!r} is not the name of a Python file",
             "a name that ends in .py, or an existing folder",
-            f"for example -o {path.with_suffix('.py')}",
+            f"choose another, for example -o {path.with_suffix('.py')}",
         )
     check_folder(path.parent)
     if path.exists() or path.is_symlink():
         raise EvocityError(
             f"{str(path)!r} exists already",
-            "a file to be made anew",
+            "a new file",
             "choose another name, or another place with -o",
         )
     return path

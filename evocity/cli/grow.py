@@ -1,4 +1,4 @@
-"""`evocity grow`: a genome becomes a fabric of any size."""
+"""`evocity grow`: fabric of any size from genomes."""
 
 import contextlib
 import time
@@ -8,20 +8,21 @@ from pathlib import Path
 
 import click
 
-from evocity.cli.common import (
-    check_output,
-    echo,
+from evocity.cli.shared.checks import check_output, report_write_errors
+from evocity.cli.shared.inputs import parents_of
+from evocity.cli.shared.options import (
+    WHOLE,
+    flag,
+    ids_option,
     json_option,
+    option,
     output_option,
-    print_json,
-    progress_bar,
-    writing,
+    parent_options,
 )
-from evocity.cli.given import ids_option
-from evocity.cli.parents import parent_options, parents_of
+from evocity.cli.shared.terminal import echo, print_json, progress_bar
 from evocity.errors import EvocityError
 
-#: What is made whole in memory (footprints, a picture, a genome) has at most so many pixels: 4096².
+#: Most pixels of what is built whole in memory (footprints, a picture, a genome): 4096².
 MOST_WHOLE = 1 << 24
 
 
@@ -35,115 +36,49 @@ Examples:
   evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet"""
 )
 @click.argument("genomes", metavar="GENOME|RUN|MAP...", nargs=-1, required=True)
-@click.option("--width", type=int, required=True, help="Of the map that is written, pixels.")
-@click.option("--height", type=int, required=True, help="Of the map that is written, pixels.")
+@option("--width", "Width of the new map, pixels.", int, required=True)
+@option("--height", "Height of the new map, pixels.", int, required=True)
 @output_option(
     "FILE",
-    "File to write: .tif (heights, where on Earth), .npy (bare heights); up to 4096 × 4096 px "
-    "also .gpkg and .geojson (footprints with heights), .png (a picture) and .parquet (the fabric "
-    "as a genome); overwritten if it exists.",
+    "File to write: .tif (heights with a place), .npy (heights); up to 4096 × 4096 px also .gpkg "
+    "and .geojson (footprints with heights), .png (a picture) and .parquet (a genome)",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of all random draws: the same seed grows the same fabric.",
+@option("--seed", "Seed of the random draws; the same seed grows the same fabric.", WHOLE, 0)
+@option(
+    "--top PIXELS", "Row of the map's north-west pixel in the fabric. [original in the middle]", int
 )
-@click.option(
-    "--top",
-    type=int,
-    metavar="PIXELS",
-    show_default="such that the original stands in the middle, or 0 with --left",
-    help="Row of the map's north-west pixel, counted from the first original's; may be negative.",
+@option(
+    "--left PIXELS",
+    "Column of the map's north-west pixel in the fabric. [original in the middle]",
+    int,
 )
-@click.option(
-    "--left",
-    type=int,
-    metavar="PIXELS",
-    show_default="such that the original stands in the middle (of several, in the west), or 0 "
-    "with --top",
-    help="Column of the map's north-west pixel, counted from the first original's.",
+@option(
+    "--corner ROW COLUMN",
+    "Cell of the map where the original's north-west corner lies. [middle]",
+    int,
 )
-@click.option(
-    "--corner",
-    type=int,
-    nargs=2,
-    metavar="ROW COLUMN",
-    show_default="the middle",
-    help="Where in the map the original's north-west corner lies, in cells; in place of --top "
-    "and --left.",
+@option(
+    "--share FILE|NUMBER...",
+    "Share of groups from the second of two genomes, or from each of several: a number from 0 to "
+    "1, or a picture (white is 1). [a ramp from west to east]",
 )
-@click.option(
-    "--share",
-    multiple=True,
-    metavar="FILE|NUMBER",
-    show_default="a ramp from west to east",
-    help="Of two genomes: a picture laid over the map, black where the first is laid, white where "
-    "the second is; or the second's share, 0 to 1. Of more: one for each genome, in their order.",
+@option(
+    "--share-over TOP LEFT HEIGHT WIDTH",
+    "Window that the picture or the ramp covers, pixels from the first original's corner. "
+    "[the map]",
+    int,
 )
-@click.option(
-    "--share-over",
-    type=int,
-    nargs=4,
-    metavar="TOP LEFT HEIGHT WIDTH",
-    show_default="the map that is written",
-    help="What the picture or the ramp is laid over, pixels from the first original's corner: the "
-    "same for maps that are to fit each other.",
+@option("--cell PIXELS", "Side of the cells that groups consist of. [about 8 m]", int)
+@option("--side-min METRES", "Smallest side of a group. [over half of --side-max]", float)
+@option("--side-max METRES", "Largest side of a group. [56 px, or half the original]", float)
+@option("--size-min", "Deprecated; as --side-min, but in range blocks.", int)
+@option("--size-max", "Deprecated; as --side-max, but in range blocks.", int)
+@option("--tolerance", "Largest mean step of height S along a group's outline, metres.", float, 6.0)
+@option(
+    "--candidates", "Number of candidates per group; more fit better, but take longer.", int, 600
 )
-@click.option(
-    "--cell",
-    type=int,
-    metavar="PIXELS",
-    show_default="about 8 m, whole range blocks",
-    help="Side of the squares that groups are cut along.",
-)
-@click.option(
-    "--side-min",
-    type=float,
-    metavar="METRES",
-    show_default="just above half of --side-max",
-    help="Smallest side of a group.",
-)
-@click.option(
-    "--side-max",
-    type=float,
-    metavar="METRES",
-    show_default="56 px, or half the original if that is less",
-    help="Largest side of a group, at most 56 px.",
-)
-@click.option(
-    "--size-min",
-    type=int,
-    show_default="none",
-    help="Deprecated: --side-min in range blocks.",
-)
-@click.option(
-    "--size-max",
-    type=int,
-    show_default="none",
-    help="Deprecated: --side-max in range blocks.",
-)
-@click.option(
-    "--tolerance",
-    type=float,
-    default=6.0,
-    show_default=True,
-    help="S: largest mean step along a group's outline, metres.",
-)
-@click.option(
-    "--candidates",
-    type=int,
-    default=600,
-    show_default=True,
-    help="How many are drawn for each group; more fit better, and take longer.",
-)
-@click.option(
-    "--straight",
-    is_flag=True,
-    help="Turn and mirror no group: streets keep their directions.",
-)
-@ids_option("Of a run folder: which individual. Once for each run among the genomes, in order.")
+@flag("--straight", "Keep street directions: do not rotate or mirror groups.")
+@ids_option("once for each run among the genomes, in their order")
 @parent_options
 @json_option
 def grow(
@@ -151,64 +86,70 @@ def grow(
     side_min, side_max, size_min, size_max, tolerance, candidates, straight, identifiers,
     reading, coding, as_json,
 ) -> None:  # fmt: skip
-    """Grow a fabric without end around a city, or between several.
+    """Grow an endless fabric around a city, or between several.
 
-    The original stays as it is; groups of its fabric are laid around it where their outlines fit
-    what stands there, so that no seam is seen, and so that no window of 64 × 64 px comes twice
-    but those which the original itself repeats (docs/operators.md). What stands at a place
-    depends on the genomes, the options and the seed alone: --top and --left show any place of
-    the same fabric, and maps that meet fit each other. The map is written by windows: a large
-    one needs little memory.
+    The original city stays unchanged. The command adds groups of cells from its fabric, each where
+    its outline fits the neighbours, without visible seams. No window of 64 × 64 px appears twice,
+    unless the original repeats it (docs/operators.md). The fabric depends only on the genomes, the
+    options and the seed. So --top and --left show any part of the same fabric, and adjacent maps
+    fit each other. The command writes the map in windows, so a large map needs little memory.
 
-    Each GENOME is a genome file, a run folder with --id, a map file or the name of a bundled
-    district; maps are coded first. Of several, the first stands in the fabric, and groups of
-    each are laid by their --share.
+    Each GENOME is a genome file, a run folder with --id, a map file or a bundled district; the
+    command codes maps first. With several genomes, the fabric contains the first original
+    unchanged, and --share sets the share of groups from each genome.
 
-    JSON keys: groups, step (mean along their outlines, metres), forced (groups without an
-    admissible candidate), repeated (groups that make a window come twice), top, left, cell
-    (pixels), side_min, side_max (metres), repaired (lifs; of a genome alone), seconds.
+    --top and --left count from the corner of the first original, and may be negative; if only one
+    is given, the other is 0. Without --top and --left, the first of several originals lies at the
+    west edge of the map. The option --corner replaces --top and --left. A picture for --share is
+    black where all groups come from the first genome. Adjacent maps fit each other only with the
+    same --share-over. Cells are whole range blocks, and groups have sides of at most 56 px.
+
+    JSON keys: groups, step (mean step of height along the outlines of groups, metres), forced
+    (groups without an admissible candidate), repeated (groups that make a window appear twice),
+    top, left, cell (pixels), side_min, side_max (metres), repaired (number of repaired lifs, only
+    if a genome is written), seconds.
     """
     import numpy as np
 
-    from evocity.growth import grow as grown
+    from evocity.growth import grow as grow_fabric
     from evocity.io import WINDOW_WRITERS, WRITERS
-    from evocity.io.polygons import is_placed, no_geojson
+    from evocity.io.footprint_files import is_placed, no_geojson
 
     for genome in genomes:
         check_output(output, genome, {*WINDOW_WRITERS, *WRITERS, ".parquet"})
     suffix = output.suffix.lower()
     if suffix not in WINDOW_WRITERS and width * height > MOST_WHOLE:
         raise EvocityError(
-            f"{height} × {width} px as {suffix}",
+            f"{height} × {width} px are too many for {suffix}",
             f"at most {MOST_WHOLE // 10**6} million px, 4096 × 4096",
             "write a .tif or .npy, or choose a smaller size",
         )
     if corner and not (top is None and left is None):
         raise EvocityError(
-            "--corner with --top or --left",
-            "one way to say where the map lies",
+            "--corner cannot be combined with --top or --left",
+            "one way to place the map",
             "leave --corner out",
         )
     if share_over and top is None and left is None:
         raise EvocityError(
             "--share-over without --top and --left",
-            "the place of the map too: both are counted from the first original",
+            "--top and --left too: all three are measured from the first original",
             "add --top and --left, or leave --share-over out",
         )
-    painted = _share(share, len(genomes))
+    shares = _share_of(share, len(genomes))
     codes = parents_of(genomes, identifiers, reading, coding)
     if suffix == ".geojson" and not is_placed(codes[0]):
         raise no_geojson(" × ".join(codes[0].cities))
     start = time.perf_counter()
     placed = top is not None or left is not None
     place = (top or 0, left or 0, height, width)
-    fabric = grown(
+    fabric = grow_fabric(
         codes,
         height,
         width,
         np.random.default_rng(seed),
         corner=(0, 0) if placed else corner or None,
-        share=painted,
+        share=shares,
         share_over=share_over or (place if placed and len(codes) > 1 else None),
         cell=cell,
         side_min=side_min,
@@ -227,19 +168,11 @@ def grow(
     seconds = time.perf_counter() - start
     made |= _write(fabric, output) | {"top": top, "left": left}
     if as_json:
-        told = (
-            "groups",
-            "step",
-            "forced",
-            "repeated",
-            "top",
-            "left",
-            "cell",
-            "side_min",
-            "side_max",
-        )
-        facts = {key: made[key] for key in (*told, "repaired") if key in made}
-        print_json({**facts, "seconds": seconds})
+        keys = (
+            "groups", "step", "forced", "repeated", "top", "left", "cell", "side_min", "side_max",
+            "repaired",
+        )  # fmt: skip
+        print_json({key: made[key] for key in keys if key in made} | {"seconds": seconds})
         return
     pixel = fabric.metres_per_pixel
     echo(
@@ -252,16 +185,16 @@ def grow(
         f"in {seconds:.1f} s; mean step along their outlines {made['step']:.2f} m"
     )
     if made["forced"]:
-        echo(f"{made['forced']} of them had no admissible candidate: the least step was taken")
+        echo(f"{made['forced']} of them had no admissible candidate; they have the smallest step")
     if made["repeated"]:
-        echo(f"{made['repeated']} of them make a window of 64 × 64 px come twice")
+        echo(f"{made['repeated']} of them make a window of 64 × 64 px appear twice")
     if "repaired" in made:
         echo(f"{made['repaired']} lifs repaired")
     echo(f"wrote {output}")
 
 
 def _write(fabric, output: Path) -> dict:
-    """Write a fabric as the suffix says; returns what was made besides."""
+    """Write a fabric, as the suffix says; returns facts about a genome."""
     import evocity
     from evocity.io import WINDOW_WRITERS, WRITERS, write_windows
 
@@ -272,43 +205,43 @@ def _write(fabric, output: Path) -> dict:
         evocity.write_map(fabric.city(), output)
     else:
         genome = fabric.genome()
-        with writing(output):
+        with report_write_errors(output):
             genome.write(output)
         return dict(genome.made)
     return {}
 
 
-def _share(words: Sequence[str], count: int):
-    """What --share says: None, a number, or an array of shares."""
+def _share_of(words: Sequence[str], count: int):
+    """The value of --share: None, a number, or an array of shares."""
     if not words:
         return None
-    wanted = 1 if count == 2 else count
-    if count == 1 or len(words) != wanted:
+    needed = 1 if count == 2 else count
+    if count == 1 or len(words) != needed:
         raise EvocityError(
             f"{len(words)} × --share for {count} genomes",
             "one for two genomes; one for each of three or more",
-            "leave --share out" if count == 1 else f"give --share {wanted} times",
+            "leave --share out" if count == 1 else f"give --share {needed} times",
         )
-    shares = [_one_share(word) for word in words]
-    if wanted == 1:
+    shares = [_read_share(word) for word in words]
+    if needed == 1:
         return shares[0]
-    rasters = {one.shape for one in shares if not isinstance(one, float)}
+    rasters = {share.shape for share in shares if not isinstance(share, float)}
     if len(rasters) > 1:
         sizes = " and ".join(f"{tall} × {wide}" for tall, wide in sorted(rasters))
         raise EvocityError(
-            f"--share with pictures of {sizes} px",
+            f"--share has pictures of several sizes: {sizes} px",
             "pictures of one size",
-            "scale them to one size",
+            "scale the pictures to one size",
         )
     if not rasters:
         return shares
     import numpy as np
 
-    return np.stack([np.broadcast_to(one, *rasters) for one in shares])
+    return np.stack([np.broadcast_to(share, *rasters) for share in shares])
 
 
-def _one_share(word: str):
-    """A number, or what a picture says: 0 where it is black, 1 where it is white."""
+def _read_share(word: str):
+    """A number, or a picture's shares: 0 where it is black, 1 where it is white."""
     with contextlib.suppress(ValueError):
         return float(word)
     import numpy as np
@@ -322,7 +255,7 @@ def _one_share(word: str):
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise EvocityError(
             f"--share {word}: {error}",
-            "a number from 0 to 1, or a picture such as a PNG: black where the first is laid, "
-            "white where the second is",
+            "a number from 0 to 1, or a picture such as a PNG: black for the first genome, white "
+            "for the second",
             "check the name and the file",
         ) from error

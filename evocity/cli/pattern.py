@@ -1,4 +1,4 @@
-"""`evocity pattern`: a town drawn by a rule becomes a map."""
+"""`evocity pattern`: a map of a town, drawn by a rule."""
 
 import inspect
 from collections.abc import Callable
@@ -7,8 +7,17 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_output, describe, echo, output_option
-from evocity.cli.settings import settings_of, settings_option
+from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.options import (
+    WHOLE,
+    metres_option,
+    option,
+    output_option,
+    pixels_option,
+    settings_option,
+)
+from evocity.cli.shared.parameters import settings_of
+from evocity.cli.shared.terminal import describe, echo
 from evocity.errors import EvocityError, near_miss
 
 
@@ -24,44 +33,30 @@ Examples:
 @output_option(
     "MAP",
     "Map to write: .tif (heights), .gpkg (footprints with heights), .png (a picture), .npy (bare "
-    "heights); overwritten if it exists.",
+    "heights)",
 )
-@click.option(
-    "--pixels", type=int, default=256, show_default=True, help="Side of the square map, pixels."
-)
-@click.option(
-    "--metres-per-pixel",
-    type=float,
-    default=2.0,
-    show_default=True,
-    help="Side of a pixel, metres.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    show_default="a regular town",
-    help="Draw what differs from house to house: a storey, and depth.",
-)
+@pixels_option
+@metres_option
+@option("--seed", "Seed that varies storeys and depths of houses. [a regular town]", WHOLE)
 @settings_option("the town's own")
 def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -> None:
-    """Draw a town by a rule: parents for breeding whose plan is known.
+    """Draw a town by a rule, as a parent with a known plan.
 
-    \b
-    NAME is one of
-      substitution  a motif put in the place of each of its own shapes, again and again
-      concentric    streets in rings about a place, crossed by roads and lanes
-      chessboard    square blocks, closed ones and open ones in turn
-      radial        streets from a place outwards, ever more of them
+    NAME is substitution, concentric, chessboard or radial. A substitution town repeats a motif: the
+    whole motif replaces each of its shapes, again and again. A concentric town has streets in rings
+    around a central square, crossed by roads and lanes. A chessboard town has square blocks,
+    alternately closed and open. A radial town has streets from a central square outwards, and more
+    streets farther out.
 
-    docs/pictures.md tells the parameters of each. The same seed draws the same town.
+    docs/pictures.md explains the parameters of each pattern. The same seed draws the same town.
     """
     from evocity.io import WRITERS
-    from evocity.io.polygons import no_geojson
+    from evocity.io.footprint_files import no_geojson
     from evocity.towns import PATTERNS
 
     if name not in PATTERNS:
         raise EvocityError(
-            f"no pattern is called {name!r}",
+            f"there is no pattern {name!r}",
             f"one of {', '.join(PATTERNS)}",
             near_miss(name, PATTERNS) or "choose one of these",
         )
@@ -69,8 +64,8 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
     if output.suffix.lower() == ".geojson":
         raise no_geojson(f"a town drawn by the rule {name}")
     town = PATTERNS[name]
-    chosen = _chosen(settings, name, town)
-    city = town(pixels, metres_per_pixel, rng=_generator(seed), **chosen)
+    parameters = _parameters(settings, name, town)
+    city = town(pixels, metres_per_pixel, rng=_generator(seed), **parameters)
     evocity.write_map(city, output)
     echo(describe(city))
     echo(f"wrote {output}")
@@ -82,18 +77,18 @@ def _generator(seed: int | None):
     return None if seed is None else np.random.default_rng(seed)
 
 
-def _chosen(settings: tuple[str, ...], name: str, town: Callable) -> dict[str, object]:
-    """Parameters by name, of ``KEY=VALUE`` each."""
+def _parameters(settings: tuple[str, ...], name: str, town: Callable) -> dict[str, object]:
+    """Read parameters by name, from ``KEY=VALUE`` each."""
     known = dict(inspect.signature(town).parameters)
-    for option in ("pixels", "metres_per_pixel", "rng"):  # these have options of their own
-        del known[option]
-    texts = [key for key, one in known.items() if isinstance(one.default, str)]
-    chosen = settings_of(settings, texts)
-    for key in chosen:
+    for option_name in ("pixels", "metres_per_pixel", "rng"):  # these have options of their own
+        del known[option_name]
+    texts = [key for key, parameter in known.items() if isinstance(parameter.default, str)]
+    values = settings_of(settings, texts)
+    for key in values:
         if key not in known:
             raise EvocityError(
                 f"--set {key}",
                 f"KEY=VALUE with a parameter of {name}: {', '.join(known)}",
                 near_miss(key, known) or "correct it, or leave it out",
             )
-    return chosen
+    return values

@@ -1,4 +1,4 @@
-"""`evocity recipe`: what a run is carried out by; and `new`, one to begin from."""
+"""`evocity recipe new`: a first recipe for maps of your own."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -7,37 +7,36 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import (
-    FILE_OPTIONS,
-    Commands,
-    check_output,
-    echo,
+from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.inputs import measures_of
+from evocity.cli.shared.options import (
+    FILE,
+    centers_option,
+    file_options,
+    flag,
     json_option,
-    near,
+    metres_option,
+    option,
+)
+from evocity.cli.shared.search_progress import blame_options
+from evocity.cli.shared.terminal import (
+    echo,
     note,
     note_heights,
     note_window,
-    output_option,
     print_json,
     print_table,
     quiet_stdout,
+    relative_path,
     warn,
-    writing,
 )
-from evocity.cli.given import measures_of
-from evocity.cli.searching import blaming_options
 from evocity.errors import EvocityError
 
 
 @click.group(cls=Commands)
 def recipe() -> None:
-    """Write recipes, by which runs are carried out."""
-
-
-def _options(command):
-    for option in reversed(FILE_OPTIONS):
-        command = option(command)
-    return command
+    """Recipes for runs."""
 
 
 @recipe.command(
@@ -49,139 +48,119 @@ Examples:
   evocity run night.toml"""
 )
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
-@click.option(
-    "--fitness",
-    "wanted",
-    multiple=True,
-    metavar="NAME|FILE.py|FILE.toml",
-    show_default="autosimilarity, alignment, salingaros_buildings, crumbs",
-    help="What to search by: a measure by name, the measures in a Python file, which is executed, "
-    "or those by a table of building types in TOML. Give it once for each.",
+@option(
+    "--fitness words NAME|FILE.py|FILE.toml...",
+    "Measure to search by: a name, a Python file (executed) or a table of building types. "
+    "[autosimilarity, alignment, salingaros_buildings, crumbs]",
 )
-@output_option("FILE.toml", "Recipe to write; refused if it exists.")
-@click.option("--force", is_flag=True, help="Write over a recipe that exists.")
-@click.option(
-    "--pixels",
-    type=int,
-    default=256,
-    show_default=True,
-    help="Side of the square window that every map is read at, pixels; a multiple of 16.",
+@option(
+    "-o --output FILE.toml",
+    "Recipe to write; without --force, it must not exist.",
+    FILE,
+    required=True,
 )
-@click.option(
-    "--metres-per-pixel",
-    type=float,
-    default=2.0,
-    show_default=True,
-    help="Side of a pixel, metres.",
-)
-@click.option(
-    "--center",
-    type=float,
-    nargs=2,
-    multiple=True,
-    metavar="LON LAT",
-    show_default="the file's own window, or the middle of the buildings",
-    help="Centre of a window, degrees, longitude first. Give one for each MAP that is a file, in "
-    "their order, or one for every MAP.",
-)
-@_options
+@flag("--force", "Overwrite an existing recipe.")
+@option("--pixels", "Side of the square window of every map, pixels; a multiple of 16.", int, 256)
+@metres_option
+@centers_option
+@file_options
 @json_option
 def new(
-    maps, wanted, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
+    maps, words, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
 ) -> None:
     """Write a recipe that breeds MAPs, with bounds calibrated on them.
 
-    Each MAP is a map file or the name of a bundled district. They are coded, and what their maps
-    and codes have is measured: the recipe bounds integrity, fabric distance and small buildings so
-    that the parents' codes keep the bounds and a heap of rubble does not. Comments in it tell what
-    each line means, what the parents have, and how long a run takes. Its paths are as seen from
-    where it lies. A measure without a goal gets for a target what the code of the
-    first of the MAPs has.
+    Each MAP is a map file or the name of a bundled district. The command codes the maps, and
+    measures the maps and their codes. The recipe sets bounds on integrity, fabric distance and
+    small buildings. The codes of the parents keep these bounds, and a heap of rubble breaks these
+    bounds. Comments in the recipe explain each line, list the values of the parents, and estimate
+    the time of a run. Paths in the recipe are relative to its folder. If a measure has no goal, its
+    target is the value of the first MAP, after coding.
 
-    JSON keys: recipe, values (measure to parent to what its map and its code have), bounds (measure
-    to min or max), births, seconds (of one), duration (of all, seconds, on all cores).
+    JSON keys: recipe; values (by measure and parent, the values of the map and of its code); bounds
+    (by measure, min or max); births; seconds (per birth); duration (of all births on all cores, in
+    seconds).
     """
-    _check(output, maps, force)
-    parents = _parents(maps, center, of_files, output.parent)
-    from evocity.search.calibration import begun
-    from evocity.search.recipe_text import Words, duration
+    from evocity.search.calibration.calibration import calibrate_recipe
+    from evocity.search.calibration.recipe_text import RecipeSettings, describe_duration
 
-    words = Words(_name(output), parents, pixels, metres_per_pixel)
+    _check_output(output, maps, force)
+    parents = _parents(maps, center, of_files, output.parent)
+    texts = RecipeSettings(_name(output), parents, pixels, metres_per_pixel)
     with quiet_stdout():
-        goals = _goals(wanted, output.parent)
-        with blaming_options(pixels=pixels, metres_per_pixel=metres_per_pixel):
-            found = begun(words, goals, output, _tell, _note_parent)
-    said = {_taken(source.city) for source in found.sources}
-    for text in found.notes:
-        if text not in said:
+        goals = _goals(words, output.parent)
+        with blame_options(pixels=pixels, metres_per_pixel=metres_per_pixel):
+            result = calibrate_recipe(texts, goals, output, _print_step, _note_parent)
+    noted = {_source_note(source.city) for source in result.sources}
+    for text in result.notes:
+        if text not in noted:
             note(text)
-    if found.failing:
-        warn(found.failing)
-    _write(output, found.text, force)
-    bounds = {one.measure.name: one.keys for one in found.bounds}
+    if result.failing:
+        warn(result.failing)
+    _write_recipe(output, result.text, force)
+    bounds = {bound.measure.name: bound.keys for bound in result.bounds}
     if as_json:
         values = {
             name: {
-                parent: dict(zip(("map", "code"), had, strict=True)) for parent, had in of.items()
+                parent: dict(zip(("map", "code"), pair, strict=True))
+                for parent, pair in of_parents.items()
             }
-            for name, of in found.values.items()
+            for name, of_parents in result.values.items()
         }
         print_json(
             {
                 "recipe": str(output),
                 "values": values,
                 "bounds": bounds,
-                "births": found.births,
-                "seconds": found.seconds,
-                "duration": found.duration,
+                "births": result.births,
+                "seconds": result.seconds,
+                "duration": result.duration,
             }
         )
         return
-    _print_values(found.values, bounds)
+    _print_values(result.values, bounds)
     echo(
-        f"{found.births} births of about {1000 * found.seconds:.0f} ms: "
-        f"{duration(found.duration)} on {found.recipe.worker_count} cores"
+        f"{result.births} births of about {1000 * result.seconds:.0f} ms: "
+        f"{describe_duration(result.duration)} on {result.recipe.worker_count} cores"
     )
     echo(f"wrote {output}")
     echo()
-    before = "Correct what makes births fail" if found.failing else "Look at its comments"
-    run = f"evocity run {near(str(output))}"
-    echo(
-        f"{before}, then:\n  {run}\nIn short, to try it:\n  {run} --generations 5 --out runs/trial"
-    )
+    first = "Correct what makes births fail" if result.failing else "Read its comments"
+    command = f"evocity run {relative_path(str(output))}"
+    echo(f"{first}, then:\n  {command}")
+    echo(f"A short trial:\n  {command} --generations 5 --out runs/trial")
 
 
-def _tell(text: str) -> None:
+def _print_step(text: str) -> None:
     echo(f"{text} …", err=True)
 
 
 def _note_parent(city, parent) -> None:
-    """Say what was taken of a parent's file, as soon as it is read."""
-    note(_taken(city))
+    """Note the facts of a parent's file, as soon as it is read."""
+    note(_source_note(city))
     chosen = "default_height" in parent.model_fields_set
-    otherwise = "" if chosen else "; --default-height says otherwise"
-    note_heights(city, parent.default_height, otherwise)
+    note_heights(city, parent.default_height, "" if chosen else "--default-height")
     note_window(city, "--center, --pixels and --metres-per-pixel, with --force, choose")
 
 
-def _taken(city) -> str:
+def _source_note(city) -> str:
     return f"{city.name}: {city.taken}"
 
 
 def _print_values(values: Mapping, bounds: Mapping) -> None:
-    """A row a measure: what the parents' maps and codes have, and the bound."""
+    """Print a row per measure: the values of the parents' maps and codes, and the bound."""
     parents = list(next(iter(values.values())))
     rows = [("measure", *(f"{name}: map, code" for name in parents), "bound")]
-    for name, of in values.items():
+    for name, of_parents in values.items():
         signs = {"min": "≥", "max": "≤"}
         bound = " ".join(f"{signs[key]} {value:g}" for key, value in bounds.get(name, {}).items())
-        cells = (", ".join(f"{one:.3g}" for one in of[parent]) for parent in parents)
-        rows.append((name, *cells, bound))
+        pairs = (of_parents[parent] for parent in parents)
+        rows.append((name, *(", ".join(f"{value:.3g}" for value in pair) for pair in pairs), bound))
     print_table(rows)
 
 
-def _check(output: Path, maps: Sequence[str], force: bool) -> None:
-    """Raise, before any work, unless the recipe can be written."""
+def _check_output(output: Path, maps: Sequence[str], force: bool) -> None:
+    """Raise `EvocityError`, before any work, unless the recipe can be written."""
     for source in maps:
         check_output(output, source, {".toml"})
     _refuse_existing(output, force)
@@ -191,21 +170,19 @@ def _refuse_existing(output: Path, force: bool) -> None:
     if not force and os.path.lexists(output):
         raise EvocityError(
             f"{str(output)!r} exists already",
-            "a file to be made anew",
+            "a new file",
             "choose another name after -o, or write over it with --force",
         )
 
 
-def _write(output: Path, text: str, force: bool) -> None:
-    from evocity.files import whole_file
-
-    _refuse_existing(output, force)  # it may have come meanwhile
-    with writing(output), whole_file(output) as temporary:
+def _write_recipe(output: Path, text: str, force: bool) -> None:
+    _refuse_existing(output, force)  # another process may have written it
+    with replace_file(output) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def _name(output: Path) -> str:
-    """What the run is called: as the recipe, without what no folder's name can have."""
+    """The name of the run: the recipe's, without characters that no folder's name can have."""
     kept = "".join("-" if c in '/\\:*?"<>|' or ord(c) < 32 else c for c in output.stem)
     return kept.lstrip(".").strip()[:100] or "run"
 
@@ -216,71 +193,70 @@ def _parents(
     of_files: Mapping[str, object],
     folder: Path,
 ) -> list[dict[str, object]]:
-    """What [[parents]] has of each map: options of reading go to those that take them."""
+    """The entry of each map in [[parents]]; each reading option goes to the maps that take it."""
     from evocity.io import cities
-    from evocity.io.reading import options_of
+    from evocity.io.map_reader import options_of
 
     given = {key: value for key, value in of_files.items() if value is not None}
-    takes = [options_of(one) | {"default_height"} for one in maps]
+    takes = [options_of(source) | {"default_height"} for source in maps]
     for key in given:
-        if not any(key in one for one in takes):
+        if not any(key in options for options in takes):
             raise EvocityError(
-                f"--{key.replace('_', '-')} {given[key]} with {', '.join(maps)}",
+                f"--{key.replace('_', '-')} {given[key]} fits none of {', '.join(maps)}",
                 "an option that one of these files takes",
-                "leave it out",
+                "leave the option out",
             )
-    files = [one for one in maps if one not in cities()]
+    files = [source for source in maps if source not in cities()]
     if len(centers) == len(maps):
-        about = dict(enumerate(centers))
+        center_of = dict(enumerate(centers))
     elif len(centers) == len(files):
-        about = {k: centers[files.index(one)] for k, one in enumerate(maps) if one in files}
+        center_of = {k: centers[files.index(name)] for k, name in enumerate(maps) if name in files}
     elif not centers:
-        about = {}
+        center_of = {}
     else:
         raise EvocityError(
-            f"{len(centers)} × --center for {len(maps)} maps, {len(files)} of them files",
+            f"--center is given {len(centers)} × for {len(maps)} maps, {len(files)} of them files",
             "--center LON LAT once for each map file, in their order, or once for each map",
-            "give as many; or leave --center out, and write center = [LON, LAT] into the "
-            "[[parents]] that need one",
+            "give as many centres; or leave --center out, and write center = [LON, LAT] into the "
+            "[[parents]] that need a centre",
         )
-    found = []
+    entries = []
     for k, source in enumerate(maps):
-        entry: dict[str, object] = {"map": _seen_from(folder, source)}
-        if k in about:
-            entry["center"] = list(about[k])
-        entry |= {key: value for key, value in given.items() if key in takes[k]}
-        found.append(entry)
-    return found
+        entry: dict[str, object] = {"map": _path_from(folder, source)}
+        if k in center_of:
+            entry["center"] = list(center_of[k])
+        entries.append(entry | {key: value for key, value in given.items() if key in takes[k]})
+    return entries
 
 
-def _goals(wanted: Sequence[str], folder: Path) -> list:
-    """What to search by, each measure once; of a file with goals those that have one."""
-    from evocity.search.recipe_text import Goal
+def _goals(words: Sequence[str], folder: Path) -> list:
+    """The goals of the search, each measure once; of a file with goals only those that have one."""
+    from evocity.search.calibration.recipe_text import Goal
 
-    found = {}
-    for word in wanted:
-        of_file = word.endswith((".py", ".toml"))
+    goals = {}
+    for word in words:
         measures = measures_of(word)
-        chosen = [one for one in measures if one.goal is not None] or measures
-        for one in chosen:
-            file = _seen_from(folder, word) if of_file else None
-            found[one.name] = Goal(one, file, several=len(measures) > 1)
-    return list(found.values())
+        file = _path_from(folder, word) if word.endswith((".py", ".toml")) else None
+        for measure in [m for m in measures if m.goal is not None] or measures:
+            goals[measure.name] = Goal(measure, file, several=len(measures) > 1)
+    return list(goals.values())
 
 
-def _seen_from(folder: Path, source: str) -> str:
-    """A path as it is seen from a ``folder``; a bundled city's name as it is."""
+def _path_from(folder: Path, source: str) -> str:
+    """A path relative to a ``folder``; a bundled city's name as it is."""
     if source in evocity.cities():
         return source
     whole = os.path.abspath(os.path.expanduser(source))
     try:
-        told = Path(os.path.relpath(whole, folder.resolve())).as_posix()
+        path = Path(os.path.relpath(whole, folder.resolve())).as_posix()
     except ValueError:  # on another drive
-        told = Path(whole).as_posix()
+        path = Path(whole).as_posix()
     try:
-        told.encode()
+        path.encode()
     except UnicodeEncodeError:
         raise EvocityError(
-            f"{told!r}, which is no text in UTF-8", "a path that TOML can tell", "rename it"
+            f"the path {path!r} is not text in UTF-8",
+            "a path that TOML can contain",
+            "rename the file",
         ) from None
-    return f"./{told}" if told in evocity.cities() else told
+    return f"./{path}" if path in evocity.cities() else path

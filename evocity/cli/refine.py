@@ -1,27 +1,32 @@
-"""`evocity refine`: one individual of a run made better by an optimiser."""
+"""`evocity refine`: an optimiser improves one individual of a run."""
 
 from pathlib import Path
 
 import click
 
 import evocity
-from evocity.cli.common import (
-    check_output,
-    echo,
+from evocity.cli.shared.checks import check_output, report_write_errors
+from evocity.cli.shared.inputs import confirm_trust
+from evocity.cli.shared.options import (
+    WHOLE,
+    accept_changes_option,
     json_option,
     map_options,
+    option,
+    output_option,
+    required_id_option,
+    trust_option,
+)
+from evocity.cli.shared.terminal import (
+    echo,
     note,
     note_compiling,
     note_reading,
-    output_option,
     print_json,
     print_table,
     progress_bar,
     quiet_stdout,
-    writing,
 )
-from evocity.cli.given import one_of
-from evocity.cli.trusting import confirmed, trust_option
 from evocity.errors import EvocityError
 
 
@@ -33,91 +38,37 @@ Examples:
   evocity refine runs/lyon-x-montpellier --id 97 --way heights -o better.parquet
   evocity refine runs/lyon-x-montpellier --id 97 --way fit --towards lyon-1er -o near.parquet
 
-What is written can be a parent of another night: [[parents]] genome = "better.parquet"."""
+The genome can be a parent of another run: [[parents]] genome = "better.parquet"."""
 )
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
-@click.option(
-    "--id",
-    "identifier",
-    type=click.IntRange(min=0),
-    multiple=True,
-    callback=one_of,
-    required=True,
-    metavar="N",
-    help="Which individual, by the number its report and `status` give it.",
-)
-@output_option("GENOME", "Genome file to write, usually .parquet; overwritten if it exists.")
-@click.option(
+@required_id_option
+@output_option("GENOME", "Genome file to write, usually .parquet")
+@option(
     "--way",
-    type=click.Choice(["lambda_field", "heights", "parameters", "fit"]),
-    default="lambda_field",
-    show_default=True,
-    help="What is tuned. lambda_field: which street blocks get the fabric of others. heights: "
-    "those of street blocks. parameters: of the operator that made it, its making replayed. fit: "
-    "all lifs, until the map is closest to another.",
+    "What to tune: the fabric or the heights of street blocks, the operator's parameters, or all "
+    "lifs.",
+    click.Choice(["lambda_field", "heights", "parameters", "fit"]),
+    "lambda_field",
 )
-@click.option(
-    "--budget",
-    type=click.IntRange(1, 1_000_000),
-    default=200,
-    show_default=True,
-    help="Evaluations at most.",
+@option("--budget", "Largest number of evaluations.", click.IntRange(1, 1_000_000), 200)
+@option("--algorithm", "Algorithm of NLopt.", click.Choice(["sbplx", "cobyla", "bobyqa"]), "sbplx")
+@option(
+    "--side", "Number of values along each side of a field over the map.", click.IntRange(1, 16), 4
 )
-@click.option(
-    "--algorithm",
-    type=click.Choice(["sbplx", "cobyla", "bobyqa"]),
-    default="sbplx",
-    show_default=True,
-    help="NLopt's algorithm; --way fit has its own.",
-)
-@click.option(
-    "--side",
-    type=click.IntRange(1, 16),
-    default=4,
-    show_default=True,
-    help="Numbers along each side of the field, of lambda_field and heights.",
-)
-@click.option(
+@option(
     "--rounds",
-    type=click.IntRange(1, 1000),
-    show_default="one for each ten evaluations; 4 with cobyla and bobyqa",
-    help="Rounds that the budget is spent in, of lambda_field: each goes on from the best of the "
-    "one before, with other fabric.",
+    "Number of rounds of lambda_field. [one for each ten evaluations; 4 with cobyla and bobyqa]",
+    click.IntRange(1, 1000),
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the draws of whose fabric is offered.",
+@option("--seed", "Seed of the random choice of fabric.", WHOLE, 0)
+@option(
+    "--with others N...",
+    "Individual that offers its fabric to lambda_field. [a living one and a variant, each round]",
+    WHOLE,
 )
-@click.option(
-    "--with",
-    "others",
-    type=click.IntRange(min=0),
-    multiple=True,
-    metavar="N",
-    show_default="in each round one of those who live, and a variant of the individual",
-    help="An individual whose fabric is offered, of lambda_field. Give it once for each.",
-)
-@click.option(
-    "--tune",
-    multiple=True,
-    metavar="KEY",
-    show_default="all of its numbers",
-    help="A parameter to be tuned, of parameters. Give it once for each.",
-)
-@click.option(
-    "--towards",
-    metavar="MAP",
-    show_default="none",
-    help="The map to come close to, of fit; read at the run's window and pixel size.",
-)
-@click.option(
-    "--accept-changes",
-    is_flag=True,
-    help="Go on although a measure's source, or what else the run started from, has changed.",
-)
+@option("--tune KEY...", "Parameter to tune with --way parameters. [all numbers]")
+@option("--towards MAP", "Map to approach with --way fit, at the run's window and pixels.")
+@accept_changes_option
 @trust_option
 @map_options
 @json_option
@@ -125,31 +76,37 @@ def refine(
     run: Path, identifier, output, way, budget, algorithm, side, rounds, seed, others, tune,
     towards, accept_changes, trust, reading, as_json,
 ) -> None:  # fmt: skip
-    """Make the individual --id of RUN better by an optimiser, as a genome of its own.
+    """Improve the individual --id of RUN with an optimiser, and write the result as a genome.
 
-    What is better is what the run wants: its goals' losses are summed, each over its range in the
-    first generation, and constraints come first. The run stays as it is; it may be going on. If
-    nothing better is found, the individual itself is written. With --way fit, better is nearer to
-    the map of --towards, whatever the run wants. Measures of your own that the recipe names are
-    executed.
+    The score of an individual is the sum of the losses of its goals, each divided by the range of
+    the goal in the first generation. As in the run, constraints come first. With --way fit, the
+    score is the distance to the map of --towards. If the optimiser finds nothing better, the
+    command writes the genome of the individual itself. RUN stays unchanged, and may still be
+    running. The command executes the Python files of measures that the recipe names.
 
-    JSON keys: id, way, better, bred (children; equal ones are measured once), evaluations,
-    failures, others; score, values and, of --way fit, distance (m, RMS), each with before and
-    after.
+    The way lambda_field tunes which street blocks get the fabric of other individuals; each round
+    continues from the best result, with new fabric. The way heights tunes the heights of street
+    blocks. The way parameters tunes the parameters of the operator that bred the individual, and
+    replays the birth. The way fit tunes all lifs until the map is closest to another map, by its
+    own algorithm.
+
+    JSON keys: id, way, better, bred (number of children; equal children are measured once),
+    evaluations, failures, others; score, values and, for --way fit, distance (m, RMS), each with
+    before and after.
     """
     opened = evocity.open_run(run)
     check_output(output, str(run))
     if run.resolve() in output.resolve().parents:
         raise EvocityError(
-            f"{str(output)!r} in the folder of the run",
-            "a file elsewhere: the run stays as it is",
+            f"{str(output)!r} is in the folder of the run",
+            "a file outside the folder of the run",
             "choose another name after -o",
         )
-    _refuse_strange(way, others, tune, towards, reading)
+    _check_options(way, others, tune, towards, reading)
     note_compiling()
-    target = None if towards is None else _map(towards, opened, reading)
+    target = None if towards is None else _read_target(towards, opened, reading)
     with quiet_stdout(), progress_bar(f"refining {identifier}") as bar:
-        found = evocity.refine(
+        result = evocity.refine(
             opened,
             identifier,
             way=way,
@@ -162,64 +119,69 @@ def refine(
             tune=tune,
             towards=target,
             accept_changes=accept_changes,
-            trust=confirmed(run, trust),
+            trust=confirm_trust(run, trust),
             progress=None if bar is None else lambda done, _: bar(done, budget),
         )
-    with writing(output):
-        found.genome.write(output)
-    if found.failures:
-        note(f"{found.failures} of {found.evaluations} failed, the first: {found.error}")
-    if not found.better:
-        note(f"nothing better was found: {output} holds individual {identifier} as it is")
-    if way != "fit" and found.evaluations < budget:
-        note(_early(found, way, budget))
-    names = list(found.before)
-    apart = None
+    with report_write_errors(output):
+        result.genome.write(output)
+    if result.failures:
+        note(f"{result.failures} of {result.evaluations} failed, the first: {result.error}")
+    if not result.better:
+        note(f"no better individual found: {output} holds individual {identifier} as it is")
+    if way != "fit" and result.evaluations < budget:
+        note(_describe_early_end(result, way, budget))
+    distances = None
     if target is not None:
-        apart = [_distance(one, target) for one in (opened.genome(identifier), found.genome)]
+        distances = [_distance(one, target) for one in (opened.genome(identifier), result.genome)]
     if as_json:
+        pairs = {
+            "score": (result.score_before, result.score),
+            "values": (dict(result.before), dict(result.values)),
+        }
+        if distances is not None:
+            pairs["distance"] = tuple(distances)
         print_json(
             {
                 "id": identifier,
                 "way": way,
-                "better": found.better,
-                "bred": found.bred,
-                "evaluations": found.evaluations,
-                "failures": found.failures,
-                "others": list(found.others),
-                "score": {"before": found.score_before, "after": found.score},
-                "values": {"before": dict(found.before), "after": dict(found.values)},
+                "better": result.better,
+                "bred": result.bred,
+                "evaluations": result.evaluations,
+                "failures": result.failures,
+                "others": list(result.others),
+                **{key: dict(zip(("before", "after"), p, strict=True)) for key, p in pairs.items()},
             }
-            | ({} if apart is None else {"distance": {"before": apart[0], "after": apart[1]}})
         )
         return
-    offered = f", fabric of {', '.join(map(str, found.others))}" if found.others else ""
-    echo(f"individual {identifier}: {way}{offered}, {found.evaluations} evaluations")
+    offered = f", fabric of {', '.join(map(str, result.others))}" if result.others else ""
+    echo(f"individual {identifier}: {way}{offered}, {result.evaluations} evaluations")
     rows = [("", "before", "after")]
-    rows += [(name, f"{found.before[name]:.4g}", _told(found.values, name)) for name in names]
+    for name, value in result.before.items():
+        after = f"{result.values[name]:.4g}" if name in result.values else "–"
+        rows.append((name, f"{value:.4g}", after))
     losses = "sum of losses, less is better"
-    rows.append((losses, f"{found.score_before:.4g}", f"{found.score:.4g}"))
-    if apart is not None:
-        rows.append((f"m from {target.name} (RMS)", *(f"{one:.4g}" for one in apart)))
+    rows.append((losses, f"{result.score_before:.4g}", f"{result.score:.4g}"))
+    if distances is not None:
+        rows.append((f"m from {target.name} (RMS)", *(f"{metres:.4g}" for metres in distances)))
     print_table(rows)
     echo(f"wrote {output}")
 
 
-def _early(found, way: str, budget: int) -> str:
-    """Why fewer children were measured than the ``budget`` allows, and what to do."""
+def _describe_early_end(result, way: str, budget: int) -> str:
+    """Why there are fewer evaluations than the ``budget`` allows, and what to do."""
     other = {
         "lambda_field": "offer the fabric of others with --with, or a finer field with --side",
-        "heights": "ask for a finer field with --side",
+        "heights": "choose a finer field with --side",
         "parameters": "tune other parameters with --tune",
     }[way]
-    if not found.evaluations:
+    if not result.evaluations:
         return (
-            f"all {found.bred} children have its own genome: nothing of it changes so; "
-            f"{other}, or choose another --way"
+            f"all {result.bred} children have the genome of the individual: this way changes "
+            f"nothing; {other}, or choose another --way"
         )
     return (
-        f"{found.evaluations} of {budget} evaluations: the optimiser settled; of {found.bred} "
-        f"children bred, {found.evaluations} are different. To go further, {other}"
+        f"{result.evaluations} of {budget} evaluations: the optimiser settled; of {result.bred} "
+        f"children, {result.evaluations} differ. To go further, {other}"
     )
 
 
@@ -229,32 +191,30 @@ def _distance(genome, target) -> float:
     return float(((heights - target.heights) ** 2).mean(dtype=float) ** 0.5)
 
 
-def _refuse_strange(way: str, others, tune, towards, reading) -> None:
-    """Options of another way."""
-    of = {"--with": (others, "lambda_field"), "--tune": (tune, "parameters")}
-    of |= {"--towards": (towards, "fit")}
-    for option, (given, own) in of.items():
+def _check_options(way: str, others, tune, towards, reading) -> None:
+    """Raise `EvocityError` for options of another way, and for missing ones."""
+    own_way = {"--with": (others, "lambda_field"), "--tune": (tune, "parameters")}
+    own_way |= {"--towards": (towards, "fit")}
+    for option_name, (given, own) in own_way.items():
         if given and way != own:
             raise EvocityError(
-                f"{option} with --way {way}", f"{option} with --way {own}", "leave one of them out"
+                f"{option_name} does not fit --way {way}",
+                f"{option_name} with --way {own}",
+                "leave one of them out",
             )
     if way == "fit" and towards is None:
-        raise EvocityError("--way fit without --towards", "the map to come close to", "name it")
+        raise EvocityError("--way fit without --towards", "a map to approach", "add --towards MAP")
     if reading and towards is None:
         raise EvocityError(
-            "options of the reading of maps without --towards",
-            "them with a map to be read",
-            "leave them out",
+            "options for reading maps are given without --towards",
+            "these options only with --towards MAP",
+            "leave the options out, or add --towards MAP",
         )
 
 
-def _map(towards: str, run, reading):
-    """The map to come close to, at the run's window unless another is asked for."""
+def _read_target(towards: str, run, reading):
+    """The map to approach, at the run's window unless the options choose another."""
     window = {"pixels": run.header.height, "metres_per_pixel": run.header.metres_per_pixel}
     city = evocity.read_map(towards, **{**window, **reading})
     note_reading(city, reading)
     return city
-
-
-def _told(values, name: str) -> str:
-    return f"{values[name]:.4g}" if name in values else "–"

@@ -1,19 +1,21 @@
-"""`evocity replay`: births of a run recomputed, and compared with the log."""
+"""`evocity replay`: recomputes births of a run, and compares them with the log."""
 
 from pathlib import Path
 
 import click
 
 import evocity
-from evocity.cli.common import (
-    echo,
+from evocity.cli.shared.inputs import confirm_trust
+from evocity.cli.shared.options import (
+    POSITIVE,
+    WHOLE,
+    accept_changes_option,
+    flag,
     json_option,
-    note_compiling,
-    print_json,
-    progress_bar,
-    quiet_stdout,
+    option,
+    trust_option,
 )
-from evocity.cli.trusting import confirmed, trust_option
+from evocity.cli.shared.terminal import echo, note_compiling, print_json, progress_bar, quiet_stdout
 from evocity.errors import EvocityError
 
 
@@ -26,77 +28,61 @@ Examples:
 )
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 @click.argument("ids", metavar="[ID]...", type=click.IntRange(min=0), nargs=-1)
-@click.option("--all", "every", is_flag=True, help="All births.")
-@click.option(
-    "--sample",
-    type=click.IntRange(min=1),
-    metavar="N",
-    show_default="the IDs that are named",
-    help="So many births, drawn from all.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the draw of --sample.",
-)
-@click.option(
+@flag("--all every", "Replay all births.")
+@option("--sample N", "Number of births to replay, drawn from all at random. [the IDs]", POSITIVE)
+@option("--seed", "Seed of the births that --sample draws.", WHOLE, 0)
+@option(
     "--workers",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Processes that breed and evaluate, with the recipe's deadline and memory. 0: this one, "
-    "without; births that ended by them are then not measured again.",
+    "Number of processes, each with the recipe's deadline and memory limit; 0 uses this process "
+    "without limits, and skips births that exceeded a limit.",
+    WHOLE,
+    0,
 )
-@click.option(
-    "--accept-changes",
-    is_flag=True,
-    help="Replay although a measure's source, or what else the run started from, has changed.",
-)
+@accept_changes_option
 @trust_option
 @json_option
 def replay(run: Path, ids, every, sample, seed, workers, accept_changes, trust, as_json) -> None:
-    """Recompute the births ID of RUN from its log, and say whether they are the same, bit for bit.
+    """Recompute the births ID of RUN, and compare them with its log, bit for bit.
 
-    Parents and operator are drawn again, the child is bred and measured; what differs from the log
-    is told. A measure that draws at random differs, and so may one on another machine or of another
-    release of its libraries. The run stays as it is; it may be going on. Measures of your own that
-    the recipe names are executed.
+    For each birth, the command draws the parents and the operator again, breeds the child and
+    measures it. The command prints every difference from the log. Measures with random draws give
+    other values. Values may also differ on another machine, or with other releases of libraries.
+    RUN stays unchanged, and may still be running. The command executes the Python files of measures
+    that the recipe names.
 
-    JSON: a list, of each birth id, same (true, false; null where it cannot be told), differs
-    (column of the births to what it was, then, and is, now: parents, operator, status, genome,
-    fitness.NAME), reason (why it cannot be told, else null). Exit code 1 if any differs.
+    JSON: a list with an object for each birth. Keys: id; same (true or false; null if unknown);
+    differs (by column of the births, the values then and now: parents, operator, status, genome,
+    fitness.NAME); reason (why same is unknown, else null). The exit code is 1 if any birth differs.
     """
     if bool(ids) + every + (sample is not None) != 1:
         raise EvocityError(
-            "births to replay named in none or several ways",
-            "IDs, --all or --sample N",
-            f"name some, as in: evocity replay {run} 0 1",
+            "IDs, --all and --sample are all missing, or several are given",
+            "only one of these: IDs, --all or --sample N",
+            f"name births, for example: evocity replay {run} 0 1",
         )
     opened = evocity.open_run(run)
-    ids = list(dict.fromkeys(ids)) or _drawn(opened, sample, seed)
+    ids = list(dict.fromkeys(ids)) or _draw_births(opened, sample, seed)
     note_compiling()
     with quiet_stdout(), progress_bar("replaying") as bar:
-        found = evocity.replay(
+        replayed = evocity.replay(
             opened,
             ids,
-            trust=confirmed(run, trust),
+            trust=confirm_trust(run, trust),
             accept_changes=accept_changes,
             workers=workers,
             progress=lambda done: None if bar is None else bar(done, len(ids)),
         )
     if as_json:
-        print_json([_noted(one) for one in found])
+        print_json([_document(birth) for birth in replayed])
     else:
-        for one in found:
-            echo(f"{one.id}: {_words(one)}")
-        echo(_together(found))
-    if any(one.same is False for one in found):
+        for birth in replayed:
+            echo(f"{birth.id}: {_describe(birth)}")
+        echo(_summary(replayed))
+    if any(birth.same is False for birth in replayed):
         click.get_current_context().exit(1)
 
 
-def _drawn(run, sample: int | None, seed: int) -> list[int]:
+def _draw_births(run, sample: int | None, seed: int) -> list[int]:
     """Births of a ``run``: all, or a ``sample`` of them."""
     import numpy as np
 
@@ -106,25 +92,24 @@ def _drawn(run, sample: int | None, seed: int) -> list[int]:
     return sorted(np.random.default_rng(seed).choice(ids, sample, replace=False).tolist())
 
 
-def _noted(one) -> dict:
-    from evocity.search.differing import told
+def _document(birth) -> dict:
+    from evocity.search.record.diff import json_differences
 
-    return {"id": one.id, "same": one.same, "differs": told(one.differs), "reason": one.reason}
-
-
-def _words(one) -> str:
-    from evocity.search.differing import in_words
-
-    if one.same is None:
-        return f"cannot be told: {one.reason}"
-    if one.same:
-        return "the same"
-    return f"differs: {in_words(one.differs)}"
+    differs = json_differences(birth.differs)
+    return {"id": birth.id, "same": birth.same, "differs": differs, "reason": birth.reason}
 
 
-def _together(found) -> str:
-    counts = {same: sum(one.same is same for one in found) for same in (True, False, None)}
-    parts = [f"{counts[True]} of {len(found)} births the same"]
+def _describe(birth) -> str:
+    from evocity.search.record.diff import describe_differences
+
+    if birth.same is None:
+        return f"unknown: {birth.reason}"
+    return "the same" if birth.same else f"differs: {describe_differences(birth.differs)}"
+
+
+def _summary(replayed) -> str:
+    counts = {same: sum(birth.same is same for birth in replayed) for same in (True, False, None)}
+    parts = [f"{counts[True]} of {len(replayed)} births the same"]
     parts += [f"{counts[False]} differ"] * bool(counts[False])
-    parts += [f"of {counts[None]} it cannot be told"] * bool(counts[None])
+    parts += [f"{counts[None]} unknown"] * bool(counts[None])
     return ", ".join(parts)

@@ -5,9 +5,18 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import echo, note
-from evocity.cli.searching import blaming_options, carry_out, cluster_option, until_option
-from evocity.cli.trusting import confirmed, trust_option
+from evocity.cli.shared.inputs import confirm_trust
+from evocity.cli.shared.options import (
+    WHOLE,
+    accept_changes_option,
+    cluster_option,
+    flag,
+    option,
+    trust_option,
+    until_option,
+)
+from evocity.cli.shared.search_progress import blame_options, carry_out
+from evocity.cli.shared.terminal import echo, note
 
 
 @click.command(
@@ -19,55 +28,40 @@ Examples:
   evocity resume runs/lyon-x-montpellier --cluster tcp://10.0.0.1:8786"""
 )
 @click.argument("folder", metavar="RUN", type=click.Path(path_type=Path))
-@click.option(
-    "--generations",
-    type=int,
-    show_default="as it was started",
-    help="Generations of the whole run, those it has included.",
+@option(
+    "--generations", "Number of generations of the whole run, past and new. [as at the start]", int
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    show_default="as it was started",
-    help="Processes that evaluate; the result does not depend on them.",
-)
-@cluster_option("as it was started")
+@option("--workers", "Number of processes that evaluate births. [as at the start]", WHOLE)
+@cluster_option("as at the start")
 @until_option
-@click.option(
-    "--recipe",
-    "revised",
-    metavar="RECIPE",
-    show_default="the run's own",
-    help="Go on by another recipe: other weights, targets, bounds, parameters, more generations, "
-    "[stop], [notify] or [evaluation]. It may have more measures too, by which all births so far "
-    "are scored first; those of the run it keeps, as goals, bounds or in run.record. Its measures "
-    "are executed.",
+@option(
+    "--recipe revised RECIPE",
+    "Recipe that replaces the run's recipe, with other values or more measures (executed). "
+    "[the run's]",
 )
-@click.option(
-    "--accept-changes",
-    is_flag=True,
-    help="Go on although a measure's source, or what else the run started from, has changed.",
-)
+@accept_changes_option
 @trust_option
-@click.option(
+@flag(
     "--set-aside",
-    is_flag=True,
-    help="Move damaged files at the end of the run to its folder damaged/, and breed their "
-    "generations again: the same births.",
+    "Move damaged files at the end of the run to damaged/, and breed their births again.",
 )
 def resume(
     folder: Path, generations, workers, cluster, until, revised, accept_changes, trust, set_aside
 ) -> None:
     """Go on with the run in the folder RUN.
 
-    It goes on after its last whole generation, however it ended, as if it had not been
-    stopped: the same births, bit for bit. A run that is finished only gets its report written
-    again, unless --generations asks for more. What stopped it may hold still, a target or
-    stagnation: then it stops at once and says what to change; --generations goes on in spite of
-    these. Measures and
-    commands of your own that the recipe names are executed.
-    """
+    The run goes on after its last whole generation, as if it had never stopped: the births are the
+    same, bit for bit. If the run is finished, the command only writes its report again, unless
+    --generations is larger. If the target of the run is still reached, or stagnation still lasts,
+    the run stops at once and says what to change. The option --generations overrides both. The
+    command executes the commands of the recipe, and the Python files of measures that the recipe
+    names.
 
+    Another --recipe may change weights, targets, bounds, parameters, generations, [stop], [notify]
+    and [evaluation]. Another --recipe must keep all measures of the run, as goals, as bounds or in
+    run.record. New measures in the recipe first score all births so far. With --set-aside, the
+    command breeds the same births again.
+    """
     if set_aside:
         from evocity import store
 
@@ -76,11 +70,10 @@ def resume(
             echo(f"set aside: {name}", err=True)
         if not moved:
             note("no file of births or membership is damaged")
+    trust = revised is None and confirm_trust(folder, trust)
 
-    trust = revised is None and confirmed(folder, trust)
-
-    def start(tell):
-        with blaming_options(generations=generations, until=until):
+    def start(progress):
+        with blame_options(generations=generations, until=until):
             return evocity.Search.resume(
                 folder,
                 generations=generations,
@@ -90,7 +83,7 @@ def resume(
                 recipe=revised,
                 accept_changes=accept_changes,
                 trust=trust,
-                progress=tell,
+                progress=progress,
             )
 
     carry_out(start, folder)

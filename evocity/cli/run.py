@@ -1,4 +1,4 @@
-"""`evocity run`: breed what a recipe says."""
+"""`evocity run`: breeds by a recipe."""
 
 import os
 from itertools import chain, count
@@ -7,9 +7,10 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import check_folder
-from evocity.cli.searching import blaming_options, carry_out, cluster_option, until_option
-from evocity.errors import RunError
+from evocity.cli.shared.checks import check_folder
+from evocity.cli.shared.options import FILE, cluster_option, option, until_option
+from evocity.cli.shared.search_progress import blame_options, carry_out
+from evocity.errors import RunError, reason_of
 
 
 @click.command(
@@ -23,31 +24,30 @@ Examples:
 A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
 )
 @click.argument("recipe", metavar="[RECIPE]", default="demo")
-@click.option("--generations", type=int, show_default="the recipe's", help="Generations bred.")
-@click.option("--population", type=int, show_default="the recipe's", help="Individuals alive.")
-@click.option(
+@option("--generations", "Number of generations. [the recipe's]", int)
+@option("--population", "Number of living individuals. [the recipe's]", int)
+@option(
     "--workers",
-    type=int,
-    show_default="the recipe's, else one a core",
-    help="Processes that evaluate; the result does not depend on them. 0 evaluates in this one, "
-    "without deadlines.",
+    "Number of processes that evaluate births; 0 uses this process, without deadlines. "
+    "[the recipe's, else one a core]",
+    int,
 )
 @cluster_option("the recipe's")
-@click.option("--seed", type=int, show_default="the recipe's", help="Same seed, same bits.")
+@option(
+    "--seed", "Seed of the random draws; the same seed gives the same births. [the recipe's]", int
+)
 @until_option
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    show_default="runs/NAME of the recipe, else runs/NAME-2, …",
-    help="Run folder to make; refused if it exists.",
+@option(
+    "--out FOLDER",
+    "Run folder to create; it must not exist. [runs/NAME of the recipe, else runs/NAME-2, …]",
+    FILE,
 )
 def run(recipe, generations, population, workers, cluster, seed, until, out) -> None:
-    """Breed what RECIPE says; write every birth into a run folder.
+    """Breed cities by RECIPE, and write every birth into a run folder.
 
-    Without a RECIPE, breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a TOML
-    file; the measures of your own that it names are executed. The report is written at the
-    end: report.html in the run folder.
+    Without a RECIPE, the command breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a
+    TOML file. The command executes the Python files of measures that the recipe names. At the end
+    the command writes report.html into the run folder.
     """
     options = {
         "generations": generations,
@@ -57,40 +57,40 @@ def run(recipe, generations, population, workers, cluster, seed, until, out) -> 
         "seed": seed,
         "until": until,
     }
-    with blaming_options(**options):
+    with blame_options(**options):
         chosen = evocity.read_recipe(recipe, **options)
-    folder = _free(chosen.default_out) if out is None else _new(out)
-    wanted = chosen.default_out if out is None else folder
-    taken = f" ({wanted} exists already)" if folder != wanted else ""
+    folder = _free_folder(chosen.default_out) if out is None else _check_new(out)
+    planned = chosen.default_out if out is None else folder
+    taken = f" ({planned} exists already)" if folder != planned else ""
     carry_out(
-        lambda tell: evocity.Search(chosen, out=folder, progress=tell),
+        lambda progress: evocity.Search(chosen, out=folder, progress=progress),
         folder,
         made=f"run: {folder}{taken}",
     )
 
 
-def _new(folder: Path) -> Path:
+def _check_new(folder: Path) -> Path:
     from evocity.store import refuse_existing
 
     refuse_existing(folder)
-    _made(folder.parent)
+    _make_parent(folder.parent)
     return folder
 
 
-def _free(folder: Path) -> Path:
+def _free_folder(folder: Path) -> Path:
     """``folder``, or the first of ``folder-2``, ``folder-3``, … that does not exist."""
-    _made(folder.parent)
+    _make_parent(folder.parent)
     others = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
     return next(free for free in chain([folder], others) if not os.path.lexists(free))
 
 
-def _made(parent: Path) -> None:
-    """Make the folder that run folders are kept in; `RunError` if it cannot be used."""
+def _make_parent(parent: Path) -> None:
+    """Create the folder that will contain the run's. Raises `RunError` if it is unusable."""
     try:
         parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunError(
-            f"the folder {parent} cannot be made: {error.strerror}",
+            f"the folder {parent} cannot be created: {reason_of(error)}",
             "a place this user may write to",
             "name another folder with --out",
         ) from error

@@ -5,27 +5,28 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import (
-    check_output,
-    describe,
-    echo,
-    json_option,
-    map_options,
-    note,
-    note_compiling,
-    output_option,
-    print_json,
-)
-from evocity.cli.given import (
-    at_option,
+from evocity.cli.shared.checks import check_output, check_zoom
+from evocity.cli.shared.inputs import (
     city_of,
-    decoded,
+    decode_genome,
     genome_of,
-    id_option,
-    is_genome,
+    is_code,
     is_run,
     place_at,
+    refuse_reading,
 )
+from evocity.cli.shared.options import (
+    FILE,
+    WHOLE,
+    at_option,
+    flag,
+    id_option,
+    json_option,
+    map_options,
+    option,
+    output_option,
+)
+from evocity.cli.shared.terminal import describe, echo, note, note_compiling, print_json
 from evocity.errors import EvocityError
 
 #: As `evocity.views.walls.DETAIL`, which is slow to load.
@@ -44,102 +45,33 @@ Examples:
 @output_option(
     "FILE",
     "Scene to write: .city.json (CityJSON 2.0, for GIS), .glb (glTF 2.0, for Blender and "
-    "browsers), .obj (for Rhino), .wrl (VRML97), .x3d, .gpkg (footprints) or .png (a picture); "
-    "overwritten if it exists.",
+    "browsers), .obj (for Rhino), .wrl (VRML97), .x3d, .gpkg (footprints) or .png (a picture)",
 )
 @id_option
-@click.option(
-    "--tolerance",
-    "detail",
-    type=float,
-    metavar="METRES",
-    default=DETAIL,
-    show_default=True,
-    help="Pieces of wall shorter than this are left out.",
+@option("--tolerance detail METRES", "Length of the shortest piece of wall.", float, DETAIL)
+@option("--angles", "Directions of walls in a building.", click.Choice(["none", "square"]), "none")
+@option(
+    "--storeys METRES",
+    "Height of a storey, to which heights are rounded. [heights as they are]",
+    float,
 )
-@click.option(
-    "--angles",
-    type=click.Choice(["none", "square"]),
-    default="none",
-    show_default=True,
-    help="Turn walls to the one or two directions of their building, where they are near.",
+@option("--least-area M2", "Smallest area of a separate building.", float, 0.0)
+@option("--zoom Z...", "Fractal zoom of a genome: above 1 finer, below 1 simpler. [1]", float)
+@option("--classes TOML", "Table of classes and their colours. [the seven of the papers]", FILE)
+@option("--library FOLDER", "Library of objects that replace buildings where they fit.", FILE)
+@option("--atmosphere WORDS", "Atmosphere of the objects of --library. [any]")
+@option(
+    "--seed", "Seed of the random choice among objects of --library that fit equally.", WHOLE, 0
 )
-@click.option(
-    "--storeys",
-    type=float,
-    metavar="METRES",
-    show_default="heights as they are",
-    help="Round heights to whole storeys of this height, one at least.",
-)
-@click.option(
-    "--least-area",
-    type=float,
-    metavar="M2",
-    default=0.0,
-    show_default=True,
-    help="A smaller building joins its neighbour, or is dropped if it has none.",
-)
-@click.option(
-    "--zoom",
-    type=float,
-    multiple=True,
-    metavar="Z",
-    show_default="1",
-    help="Of a genome: level of detail by fractal zoom, above 1 finer, below 1 simpler. Given "
-    "several times, a file each: level.glb becomes level-z0.5.glb, level-z1.glb and so on.",
-)
-@click.option(
-    "--classes",
-    type=click.Path(path_type=Path),
-    metavar="TOML",
-    show_default="the seven of the papers",
-    help="Table of classes: limits of area, height and shape, and colours.",
-)
-@click.option(
-    "--library",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    show_default="none",
-    help="Library whose objects take the place of buildings, where they fit.",
-)
-@click.option(
-    "--atmosphere",
-    metavar="WORDS",
-    show_default="any",
-    help="With --library: objects of this atmosphere alone, as the library's table has it.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="With --library: draws among objects that fit alike.",
-)
-@click.option("--streets", is_flag=True, help="Streets as surfaces; in .gpkg as layers.")
-@click.option(
+@flag("--streets", "Add streets: as surfaces, or as layers in a .gpkg.")
+@option(
     "--colours",
-    type=click.Choice(["heights", "classes"]),
-    show_default="classes with --classes, else heights",
-    help="Of .png: what roofs are coloured by.",
+    "Meaning of roof colours in a .png. [classes with --classes, else heights]",
+    click.Choice(["heights", "classes"]),
 )
-@click.option(
-    "--azimuth",
-    type=float,
-    show_default="25",
-    help="Of .png: where one looks to, degrees clockwise from north.",
-)
-@click.option(
-    "--tilt",
-    type=click.FloatRange(1, 90),
-    show_default="40",
-    help="Of .png: from how many degrees above the horizon; 90 is a plan.",
-)
-@click.option(
-    "--width",
-    type=click.IntRange(16, 8192),
-    show_default="900",
-    help="Of .png: width of what is drawn, px.",
-)
+@option("--azimuth", "Direction of view of a .png, degrees clockwise from north. [25]", float)
+@option("--tilt", "Angle of view of a .png, degrees; 90 is a plan. [40]", click.FloatRange(1, 90))
+@option("--width", "Width of a .png, pixels. [900]", click.IntRange(16, 8192))
 @at_option
 @map_options
 @json_option
@@ -165,13 +97,17 @@ def scene(
     reading,
     as_json,
 ) -> None:
-    """Write a map in three dimensions: solids with floors, walls and flat roofs, on their ground.
+    """Write a map in three dimensions: solids with floors, walls and flat roofs, on the ground.
 
-    MAP is a file or a bundled name, GENOME a genome file, and RUN a run folder, of which --id names
-    one individual. Walls are straight lines fitted to the pixels.
+    MAP is a file or a bundled name, GENOME a genome file, and RUN a run folder with --id. Walls are
+    straight lines fitted to the pixels. With --angles square, the walls of a building follow its
+    one or two main directions. A building smaller than --least-area joins a neighbour; without a
+    neighbour it disappears. With several --zoom, the command writes a file for each zoom: level.glb
+    becomes level-z0.5.glb, level-z1.glb and so on.
 
-    Coordinates are metres from the map's south-west corner; the file keeps where that corner lies,
-    the reference system and the attribution. `evocity` reads its own .city.json again.
+    Coordinates are metres from the map's south-west corner. The file keeps the place of that
+    corner, the reference system and the attribution. The commands of evocity can read a .city.json
+    that this command wrote.
     """
     import numpy as np
 
@@ -199,29 +135,33 @@ def scene(
         how["library"] = objects if atmosphere is None else objects.of_atmosphere(atmosphere)
     elif atmosphere is not None:
         raise EvocityError(
-            "--atmosphere without --library", "a library", "name one, or leave it out"
+            "--atmosphere without --library",
+            "--atmosphere with --library",
+            "add --library FOLDER, or leave --atmosphere out",
         )
     drawn = {"colours": colours, "azimuth": azimuth, "tilt": tilt, "width": width}
     drawn = {name: value for name, value in drawn.items() if value is not None}
     if drawn and check_suffix(output) != ".png":
-        option = f"--{next(iter(drawn))}"
-        raise EvocityError(f"{option} with {output.name}", "a .png", f"leave {option} out")
+        name = f"--{next(iter(drawn))}"
+        raise EvocityError(
+            f"{name} does not fit the output {output.name}", "an output .png", f"leave {name} out"
+        )
     if classes is not None and check_suffix(output) == ".png":
         drawn = {"colours": "classes"} | drawn
-    found = []
+    written = []
     place = {} if at is None else place_at(what, at)
     for path, city in _levels(what, reading, identifier, zoom, output):
         city = city.replace(city.heights, **place)
         made = evocity.scene(city, rng=np.random.default_rng(seed), **how)
         made.write(path, **drawn)
-        found.append((path, made))
-        _note_fitted(made)
+        written.append((path, made))
+        _note_fitting(made)
         if not as_json:
             echo(describe(city))
-            echo(_told(made))
+            echo(_summary(made))
             echo(f"wrote {path}")
     if as_json:
-        print_json({"scenes": [_facts(path, made) for path, made in found]})
+        print_json({"scenes": [_facts(path, made) for path, made in written]})
 
 
 def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Path):
@@ -229,14 +169,12 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
     if not zooms:
         yield output, city_of(what, reading, identifier)
         return
-    if not (is_genome(what) or is_run(what)):
+    if not is_code(what):
         raise EvocityError(
-            f"--zoom with the map {what}",
-            "a genome: the code makes the detail",
-            f"encode it first: evocity encode {what} -o GENOME.parquet",
+            f"--zoom does not fit the map {what}",
+            "a genome, whose code makes the detail",
+            f"encode the map first: evocity encode {what} -o GENOME.parquet",
         )
-    from evocity.cli.decode import check_zoom
-    from evocity.cli.given import refuse_reading
     from evocity.scene import suffix_of
 
     refuse_reading(f"the genome {what}", reading)
@@ -248,49 +186,49 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
     named = {f"{zoom:g}": zoom for zoom in zooms}
     if len(named) < len(set(zooms)):
         raise EvocityError(
-            f"--zoom {' --zoom '.join(map(str, zooms))}, of which some have the same file name",
-            "levels that differ in six digits",
+            f"--zoom {' --zoom '.join(map(str, zooms))}: two levels would have the same file name",
+            "levels that differ in their first six digits",
             "leave one of them out",
         )
-    for told, zoom in sorted(named.items(), key=lambda one: one[1]):
-        path = output.with_name(f"{stem}-z{told}{suffix}") if len(named) > 1 else output
-        yield path, decoded(genome, what, identifier, zoom)
+    for name, zoom in sorted(named.items(), key=lambda level: level[1]):
+        path = output.with_name(f"{stem}-z{name}{suffix}") if len(named) > 1 else output
+        yield path, decode_genome(genome, what, identifier, zoom)
 
 
 def _measures(what: str, identifier: int | None) -> dict[str, float]:
-    """What a run measured of its individual."""
+    """The values of a run's individual."""
     if identifier is None or not is_run(what):
         return {}
     return dict(evocity.open_run(what).individuals([identifier], rebred=False)[0].values)
 
 
-def _note_fitted(made) -> None:
-    """Say why no object of the library fits anywhere, where that is by the classes."""
+def _note_fitting(made) -> None:
+    """Note if no object of the library fits anywhere because of the classes."""
     if made.substitution is None or made.substitution.counts["fitted"]:
         return
     own = {made.classes.names[number] for number in set(made.classes.of_buildings.tolist())}
     theirs = set(made.substitution.library.classes)
     if own and not own & theirs:
         note(
-            f"no building found an object: the library has {', '.join(sorted(theirs))}, the map "
+            f"no object fits a building: the library has {', '.join(sorted(theirs))}, the map "
             f"{', '.join(sorted(own))}; make the library with the same --classes"
         )
 
 
-def _told(made) -> str:
+def _summary(made) -> str:
     walls = made.walls
     triangles = sum(len(group.mesh.triangles) for group in made.groups)
-    left = []
+    parts = [f"{len(walls)} buildings, {triangles} triangles"]
     if walls.simplified:
-        left.append(f"{walls.simplified} walls only simplified")
+        parts.append(f"{walls.simplified} with walls only simplified")
     if walls.stairs:
-        left.append(f"{walls.stairs} left as the pixels are")
+        parts.append(f"{walls.stairs} with walls along the pixels")
     if walls.dropped:
-        left.append(f"{walls.dropped} buildings under the least area dropped")
+        parts.append(f"{walls.dropped} buildings under the least area dropped")
     if made.substitution is not None:
         fitted = made.substitution.counts["fitted"]
-        left.append(f"{fitted} of them objects of the library, {len(walls) - fitted} as they were")
-    return ", ".join([f"{len(walls)} buildings, {triangles} triangles", *left])
+        parts.append(f"{fitted} replaced by objects of the library, {len(walls) - fitted} not")
+    return ", ".join(parts)
 
 
 def _facts(path: Path, made) -> dict:

@@ -1,4 +1,4 @@
-"""`evocity score`: maps become numbers."""
+"""`evocity score`: measures maps."""
 
 import contextlib
 import csv
@@ -10,21 +10,27 @@ from dataclasses import replace
 import click
 
 import evocity
-from evocity.cli.common import (
+from evocity.cli.shared.inputs import (
+    case_of,
+    city_of,
+    individuals_of,
+    is_code,
+    is_genome,
+    measures_of,
+)
+from evocity.cli.shared.options import flag, ids_option, json_option, map_options, option
+from evocity.cli.shared.terminal import (
     describe,
     echo,
-    json_option,
-    map_options,
     note_compiling,
     print_json,
     print_table,
     quiet_stdout,
     warn,
 )
-from evocity.cli.given import case_of, city_of, ids_option, is_genome, is_run, measures_of
 from evocity.errors import EvocityError, FitnessError, plain_text
 
-# What begins a formula, wide forms too.
+# Characters that begin a formula, wide forms too.
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 
 
@@ -40,76 +46,63 @@ Examples:
 `evocity fitness new` begins a measure of your own."""
 )
 @click.argument("maps", metavar="MAP|GENOME|RUN...", nargs=-1, required=True)
-@ids_option(
-    "Which individual of a run folder, by the number its report and `status` give it. One run "
-    "takes several; among several maps, give it once for each run, in order."
+@ids_option("several of one run, or one for each run among the maps, in their order")
+@option(
+    "--fitness words NAME|FILE.py|FILE.toml...",
+    "Measure: a name, a Python file (executed) or a table of building types. "
+    "[all of `evocity fitness list`]",
 )
-@click.option(
-    "--fitness",
-    "wanted",
-    multiple=True,
-    metavar="NAME|FILE.py|FILE.toml",
-    show_default="all of `evocity fitness list`",
-    help="A measure by name, the measures in a Python file, which is executed, or those by a "
-    "table of building types in TOML. Give it once for each.",
+@option(
+    "--reference references MAP|GENOME...",
+    "City to compare with. [the source cities of an individual of a run]",
 )
-@click.option(
-    "--reference",
-    "references",
-    multiple=True,
-    metavar="MAP|GENOME",
-    show_default="of an individual of a run, its source cities",
-    help="A city that measures such as fabric_distance compare with, read as the maps are. Give "
-    "it once for each; they are weighted alike.",
-)
-@click.option(
-    "--within",
-    metavar="FILE",
-    show_default="the whole map",
-    help="Footprints, or a raster above 0 there: measure this part of each map. Measures that ask "
-    "for the genome, the parents or the sources are of whole maps alone.",
+@option(
+    "--within FILE",
+    "Footprints, or a raster of values above 0, of the part to measure. [the whole map]",
 )
 @map_options
 @json_option
-@click.option("--csv", "as_csv", is_flag=True, help="Print a row a map, and nothing else.")
-def score(maps, identifiers, wanted, references, within, reading, as_json, as_csv) -> None:
-    """Measure maps.
+@flag("--csv as_csv", "Print only CSV, a row for each map.")
+def score(maps, identifiers, words, references, within, reading, as_json, as_csv) -> None:
+    """Measure maps, and print the values.
 
-    Each MAP is a map file or the name of a bundled district. A genome, from a file or of the
-    individual --id of a run folder, is decoded first. Measures that ask for the genome, the
-    parents or the sources of a city measure individuals of runs; those that compare cities
-    compare with what --reference names.
+    Each MAP is a map file or the name of a bundled district. A MAP may also be a genome file, or a
+    run folder with --id; the command decodes these first. Measures that need the genome, the
+    parents or the sources of a city apply only to individuals of runs, and only to whole maps.
+    Measures that compare cities use --reference. Several references count equally, and are read
+    with the same options as the maps.
 
-    JSON: each measure's name to its number; null where the measure is undefined. Several maps
-    give each map's name to these. CSV: a column a measure, empty where it is undefined; a map's
-    name that a spreadsheet would take for a formula (=, +, -, @ first) gets an apostrophe before.
+    JSON: for each measure, its value; null where the measure is undefined. For several maps, the
+    JSON has such an object for each map, under the name of the map. CSV: a column per measure,
+    empty where the measure is undefined. If the name of a map begins with =, +, - or @, an
+    apostrophe before the name keeps spreadsheets from reading a formula.
     """
     if as_json and as_csv:
-        raise click.UsageError("--json and --csv: one document at a time, leave one out")
+        raise click.UsageError("--json and --csv: leave one out, only one document fits")
     note_compiling()
     sources = _individuals(maps, identifiers)
     with quiet_stdout():
-        measures = _measures(wanted)
-        if references and not any("reference" in one.takes for one in measures):
-            names = ", ".join(one.name for one in measures)
+        measures = _measures(words)
+        if references and not any("reference" in measure.takes for measure in measures):
+            names = ", ".join(measure.name for measure in measures)
             raise EvocityError(
-                f"--reference with {names}, which compare with no city",
+                f"--reference is given, but {names} compare no cities",
                 "a measure that compares cities, such as fabric_distance",
                 "leave --reference out",
             )
-        read_any = any(not _is_code(source) for source, _ in sources)
+        read_any = any(not is_code(source) for source, _ in sources)
         cases = {
-            _title(source, number): case_of(
-                source, {} if read_any and _is_code(source) else reading, number
+            source if number is None else f"{source} --id {number}": case_of(
+                source, {} if read_any and is_code(source) else reading, number
             )
             for source, number in sources
         }
         if references:
-            cases = _compared(cases, references, reading)
+            cases = _add_reference(cases, references, reading)
         parts = {} if within is None else {t: _part(within, case) for t, case in cases.items()}
-        alone = bool(wanted) and len(cases) == 1
+        by_name = bool(words) and len(cases) == 1
         table = {
-            title: {m.name: _value(m, case, alone, parts.get(title)) for m in measures}
+            title: {m.name: _value(m, case, by_name, parts.get(title)) for m in measures}
             for title, case in cases.items()
         }
     _warn_of_left_out(cases, measures)
@@ -121,7 +114,7 @@ def score(maps, identifiers, wanted, references, within, reading, as_json, as_cs
         for case in cases.values():
             echo(describe(case.city))
         for title, part in parts.items():
-            echo(_described(part, title if len(parts) > 1 else "", cases[title].city))
+            echo(_describe_part(part, title if len(parts) > 1 else "", cases[title].city))
         if len(table) == 1:
             (values,) = table.values()
             print_table([_row(measure, values[measure.name]) for measure in measures])
@@ -132,50 +125,33 @@ def score(maps, identifiers, wanted, references, within, reading, as_json, as_cs
 def _individuals(
     sources: Sequence[str], identifiers: Sequence[int]
 ) -> list[tuple[str, int | None]]:
-    """Each source and the individual of it, None of what is no run."""
-    runs = sum(is_run(source) for source in sources)
+    """Each source with its individual; None unless it is a run. One run takes several."""
     if len(sources) == 1 and identifiers:
         return [(sources[0], number) for number in identifiers]
-    if identifiers and len(identifiers) != runs:
-        raise EvocityError(
-            f"{len(identifiers)} × --id for {runs} run folders",
-            "--id N once for each run folder, in their order, or one run folder alone",
-            "give as many, or leave --id out where there is no run",
-        )
-    numbers = iter(identifiers)
-    return [(source, next(numbers, None) if is_run(source) else None) for source in sources]
+    return list(zip(sources, individuals_of(sources, identifiers), strict=True))
 
 
-def _is_code(source: str) -> bool:
-    """Whether it is decoded, not read."""
-    return is_genome(source) or is_run(source)
+def _measures(words: tuple[str, ...]) -> list:
+    """The measures that ``words`` name, each once, in that order; all without words."""
+    measures = {measure.name: measure for word in words for measure in measures_of(word)}
+    return list(measures.values()) or evocity.fitness.measures()
 
 
-def _title(source: str, number: int | None) -> str:
-    return source if number is None else f"{source} --id {number}"
-
-
-def _measures(wanted: tuple[str, ...]) -> list:
-    """The measures asked for, each once, in that order; all of them if none is."""
-    found = {measure.name: measure for word in wanted for measure in measures_of(word)}
-    return list(found.values()) or evocity.fitness.measures()
-
-
-def _compared(cases: dict, references: Sequence[str], reading) -> dict:
-    """The ``cases`` with the cities that ``references`` name to compare with."""
-    named = [city_of(name, {} if is_genome(name) else reading) for name in references]
-    reference = evocity.fitness.Reference.of(named)
+def _add_reference(cases: dict, references: Sequence[str], reading) -> dict:
+    """The ``cases`` with the cities that ``references`` name, to compare with."""
+    cities = [city_of(name, {} if is_genome(name) else reading) for name in references]
+    reference = evocity.fitness.Reference.of(cities)
     return {title: replace(case, reference=reference) for title, case in cases.items()}
 
 
 def _warn_of_left_out(cases: dict, measures) -> None:
-    """Tell which features of buildings `fabric_distance` leaves out."""
+    """Name the features of buildings that `fabric_distance` leaves out."""
     from evocity.fitness.fabric import left_out
 
-    if not any(one.name.startswith("fabric_distance") for one in measures):
+    if not any(measure.name.startswith("fabric_distance") for measure in measures):
         return
     for reference in {case.reference for case in cases.values()} - {None}:
-        with contextlib.suppress(EvocityError):  # of too few buildings: the value says so
+        with contextlib.suppress(EvocityError):  # too few buildings: the value says so
             if gone := left_out(reference):
                 names = ", ".join(city.name for city in reference.cities)
                 warn(f"fabric_distance leaves out {', '.join(gone)}: the same in all of {names}")
@@ -189,8 +165,8 @@ def _part(place: str, case):
     return evocity.fitness.Part(place, read_mask(place, case.sources or [case.city]))
 
 
-def _described(part, title: str, city) -> str:
-    """In words, what of a map is measured."""
+def _describe_part(part, title: str, city) -> str:
+    """Describe the measured part of a map in one line."""
     cut = part.of(city)
     height, width = cut.shape
     shape = "" if part.is_rectangle else f" within {height} × {width} px"
@@ -199,32 +175,36 @@ def _described(part, title: str, city) -> str:
     return f"measured{of}: {part.name}, {pixels}{shape}, {cut.area / 1e4:.3g} ha"
 
 
-def _value(measure, case, asked_for: bool, part=None) -> float:
-    """What ``measure`` says, of the ``part`` if there is one. Of a map without the genome, the
-    parents or the sources that it asks for it is undefined, unless it was ``asked_for`` by name of
-    that map alone: then the error is told."""
+_NO_REFERENCE = "it needs a city to compare with: --reference CITY"
+
+
+def _value(measure, case, by_name: bool, part=None) -> float:
+    """The value of ``measure``, on the ``part`` if there is one.
+
+    It is undefined for a map without the genome, the parents or the sources that the measure needs.
+    If the user named the measure ``by_name`` for that map alone, the error is raised.
+    """
     if part is not None:
-        return _value_within(part, measure, case, asked_for)
-    if asked_for or case.serves(measure):
+        return _value_within(part, measure, case, by_name)
+    if by_name or case.serves(measure):
         return case.measured(measure)
     if "reference" in measure.needs and case.reference is None:
-        reason = "it asks for a city to compare with: --reference CITY"
+        reason = _NO_REFERENCE
     elif "genome" in measure.needs and case.genome is None:
-        reason = "it asks for the genome, and a map has none"
+        reason = "it needs the genome, and a map has none"
     else:
         lacking = [need for need in measure.needs if getattr(case, need) is None]
-        reason = f"it asks for the {' and the '.join(lacking)}, which only runs know: RUN --id N"
+        reason = f"it needs the {' and the '.join(lacking)}, which only runs have: RUN --id N"
     return evocity.fitness.Undefined(reason)
 
 
-def _value_within(part, measure, case, asked_for: bool) -> float:
+def _value_within(part, measure, case, by_name: bool) -> float:
     try:
         part.check(measure)
-        if not asked_for and "reference" in measure.needs and case.reference is None:
-            reason = "it asks for a city to compare with: --reference CITY"
-            return evocity.fitness.Undefined(reason)
+        if not by_name and "reference" in measure.needs and case.reference is None:
+            return evocity.fitness.Undefined(_NO_REFERENCE)
     except FitnessError as error:
-        if asked_for:
+        if by_name:
             raise
         return evocity.fitness.Undefined(error.found.removeprefix(f"{measure.name} "))
     return part.measured(measure, case.city, case.reference, case.genome)
@@ -241,7 +221,7 @@ def _reason(value: float) -> str:
 
 
 def _print_columns(table, measures) -> None:
-    """A row a measure, a column a map; below, why what is undefined is so."""
+    """Print a row per measure, a column per map; then the reasons of undefined values."""
     rows = [("measure", *table, "unit")]
     reasons = {}
     for measure in measures:
@@ -267,7 +247,7 @@ def _print_csv(table, names: list[str]) -> None:
 
 
 def _cell(text: str) -> str:
-    """``text`` as a cell of CSV: an apostrophe goes before what a spreadsheet takes for a formula,
+    """``text`` as a cell of CSV: with an apostrophe before what a spreadsheet takes for a formula,
     as OWASP advises."""
     text = plain_text(text)
     return f"'{text}" if text.startswith(_FORMULA) else text

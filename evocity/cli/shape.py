@@ -1,4 +1,4 @@
-"""`evocity shape`: iterated function systems, drawn and counted."""
+"""`evocity shape`: draws and counts iterated function systems."""
 
 import os
 from pathlib import Path
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from evocity.cli.common import echo, json_option, print_json, warn, writing
+from evocity.cli.shared.checks import replace_file
+from evocity.cli.shared.options import json_option, option
+from evocity.cli.shared.terminal import echo, print_json, warn
 from evocity.errors import EvocityError
-from evocity.files import whole_file
 
 if TYPE_CHECKING:
     from evocity.shapes import Shape
@@ -16,29 +17,24 @@ if TYPE_CHECKING:
 
 @click.group()
 def shape() -> None:
-    """Shapes of few numbers, without any city: draw, count, turn one into another.
+    """Shapes made from a few numbers, without a city: draw, measure, count and morph them.
 
-    NAME is sierpinski, koch, dragon, levy, carpet, fern or menger; FILE is JSON, as
-    `evocity.shapes.write_shape` writes it.
+    NAME is sierpinski, koch, dragon, levy, carpet, fern or menger; FILE is a JSON file that
+    `evocity.shapes.write_shape` wrote.
     """
 
 
-_output = click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
+_output = option(
+    "-o --output PNG|SVG|GLB",
+    "File to write; overwritten if it exists. SVG and GLB need --depth.",
+    click.Path(path_type=Path, dir_okay=False),
     required=True,
-    metavar="PNG|SVG|GLB",
-    help="File to write; overwritten if it exists. SVG and GLB need --depth.",
 )
-_side = click.option(
-    "--side", type=click.IntRange(8, 8192), default=512, show_default=True, help="Its side, px."
-)
-_depth = click.option(
+_side = option("--side", "Side of the picture, pixels.", click.IntRange(8, 8192), 512)
+_depth = option(
     "--depth",
-    type=click.IntRange(0, 63),
-    show_default="as deep as pieces are a pixel",
-    help="How many maps one after another.",
+    "Number of maps that are applied in sequence. [until pieces are a pixel]",
+    click.IntRange(0, 63),
 )
 
 
@@ -55,8 +51,8 @@ Examples:
 @_side
 @_depth
 def show(name: str, output: Path, side: int, depth: int | None) -> None:
-    """Draw a shape: of the plane as a picture, of space as solids in GLB."""
-    _drawn(_shape(name), output, side, depth)
+    """Draw a shape: in the plane as a picture, in space as solids in GLB."""
+    _draw(_read_shape(name), output, side, depth)
     size = "" if output.suffix.lower() == ".glb" else f", {side} × {side} px"
     echo(f"{output}: {name}{size}")
 
@@ -68,34 +64,31 @@ Examples:
   evocity shape dimension carpet --json"""
 )
 @click.argument("name", metavar="NAME|FILE")
-@click.option(
-    "--side",
-    type=click.IntRange(64, 8192),
-    show_default="4096, in space 256",
-    help="Side of the raster that boxes are counted in, px, at most.",
+@option(
+    "--side", "Largest side of the raster, pixels. [4096, in space 256]", click.IntRange(64, 8192)
 )
 @json_option
 def dimension(name: str, side: int | None, as_json: bool) -> None:
-    """Tell the dimension of a shape: by its maps and its language, and by counting boxes.
+    """Print two dimensions of a shape: one from its maps, and one by counting boxes.
 
-    The first is exact where all maps are similarities and pieces do not overlap; there is none for
-    others. The second is measured in a raster.
+    The dimension from the maps and their language is exact if all maps are similarities and pieces
+    do not overlap; for other shapes it is unknown. The boxes are cells of a raster.
 
-    JSON keys: dimension (null where it is not known), boxes.
+    JSON keys: dimension (from the maps; null if unknown), boxes (by counting boxes).
     """
     from evocity.shapes import ShapeError, box_dimension, dimension_of
 
-    one = _shape(name)
+    drawn = _read_shape(name)
     exact, why = None, ""
     try:
-        exact = dimension_of(one)
+        exact = dimension_of(drawn)
     except ShapeError as error:
         why = error.found
-    boxes = box_dimension(one, side)
+    boxes = box_dimension(drawn, side)
     if as_json:
         print_json({"dimension": exact, "boxes": boxes.dimension})
         return
-    echo(f"exact: {exact:.12g}" if exact is not None else f"exact: not known; {why}")
+    echo(f"exact: {exact:.12g}" if exact is not None else f"exact: unknown; {why}")
     sides = f"boxes of {boxes.sides[0]} to {boxes.sides[-1]} px"
     echo(f"by {sides}: {boxes.dimension:.4f}")
 
@@ -107,17 +100,20 @@ Examples:
   evocity shape count mine.json --depth 400 --json"""
 )
 @click.argument("name", metavar="NAME|FILE")
-@click.option(
-    "--depth", type=click.IntRange(0, 10000), required=True, help="How many maps one after another."
+@option(
+    "--depth",
+    "Number of maps that are applied in sequence.",
+    click.IntRange(0, 10000),
+    required=True,
 )
 @json_option
 def count(name: str, depth: int, as_json: bool) -> None:
-    """Tell how many pieces a shape has at a depth, exactly, without drawing them.
+    """Print the exact number of pieces of a shape at a depth, without drawing them.
 
     JSON keys: count.
     """
-    found = _shape(name).count(depth)
-    print_json({"count": found}) if as_json else echo(f"{found}")
+    pieces = _read_shape(name).count(depth)
+    print_json({"count": pieces}) if as_json else echo(f"{pieces}")
 
 
 @shape.command(
@@ -127,28 +123,30 @@ Examples:
 )
 @click.argument("first", metavar="NAME|FILE")
 @click.argument("last", metavar="NAME|FILE")
-@click.option("-t", type=click.FloatRange(0, 1), required=True, help="How far, from 0 to 1.")
+@option("-t", "Position between the shapes, from 0 to 1.", click.FloatRange(0, 1), required=True)
 @_output
 @_side
 @_depth
 def morph(first: str, last: str, t: float, output: Path, side: int, depth: int | None) -> None:
-    """Draw what lies between two shapes.
+    """Draw a shape between two other shapes.
 
-    Lines that hang together do so in between. Of shapes with other numbers of maps it is told
-    which map becomes which.
+    Connected lines stay connected. If the two shapes have different numbers of maps, the command
+    prints which map becomes which.
     """
     from evocity.shapes import metamorphosis
 
-    one, other = _shape(first), _shape(last)
-    between = metamorphosis(one, other)
-    _drawn(between(t), output, side, depth)
+    start, end = _read_shape(first), _read_shape(last)
+    between = metamorphosis(start, end)
+    _draw(between(t), output, side, depth)
     echo(f"{output}: {first} to {last}, t = {t:g}")
-    if len(one) != len(other):
+    if len(start) != len(end):
         pairs = ", ".join(f"{a}→{b}" for a, b in between.pairs)
-        warn(f"{len(one)} maps and {len(other)}: paired {pairs}; what one lacks has no length")
+        warn(
+            f"{len(start)} maps and {len(end)}: paired {pairs}; a map without a pair has no length"
+        )
 
 
-def _shape(name: str) -> "Shape":
+def _read_shape(name: str) -> "Shape":
     from evocity.shapes import KNOWN, known, read_shape
 
     if name in KNOWN or not (os.sep in name or "." in name or Path(name).exists()):
@@ -156,26 +154,20 @@ def _shape(name: str) -> "Shape":
     return read_shape(name)
 
 
-def _drawn(one: "Shape", output: Path, side: int, depth: int | None) -> None:
+def _draw(drawn: "Shape", output: Path, side: int, depth: int | None) -> None:
     from evocity.shapes import glb_of, picture_of, svg_of
 
     suffix = output.suffix.lower()
     if suffix not in (".png", ".svg", ".glb"):
         expected = "a name that ends in .png, .svg or .glb"
-        raise EvocityError(f"{output}", expected, "choose one of these")
+        raise EvocityError(f"the output {output}", expected, "choose another name after -o")
     if suffix != ".png" and depth is None:
-        raise EvocityError(
-            f"{suffix[1:].upper()} without --depth",
-            "how deep to draw",
-            "add --depth, for example 6",
-        )
-    with writing(output), whole_file(output) as temporary:
+        name = suffix[1:].upper()
+        raise EvocityError(f"{name} without --depth", "a depth", "add --depth, for example 6")
+    with replace_file(output) as temporary:
         if suffix == ".png":
-            picture_of(one, side, depth).save(temporary, "PNG")
+            picture_of(drawn, side, depth).save(temporary, "PNG")
         elif suffix == ".glb":
-            temporary.write_bytes(glb_of(one, depth))
+            temporary.write_bytes(glb_of(drawn, depth))
         else:
-            temporary.write_text(svg_of(one, depth, side), encoding="utf-8")
-
-
-__all__ = ["shape"]
+            temporary.write_text(svg_of(drawn, depth, side), encoding="utf-8")

@@ -1,27 +1,29 @@
-"""`evocity show`: a map, a genome or a run becomes a picture."""
+"""`evocity show`: the picture of a map, a genome or a run."""
 
 from pathlib import Path
 
 import click
 
 import evocity
-from evocity.cli.common import check_output, count_option, echo, map_options, output_option, writing
-from evocity.cli.given import (
-    city_of,
-    decoded,
-    fabric_in,
-    genome_of,
+from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.inputs import city_of, decode_genome, fabric_in, genome_of, refuse_reading
+from evocity.cli.shared.options import (
+    count_option,
+    flag,
     ids_option,
+    map_options,
     one_id,
-    refuse_reading,
+    option,
+    output_option,
 )
+from evocity.cli.shared.terminal import echo
 from evocity.errors import EvocityError
 
-#: Title of the picture of each count.
+#: Titles of pictures of --usage, by --count.
 _COUNTS = {
     "pixels": "calls of each pixel",
     "domains": "calls of the domain blocks",
-    "ranges": "calls of what each range block is made of",
+    "ranges": "calls of each range block's domain block",
 }
 
 
@@ -37,60 +39,40 @@ Examples:
   evocity show lyon.parquet --usage -o calls.png"""
 )
 @click.argument("what", metavar="MAP|GENOME|RUN")
-@output_option("PNG", "Picture to write; overwritten if it exists.")
-@ids_option(
-    "Which individual of a run folder, by the number its report and `status` give it. Give it "
-    "several times for a contact sheet."
-)
-@click.option(
-    "--leaves",
-    is_flag=True,
-    help="Of a genome: the borders of its range blocks, over its map.",
-)
-@click.option(
-    "--usage",
-    is_flag=True,
-    help="Draw how often a genome's code calls each pixel, instead of heights.",
-)
+@output_option("PNG", "Picture to write")
+@ids_option("several give a contact sheet")
+@flag("--leaves", "Draw the borders of a genome's range blocks, over its map.")
+@flag("--usage", "Draw how often a genome's code calls each pixel.")
 @count_option
-@click.option(
-    "--ancestry",
-    is_flag=True,
-    help="Draw which source city each pixel of a genome comes from, a colour each.",
-)
-@click.option(
-    "--depth",
-    type=int,
-    show_default="the limit",
-    help="With --ancestry: how many domain blocks to look back over; 0 for the city of each "
-    "range block alone.",
-)
+@flag("--ancestry", "Draw the source city of each pixel of a genome.")
+@option("--depth", "Number of domain blocks that --ancestry traces back. [the limit]", int)
 @map_options
 def show(
     what: str, output: Path, identifiers, leaves, usage, count, ancestry, depth, reading
 ) -> None:
     """Draw a map, the map of a genome, or the best of a run.
 
-    Heights are drawn on a colour scale in metres, with a scale bar and the attribution of the
-    sources. A run folder shows its parents and the best of its last generation side by side, or
-    the individual named by --id, or several of them with their scores. A run of map_elites shows
-    its grid: in each filled cell the map of its best birth.
+    Pictures have a colour scale of heights in metres, a scale bar and the attribution of the
+    sources. For a run folder, the picture shows the parents and the best of the last generation
+    side by side. With --id, the picture shows one individual, or several with their scores. For a
+    run of map_elites, the picture shows the grid: in each filled cell, the map of the best birth.
 
-    --leaves, --usage and --ancestry draw what a genome's code is made of, over its map.
+    --leaves, --usage and --ancestry draw the code of a genome over its map. With --ancestry --depth
+    0, each pixel shows the source city of its range block.
     """
     flags = {"--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
-    asked = [flag for flag, given in flags.items() if given]
-    _check_wanted(asked, count, depth)
+    parts = [name for name, given in flags.items() if given]
+    _check_options(parts, count, depth)
     check_output(output, what, {".png"})
-    several = len(identifiers) > 1 and not asked
+    several = len(identifiers) > 1 and not parts
     identifier = None if several else one_id(identifiers)
-    if asked:
-        refuse_reading(asked[0], reading)
+    if parts:
+        refuse_reading(parts[0], reading)
         genome = fabric_in(genome_of(what, identifier), what)
         if leaves:
-            _show_leaves(genome, decoded(genome, what, identifier), output)
+            _show_leaves(genome, decode_genome(genome, what, identifier), output)
         elif usage:
-            _show_usage(genome, decoded(genome, what, identifier), count or "pixels", output)
+            _show_usage(genome, decode_genome(genome, what, identifier), count or "pixels", output)
         else:
             _show_ancestry(genome, what, identifier, depth, output)
     elif several:
@@ -103,13 +85,17 @@ def show(
     echo(f"wrote {output}")
 
 
-def _check_wanted(asked: list[str], count: str | None, depth: int | None) -> None:
-    if len(asked) > 1:
-        raise EvocityError(" and ".join(asked), "one of them", "make one picture after the other")
-    if count is not None and "--usage" not in asked:
-        raise EvocityError("--count without --usage", "both", "add --usage")
-    if depth is not None and "--ancestry" not in asked:
-        raise EvocityError("--depth without --ancestry", "both", "add --ancestry")
+def _check_options(parts: list[str], count: str | None, depth: int | None) -> None:
+    if len(parts) > 1:
+        raise EvocityError(
+            " and ".join(parts), "one of these options", "make one picture after the other"
+        )
+    if count is not None and "--usage" not in parts:
+        raise EvocityError("--count without --usage", "--count with --usage", "add --usage")
+    if depth is not None and "--ancestry" not in parts:
+        raise EvocityError(
+            "--depth without --ancestry", "--depth with --ancestry", "add --ancestry"
+        )
 
 
 def _show_leaves(genome, city, output: Path) -> None:
@@ -126,14 +112,14 @@ def _show_usage(genome, city, count: str, output: Path) -> None:
     from evocity.io import write_field
     from evocity.pictures import Field
 
-    found = usage(genome)
-    values = getattr(found, count)
+    calls = usage(genome)
+    values = getattr(calls, count)
     write_field(Field(city, values.astype("float32"), _COUNTS[count], "calls"), output)
-    calling, never = int((found.calls > 0).sum()), float((found.pixels == 0).mean())
+    calling, never = int((calls.calls > 0).sum()), float((calls.pixels == 0).mean())
     echo(
-        f"{len(found.domain_calls)} domain blocks serve {calling} of {len(genome)} lifs, "
-        f"the most called {found.domain_calls.max(initial=0)} of them; "
-        f"a pixel is called up to {found.pixels.max()} times, {never:.0%} of them never"
+        f"{len(calls.domain_calls)} domain blocks serve {calling} of {len(genome)} lifs; "
+        f"the most called serves {calls.domain_calls.max(initial=0)}; "
+        f"a pixel has up to {calls.pixels.max()} calls, and {never:.0%} have none"
     )
 
 
@@ -142,22 +128,21 @@ def _show_ancestry(genome, source: str, identifier, depth: int | None, output: P
     from evocity.genome import VOID
     from evocity.io import write_shares
     from evocity.pictures import Shares
-    from evocity.pictures.palette import VOID_TOLD
+    from evocity.pictures.colours import VOID_LABEL
 
     weights = ancestry(genome, depth=depth)
     title = "ancestry" if depth is None else f"ancestry to depth {depth}"
-    city = decoded(genome, source, identifier)
-    parts = tuple(VOID_TOLD if name == VOID else name for name in genome.cities)
+    city = decode_genome(genome, source, identifier)
+    parts = tuple(VOID_LABEL if name == VOID else name for name in genome.cities)
     write_shares(Shares(city, weights, parts, title), output)
     shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
     echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
 
 
 def _show_run(folder: str, output: Path, reading) -> None:
-    from evocity.files import whole_file
     from evocity.report import run_picture
 
     refuse_reading(f"the run {folder}", reading)
     picture = run_picture(evocity.open_run(folder))
-    with writing(output), whole_file(output) as temporary:
+    with replace_file(output) as temporary:
         picture.save(temporary, format="PNG")

@@ -1,21 +1,24 @@
-"""`evocity status`: where a run is."""
+"""`evocity status`: the state of a run; `evocity report`: its page."""
 
 from datetime import timedelta
 from math import isfinite
+from pathlib import Path
 
 import click
 
 import evocity
-from evocity.cli.common import json_option, print_json, print_table
+from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.options import json_option, output_option
+from evocity.cli.shared.terminal import echo, print_json, print_table
 from evocity.errors import EvocityError
 
-#: Ids of the front that are listed at most.
+#: Most ids of the front in the table.
 _MOST_IDS = 12
 
-#: The time left is told by the pace of so many generations.
+#: Generations whose pace gives the time left.
 _PACE = 8
 
-#: A time left above this, thirty years, tells of a damaged log.
+#: A time left above this, thirty years, comes from a damaged log.
 _MOST_SECONDS = 1e9
 
 
@@ -27,99 +30,97 @@ Example:
 @click.argument("run", metavar="RUN")
 @json_option
 def status(run: str, as_json: bool) -> None:
-    """Say where the run in the folder RUN is.
+    """Print the state of the run in the folder RUN.
 
-    Safe while it goes on: nothing is changed, and only whole generations are seen. Individuals
-    of the front stand by their numbers, for --id of decode, score and show; all of them with
-    --json. The hypervolume is measured by the first population of RUN: its rise says how much
-    better the run gets, its height nothing beside another run.
+    The command is safe while RUN goes on: it changes nothing, and reads only whole generations. The
+    command lists the numbers of individuals on the front, for --id of decode, score and show;
+    --json lists the whole front. The hypervolume is relative to the first population of RUN. So the
+    hypervolume shows how much a run improves, but cannot compare two runs.
 
-    JSON keys: generation (the last whole one, null before the first), births, failures,
-    hypervolume, best (measure to the best value among the living; constraints are left out),
-    algorithm (what the
-    algorithm tells of all the living: of map_elites coverage, cells and qd_score), islands (of a
-    run with islands, name to what is told of each: living, feasible, and by its own goals
-    hypervolume, best and algorithm; hypervolume, best and front above are those of all together,
-    by all goals), parents (each
-    source city to what its code has of these measures, null where it has none),
-    evaluations_per_second, finished, stopped (why it ended before, in words; null while it goes
-    on), running (a process is at it now), seconds_left (an estimate while it is running, else
-    null), front (numbers of all individuals of the last generation's front), picked (numbers of
-    those that are bred from besides, see `evocity pick`), picks_share (the share of births
-    that have one of them for their first parent), weights (those that `evocity reweight` has set,
-    by name), waiting (commands that are not yet carried out, in words), refused
-    (those that were refused: generation and reason), evaluation (what births were evaluated by
-    last: engine, workers and the cluster; null in runs of older releases), differs
-    (births that were not the same when the run replayed them by itself: generation, id, differs as
-    `evocity replay` tells it).
+    JSON keys: generation (the last whole generation; null before the first); births; failures;
+    hypervolume; best (by measure, the best value among the living, without constraints); algorithm
+    (figures of the algorithm about the living; for map_elites coverage, cells and qd_score);
+    islands (only in a run with islands; by name: living, feasible, and hypervolume, best and
+    algorithm for the goals of the island, while the keys above are for all islands and all goals);
+    parents (by source city, the values of its code for these measures; null without a value);
+    evaluations_per_second; finished; stopped (why the run ended early, in words; null while it goes
+    on); running (whether a process works on the run); seconds_left (an estimate while the run is
+    running, else null); front (numbers of all individuals on the front of the last generation);
+    picked (numbers of the picks, see `evocity pick`); picks_share (the share of births whose first
+    parent is a pick); weights (by name, those that `evocity reweight` set); waiting (commands that
+    are not yet executed, in words); refused (refused commands: generation and reason); evaluation
+    (engine, workers and cluster of the last births; null in runs of older releases); differs
+    (births that changed when the run replayed them: generation, id, differs as in `evocity
+    replay`).
     """
     opened = evocity.open_run(run)
-    held = _is_held(opened)  # before the state: a run that ends between is not told to go on
+    held = _is_held(opened)  # before the state: a run that ends in between does not go on
     state = opened.status()
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
-    from evocity.analysis.wanted import aims_of
-    from evocity.report import Facts, differing, differing_told, failures
-    from evocity.report.facts import figures_told
-    from evocity.store.events import UNTOLD, ended_untold
+    from evocity.analysis.goals import aims_of, planned_generations
+    from evocity.report import differing, differing_told, failures
+    from evocity.report.shown_births import figure_texts
+    from evocity.store.events import KILLED, was_killed
 
-    if not held and ended_untold(opened.events()):
-        state["stopped"] = UNTOLD
+    if not held and was_killed(opened.events()):
+        state["stopped"] = KILLED
 
-    facts = Facts(opened)
-    members = [] if state["generation"] is None else _members(facts, state["generation"])
-    front = sorted(row["id"] for row in members if row["rank"] == 0)
-    # runs of old had constraints among the best
-    sought = (one.name for one in aims_of(opened) if one.sought)
-    best = {name: state["best"][name] for name in sought if name in state["best"]}
+    ranks = {} if state["generation"] is None else _ranks(opened, state["generation"])
+    front = sorted(identifier for identifier, rank in ranks.items() if rank == 0)
+    aims = aims_of(opened)
+    # older runs list constraints among the best
+    sought = [aim for aim in aims if aim.sought and aim.name in state["best"]]
+    best = {aim.name: state["best"][aim.name] for aim in sought}
     whole = state["generation"] is not None
-    parents = _parents(facts, best) if whole else {}
-    steered = _steered(opened, state["generation"])
+    parents = _parents(opened, best) if whole else {}
+    steering = _steering(opened, state["generation"])
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
-        more |= steered | {"evaluation": _engine(opened), "differs": differing(opened)}
+        more |= steering | {"evaluation": _engine(opened), "differs": differing(opened)}
         print_json(state | {"best": best} | more)
         return
-    planned = "" if facts.planned is None else f"/{facts.planned}"
+    planned = planned_generations(opened)
+    of_planned = "" if planned is None else f"/{planned}"
     failed = failures(opened) if whole else []
     rows = [
-        ("finished", _finished(run, state, running, left, members)),
-        ("generation", _shown(state["generation"]) + (planned if whole else "")),
-        ("births", _shown(state["births"])),
-        ("failures", _shown(state["failures"])),
+        ("finished", _describe_state(run, state, running, left, ranks)),
+        ("generation", _format(state["generation"]) + (of_planned if whole else "")),
+        ("births", _format(state["births"])),
+        ("failures", _format(state["failures"])),
         *(("", str(kind)) for kind in failed),
         *([("replayed", unsteady)] if (unsteady := differing_told(opened)) else []),
-        ("hypervolume", _shown(state["hypervolume"])),
-        *figures_told(state["algorithm"]),
-        *((f"on {name}", _island(told)) for name, told in state["islands"].items()),
-        *(row for a in facts.sought if a.name in best for row in _goal(a, best[a.name], parents)),
-        *([("constraints", _kept(facts))] if whole and _bounded(facts) else []),
+        ("hypervolume", _format(state["hypervolume"])),
+        *figure_texts(state["algorithm"]),
+        *((f"on {name}", _island(island)) for name, island in state["islands"].items()),
+        *(row for aim in sought for row in _goal(aim, best[aim.name], parents)),
+        *([("constraints", _bounds(opened))] if whole and any(a.bounds for a in aims) else []),
         *([("front", _ids(front, run))] if whole else []),
-        *_steered_rows(steered, run),
-        ("evaluations/s", _shown(state["evaluations_per_second"])),
-        *([("evaluated by", _engine_told(_engine(opened)))] if _engine(opened) else []),
+        *_steering_rows(steering, run),
+        ("evaluations/s", _format(state["evaluations_per_second"])),
+        *([("evaluated by", _describe_engine(_engine(opened)))] if _engine(opened) else []),
     ]
     print_table(rows)
 
 
-def _island(told: dict) -> str:
-    """What is told of one island."""
-    from evocity.report.facts import figures_told
+def _island(state: dict) -> str:
+    """Describe the state of one island."""
+    from evocity.report.shown_births import figure_texts
 
-    best = ", ".join(f"{name} {value:.4g}" for name, value in told.get("best", {}).items())
-    parts = [f"{told['living']} living", f"hypervolume {_shown(told.get('hypervolume'))}"]
-    parts += [f"{name} {value}" for name, value in figures_told(told.get("algorithm", {}))]
+    best = ", ".join(f"{name} {value:.4g}" for name, value in state.get("best", {}).items())
+    parts = [f"{state['living']} living", f"hypervolume {_format(state.get('hypervolume'))}"]
+    parts += [f"{name} {value}" for name, value in figure_texts(state.get("algorithm", {}))]
     return ", ".join(parts) + (f"; best {best}" if best else "")
 
 
 def _engine(opened) -> dict | None:
-    """What births were evaluated by since the run was last started or resumed."""
-    told = [event for event in opened.events() if "engine" in event]
-    kept = ("engine", "cluster", "dask_workers", "workers")
-    return {key: told[-1][key] for key in kept if key in told[-1]} if told else None
+    """The engine that evaluates births since the run last started or resumed."""
+    events = [event for event in opened.events() if "engine" in event]
+    keys = ("engine", "cluster", "dask_workers", "workers")
+    return {key: events[-1][key] for key in keys if key in events[-1]} if events else None
 
 
-def _engine_told(engine: dict) -> str:
+def _describe_engine(engine: dict) -> str:
     place = f"Dask at {engine['cluster']}" if "cluster" in engine else "this machine"
     count = engine.get("workers")
     return (
@@ -133,59 +134,60 @@ def _is_held(opened) -> bool:
     return is_held(opened.path / "lock")
 
 
-def _members(facts, generation: int) -> list[dict]:
-    if facts.run.header.islands:
-        return facts.members
-    return facts.run.members(generation).select(["id", "rank"]).to_pylist()
+def _ranks(opened, generation: int) -> dict[int, int]:
+    """Id -> rank of the living."""
+    if opened.header.islands:
+        return dict(zip(*(array.tolist() for array in opened.columns.ranked()), strict=True))
+    members = opened.members(generation)
+    return dict(zip(members["id"].to_pylist(), members["rank"].to_pylist(), strict=True))
 
 
 def _seconds_left(opened) -> float | None:
-    """Of a run that goes on, by its last generations' pace; None if there is nothing to tell by."""
-    from evocity.report import Facts
+    """The time left of a run, by the pace of its last generations; None without a pace."""
+    from evocity.analysis.goals import planned_generations
 
-    planned, history = Facts(opened).planned, opened.history()
+    planned, history = planned_generations(opened), opened.history()
     # the first generation also waited for the workers
-    paces = [one.get("evaluations_per_second") for one in history[1:][-_PACE:] or history]
+    paces = [entry.get("evaluations_per_second") for entry in history[1:][-_PACE:] or history]
     if planned is None or not paces or not all(paces):
         return None
-    one = sum(opened.header.population / pace for pace in paces) / len(paces)
-    left = max(0, planned - history[-1]["generation"]) * one
+    seconds = sum(opened.header.population / pace for pace in paces) / len(paces)
+    left = max(0, planned - history[-1]["generation"]) * seconds
     return left if left < _MOST_SECONDS else None
 
 
-def _finished(run: str, state: dict, running: bool, left: float | None, members: list) -> str:
-    """Whether the run is done; if not, what it does or what is to be done."""
+def _describe_state(run: str, state: dict, running: bool, left: float | None, living: dict) -> str:
+    """Whether the run is finished; if not, what it does, or what to do."""
     if state["finished"]:
         return "yes"
     if running:
         time = "" if left is None else f", about {timedelta(seconds=round(left))} left"
         return f"no; running{time}"
-    if state["generation"] is not None and not members:
-        from evocity.search.resuming import nobody_lives
+    if state["generation"] is not None and not living:
+        from evocity.search.resume.resume import no_parents_error
 
-        error = nobody_lives(run, state["generation"])
+        error = no_parents_error(run, state["generation"])
         return f"no, and it cannot go on: {error.found}; {error.remedy}"
     why = f"stopped: {state['stopped']}; " if state["stopped"] else ""
     return f"no; {why}go on with: evocity resume {run}"
 
 
-def _bounded(facts) -> list:
-    return [aim for aim in facts.told.aims if aim.bounds]
-
-
-def _kept(facts) -> str:
-    living = len(facts.members)
-    kept = living - len(facts.broken)
-    bounds = "; ".join(f"{aim.name} {aim.bounds}" for aim in _bounded(facts))
+def _bounds(opened) -> str:
+    births = opened.columns
+    living = int(births.alive.sum())
+    kept = int((births.alive & births.feasible).sum())
+    bounds = "; ".join(f"{aim.name} {aim.bounds}" for aim in births.aims if aim.bounds)
     return f"kept by {'all' if kept == living else f'{kept} of'} {living} living: {bounds}"
 
 
-def _parents(facts, measures) -> dict[str, dict[str, float | None]]:
-    """What the code of each source city has of the ``measures``; nothing of a run that has lost
-    its first births."""
-    cities = facts.run.header.cities
+def _parents(opened, measures) -> dict[str, dict[str, float | None]]:
+    """The values of each source city's code, by the ``measures``; empty for a run without its first
+    births."""
+    from evocity.analysis.births import source_births
+
+    cities = opened.header.cities
     try:
-        births = facts.source_births
+        births = source_births(opened)
     except EvocityError:
         return {}
     values = {cities[birth.id]: birth.values for birth in births}
@@ -200,68 +202,83 @@ def _number(value: float | None) -> float | None:
 
 
 def _goal(aim, value: float, parents: dict) -> list[tuple[str, str]]:
-    """The best by a measure, and below it what the parents have."""
-    had = ", ".join(
-        f"{name} {'–' if of[aim.name] is None else _shown(of[aim.name])}"
+    """The best by a measure, and below it the values of the parents."""
+    values = ", ".join(
+        f"{name} {'–' if of[aim.name] is None else _format(of[aim.name])}"
         for name, of in parents.items()
     )
-    return [(f"best {aim.name}", _best(aim, value))] + [("", f"parents: {had}")] * bool(had)
+    rows = [(f"best {aim.name}", f"{_format(value)} {aim.unit}".rstrip() + f" ({aim.wanted})")]
+    return rows + [("", f"parents: {values}")] * bool(values)
 
 
-def _best(aim, value: float) -> str:
-    return f"{_shown(value)} {aim.unit}".rstrip() + f" ({aim.wanted})"
-
-
-def _steered(opened, generation: int | None) -> dict:
-    """What commands have changed: who is picked, what is weighed otherwise; and what waits, and was
-    refused."""
-    from evocity.search.commands import Standing, asked_of
+def _steering(opened, generation: int | None) -> dict:
+    """The effect of commands: picks and weights; and the commands that wait, or were refused."""
+    from evocity.search.record.commands import StandingOrders, command_state
 
     share = opened.provenance.get("recipe", {}).get("search", {}).get("picks")
     none = {"picked": [], "picks_share": share, "weights": {}, "waiting": [], "refused": []}
     try:
-        standing, asked = Standing.of(opened.events(), (generation or 0) + 1), asked_of(opened)
-    except ValueError:  # told where the run is resumed
+        standing = StandingOrders.of(opened.events(), (generation or 0) + 1)
+        commands = command_state(opened)
+    except ValueError:  # `evocity resume` raises it
         return none
     return {
         "picked": list(standing.picks),
         "picks_share": standing.share or share,
         "weights": dict(standing.weights),
-        "waiting": [one.words for one in asked.waits],
-        "refused": [{"generation": at, "reason": reason} for at, reason in asked.refused],
+        "waiting": [command.words for command in commands.pending],
+        "refused": [{"generation": at, "reason": reason} for at, reason in commands.refused],
     }
 
 
-def _steered_rows(steered: dict, run: str) -> list[tuple[str, str]]:
+def _steering_rows(steering: dict, run: str) -> list[tuple[str, str]]:
     rows = []
-    if steered["picked"]:
-        share = steered["picks_share"]
+    if steering["picked"]:
+        share = steering["picks_share"]
         of = f", first parents of {share:.0%} of the births" if share else ""
-        rows.append(("picked", _ids(steered["picked"], run) + of))
-    if steered["weights"]:
-        rows.append(("weights", _weights(steered["weights"])))
-    rows += [("waiting", words) for words in steered["waiting"][:_MOST_IDS]]
-    if steered["refused"]:
-        last, count = steered["refused"][-1], len(steered["refused"])
+        rows.append(("picked", _ids(steering["picked"], run) + of))
+    if steering["weights"]:
+        rows.append(("weights", ", ".join(f"{k} {w:g}" for k, w in steering["weights"].items())))
+    rows += [("waiting", words) for words in steering["waiting"][:_MOST_IDS]]
+    if steering["refused"]:
+        last, count = steering["refused"][-1], len(steering["refused"])
         more = f" (and {count - 1} before; all: evocity status {run} --json)" * (count > 1)
         rows.append(("refused", f"before generation {last['generation']}: {last['reason']}{more}"))
     return rows
 
 
-def _weights(weights: dict[str, float]) -> str:
-    return ", ".join(f"{name} {weight:g}" for name, weight in weights.items())
-
-
 def _ids(front: list[int], run: str) -> str:
-    """Some individuals, to be named by --id."""
+    """The ids of some individuals, for --id."""
     more = len(front) - _MOST_IDS
     listed = " ".join(map(str, front[:_MOST_IDS]))
     if more > 0:
         return f"{listed} and {more} more; all: evocity status {run} --json"
-    return listed or "nobody"
+    return listed or "none"
 
 
-def _shown(value) -> str:
+def _format(value) -> str:
     if value is None:
         return "none yet"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity report runs/lyon-x-montpellier
+  evocity report runs/lyon-x-montpellier -o so-far.html"""
+)
+@click.argument("run", metavar="RUN")
+@output_option("HTML", "Page to write", required=False, default="report.html in RUN")
+def report(run: str, output: Path | None) -> None:
+    """Write the report of the run in the folder RUN, and print its path.
+
+    The run may be finished, stopped or still going on: the report covers all its whole generations.
+    The command changes nothing else in RUN, and executes nothing in it.
+    """
+    from evocity.report import write_report
+
+    evocity.open_run(run)  # what is not a run fails before the output is checked
+    if output is not None:
+        check_output(output, run, {".html", ".htm"})
+    echo(f"report: {write_report(run, output)}")

@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.common import echo, json_option, print_json, quiet_stdout
-from evocity.cli.given import measures_of
+from evocity.cli.shared.inputs import measures_of
+from evocity.cli.shared.options import FILE, flag, json_option, option
+from evocity.cli.shared.terminal import echo, print_json, quiet_stdout
 from evocity.errors import FitnessError
 
 
@@ -21,79 +22,58 @@ Examples:
   evocity studio --runs runs --port 8400 --no-browser"""
 )
 @click.argument("run", metavar="[RUN]...", nargs=-1)
-@click.option(
-    "--runs",
-    "folder",
-    metavar="FOLDER",
-    show_default="runs, where no RUN is named",
-    help="A folder with runs in it: all of them besides, and those that come to it. Runs that are "
-    "begun in studio go there; else beside the first RUN.",
+@option(
+    "--runs folder FOLDER", "Folder of the runs to show, and of new runs. [runs, without a RUN]"
 )
-@click.option(
-    "--fitness",
-    "wanted",
-    multiple=True,
-    metavar="FILE.py|FILE.toml",
-    show_default="none",
-    help="A file of measures, which is executed, or a table of building types: the desk offers "
-    "them too. Give it once for each.",
+@option(
+    "--fitness words FILE.py|FILE.toml...",
+    "Python file of measures (executed), or table of building types, that the desk offers.",
 )
-@click.option(
-    "--recipe",
-    type=click.Path(path_type=Path),
-    metavar="FILE.toml",
-    show_default="none",
-    help="A recipe that the desk offers, to be begun as it is. Its measures are executed.",
-)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=0,
-    show_default="any that is free",
-    help="Port of this machine at which the page is answered.",
-)
-@click.option("--no-browser", is_flag=True, help="Print the address, and open no browser.")
+@option("--recipe FILE.toml", "Recipe that the desk offers; its measures are executed.", FILE)
+@option("--port", "Port of the page. [any free port]", click.IntRange(0, 65535), 0)
+@flag("--no-browser", "Print the address, but open no browser.")
 @json_option
 def studio(
     run: tuple[str, ...],
     folder: str | None,
-    wanted: tuple[str, ...],
+    words: tuple[str, ...],
     recipe: Path | None,
     port: int,
     no_browser: bool,
     as_json: bool,
 ) -> None:
-    """Look at the runs in the folders RUN in a browser: all births, live, and one filter for all.
+    """Show the runs in the folders RUN in a browser: all births, live, with a common filter.
 
-    Without a RUN it begins at the desk: choose cities, or bring files of footprints, choose what is
-    searched by, and begin a run. The desk is there with runs too.
+    Without a RUN, studio opens its desk. At the desk you choose cities or files of footprints,
+    choose measures, and start a run. With a RUN, a button opens the desk.
 
-    Pictures and parallel coordinates, one birth with its pedigree, picks with notes, children of
-    picks, chosen births as files; one run at a time, or two beside each other. A run may go on
-    meanwhile; it is only read, but for the picks, which are kept beside its births. A run that is
-    begun here goes on when studio ends.
+    The page shows one run, or two side by side: pictures, parallel coordinates, pedigrees, picks
+    with notes, and children of picks. The page also saves births as files. A shown run may still be
+    running: studio only reads the run, and saves only your picks beside its births. A run that you
+    start in studio goes on when studio ends. New runs go into the folder --runs, or else beside the
+    first RUN.
 
-    The page is for you alone, on this machine: the address that is printed has a token, which no
-    other page knows. Ctrl-C ends it. It comes with the extra studio: pip install 'evocity[studio]'.
+    Only you can open the page, and only on this machine: its address contains a secret token.
+    Ctrl-C ends studio. The command needs the extra studio: pip install 'evocity[studio]'.
 
-    JSON keys: url (the address with its token); one line.
+    JSON keys: url (the address with its token); the document is a single line.
     """
-    from evocity.analysis.extras import library
+    from evocity.analysis.optional_libraries import library
 
     for name in ("starlette", "uvicorn"):
         library(name, "studio", "studio")
-    from evocity.studio.begins import Begins
-    from evocity.studio.serving import serve
+    from evocity.studio.desk_routes import StudioOptions
+    from evocity.studio.server import serve
 
     fresh = not run and folder is None
     if fresh:
         folder = "runs"
     with quiet_stdout():
-        files = [(file, _measures(file)) for file in wanted]
+        files = [(file, _measures(file)) for file in words]
         if recipe is not None:
             evocity.read_recipe(recipe)
     into = None if folder is None else Path(folder)
-    begins = Begins(into, fresh, files, None if recipe is None else recipe.absolute())
+    options = StudioOptions(into, fresh, files, None if recipe is None else recipe.absolute())
 
     def began(url: str) -> None:
         if as_json:
@@ -104,14 +84,14 @@ def studio(
         if not no_browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    serve(run, port, folder, began, begins)
+    serve(run, port, began, options)
 
 
 def _measures(file: str) -> list:
     if file.endswith((".py", ".toml")):
         return measures_of(file)
     raise FitnessError(
-        f"--fitness {file}",
+        f"--fitness {file} is not a file of measures",
         "a Python file of measures, or a table of building types in TOML",
-        "leave it out: the desk offers evocity's own measures without any file",
+        "leave --fitness out: the desk offers evocity's own measures without a file",
     )

@@ -35,9 +35,9 @@ def box_means(heights, tall, wide, means):
 
 @kernel
 def shared_extents(dy, dx, side, least, tall, wide, layer):
-    """tall[i] and wide[i] get how many range blocks the domain block of lifs i measures; layer[i]
-    the number of that extent among those that at least so many lifs have, ``least``, or -1; also
-    for a lifs without a domain. Returns these extents, int64 ``(n, 2)``, in order."""
+    """tall[i] and wide[i] get the extent of lifs i's domain block, in range blocks; layer[i] the
+    number of that extent among those of at least ``least`` lifs, or -1, also without a domain
+    block. Returns these extents, int64 ``(n, 2)``, in order."""
     most = np.int64(0)
     for i in range(side.size):
         tall[i], wide[i] = dy[i] // side[i], dx[i] // side[i]
@@ -61,13 +61,13 @@ def shared_extents(dy, dx, side, least, tall, wide, layer):
 
 @kernel
 def walks(which, top, left, side, y, x, tall, wide, layer, iso, affine, rows, columns, walk):
-    """walk[k], (m, 5), gets what the pixels of the range block of lifs which[k], which has a
-    domain, are made from in the stack of box-mean layers, maps of ``rows`` × ``columns``: the flat
-    index where the range block begins, its side, the flat index in the layers of what its first
-    pixel is made from, and the steps there of a row down and of a column on.
+    """walk[k], (m, 5), gets the sources of the range block's pixels of lifs which[k], which has a
+    domain block, in the stack of box-mean layers, maps of ``rows`` × ``columns``: the flat index of
+    the range block's first pixel, its side, the flat index in the layers of the first pixel's
+    source, and the steps there for a row down and for a column on.
 
     ``side`` are the range blocks', ``tall`` and ``wide`` the pixels averaged into one; ``affine``
-    (8, 6) tells where in its block an isometry takes each pixel from (`isometries.AFFINE`).
+    (8, 6) is `isometries.AFFINE`, the source of each pixel in its block under an isometry.
     """
     for k in range(which.size):
         i = which[k]
@@ -91,11 +91,11 @@ def _lay_four(layers, place, east, slope, offset, target, at):
 
 @kernel
 def lay_blocks(layers, walk, sigma, beta, columns, target):
-    """One step of the collage map W: the range blocks of ``walk`` (see `walks`) on the flat
-    ``target``, a map of so many ``columns``, from the flat ``layers``.
+    """Lay one step of the collage map W: the range blocks of ``walk`` (see `walks`) on the flat
+    ``target``, a map of ``columns``, from the flat ``layers``.
 
-    Range blocks of one side should follow each other: loops over few pixels cost as much as
-    guesses at how many there are. So the sides that are most frequent are written out.
+    Range blocks of one side should follow each other, since branch misses cost as much as loops
+    over few pixels. So the most frequent sides are written out.
     """
     for i in range(sigma.size):
         at, side, place, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
@@ -125,8 +125,8 @@ def lay_blocks(layers, walk, sigma, beta, columns, target):
 
 @kernel
 def gather_table(walk, columns, table):
-    """table[p] = flat index, into the stack of box-mean layers, of the value that pixel p is made
-    from, see `walks`; what belongs to no lifs with a domain stays as it is. Maps are flat."""
+    """table[p] = flat index, into the stack of box-mean layers, of the source of pixel p, see
+    `walks`; pixels of lifs without a domain block stay. Maps are flat."""
     for i in range(walk.shape[0]):
         at, side, first, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
         for a in range(side):
@@ -136,8 +136,8 @@ def gather_table(walk, columns, table):
 
 @kernel
 def moved(before, after, tolerance, sky):
-    """How many pixels changed by more than ``tolerance``, and how many by ``sky`` or more; NaN
-    counts as both. (Whole numbers: a maximum makes no vector code.)"""
+    """Count the pixels that changed by more than ``tolerance``, and those by ``sky`` or more; NaN
+    counts as both. (Whole numbers, as a maximum makes no vector code.)"""
     some, most = np.int32(0), np.int32(0)
     for p in range(after.size):
         change = abs(after[p] - before[p])
@@ -148,9 +148,9 @@ def moved(before, after, tolerance, sky):
 
 @kernel
 def scatter(values, pixels, places, sigma, layers):
-    """Adjoint of `lay_blocks` without β: the share that each of the ``pixels``, rising, has of the
-    flat ``values`` goes back to the one of the ``places`` in the flat ``layers``, which are
-    overwritten, that the pixel was made from."""
+    """Apply the adjoint of `lay_blocks` without β: add the flat ``values`` at the ``pixels``,
+    rising, times σ, to the ``places`` of their sources in the flat ``layers``, which are
+    overwritten."""
     layers[:] = 0
     for k in range(pixels.size):
         layers[np.uintp(places[k])] += sigma[k] * values[np.uintp(pixels[k])]
@@ -158,8 +158,8 @@ def scatter(values, pixels, places, sigma, layers):
 
 @kernel
 def spread_means(means, tall, wide, heights):
-    """Adjoint of `box_means`: heights[y : y + tall, x : x + wide] += means[y, x] / (tall · wide),
-    wherever that fits."""
+    """Apply the adjoint of `box_means`: heights[y : y + tall, x : x + wide] += means[y, x] / (tall
+    · wide), wherever that fits."""
     rows, columns = heights.shape
     scale = heights.dtype.type(1.0 / (tall * wide))
     line = np.empty(columns, heights.dtype)
@@ -198,7 +198,7 @@ def shrink_blocks(heights, top, left, y, x, tall, wide, size, layer):
 
 @kernel
 def spread_blocks(layer, top, left, y, x, tall, wide, size, heights):
-    """Adjoint of `shrink_blocks`: adds to ``heights``."""
+    """Apply the adjoint of `shrink_blocks`: add to ``heights``."""
     for k in range(top.size):
         scale = heights.dtype.type(1.0 / (tall[k] * wide[k]))
         for i in range(size[k]):
@@ -214,11 +214,11 @@ def grow_outlines(
     heights, layers, layer_of, top, left, block, starts, multiple, y, x, iso, sigma, beta,
     turns, rings, alike, unseen, chosen,
 ):  # fmt: skip
-    """chosen[i] = which of the candidates starts[i] : starts[i + 1] has the neighbourhood closest
-    to range block i's; the first of equals, -1 if there are none. See evocity.coding.topology.
+    """chosen[i] = the candidate of starts[i] : starts[i + 1] with the neighbourhood closest to that
+    of range block i; the first of equals, -1 without candidates. See evocity.coding.topology.
 
-    layers[layer_of[m]] holds the means of m × m pixels, ``turns`` (8, 2, 3) where an isometry
-    takes a pixel from. Errors are equal within the share ``alike`` or ``unseen`` a pixel.
+    layers[layer_of[m]] holds the means of m × m pixels, ``turns`` (8, 2, 3) the source of a pixel
+    under an isometry. Errors are equal within the share ``alike`` or ``unseen`` per pixel.
     """
     rows, columns = heights.shape
     most = 0

@@ -1,4 +1,4 @@
-"""Whose stone stands where: source cities mixed along with the heights, to any depth."""
+"""Ancestry of pixels: shares of the source cities, decoded beside the heights to any depth."""
 
 import operator
 
@@ -9,48 +9,48 @@ from evocity.coding.zoom import area_means, legal_zoom
 from evocity.errors import GenomeError, keyword, setting
 from evocity.genome import Genome
 
-#: Iterations that stand for the limit: each halves what is left, 2⁻¹² is below a step of colour.
+#: Iterations in place of the limit: each halves the rest, and 2⁻¹² is below a step of colour.
 LIMIT = 12
 
-#: Beyond so many, halves are lost in float32.
+#: Iterations beyond this vanish in float32.
 _DEEPEST = 40
 
 
 def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np.ndarray:
-    """How much of each pixel comes from each source city.
+    """Compute the share of each source city in each pixel.
 
-    Weights of cities are decoded beside the heights: the lifs of city c_i lays the weights c of
-    its domain block, shrunk and turned as the heights are, and pulls them half-way to its own
-    city, c ← ½·c_i + ½·c (Tosan et al. 2005 §4.2, 5.1: the coupled maps (T_i, T̃_i)). The limit
-    tells where each stone comes from, and where what it was made of came from, and so on. A lifs
-    between two cities' (interpolation) is of both, λ and 1 − λ. What has no domain is its own
-    city's alone: a uniform range block, and what a condensation keeps.
+    Weights of cities are decoded together with the heights. A lifs of city c_i takes the weights c
+    of its domain block, shrunk and turned like heights. It then moves them half-way to its own
+    city: c ← ½·c_i + ½·c (Tosan et al. 2005 §4.2, 5.1: the coupled maps (T_i, T̃_i)). The limit
+    follows the origin of each range block, then of its domain block, and so on. A lifs between two
+    cities (interpolation) belongs to both, by λ and 1 − λ. A uniform range block has no domain
+    block, and belongs only to its own city. The same holds for heights that a condensation keeps.
 
     Parameters
     ----------
-    depth : iterations, 0 or more. 0 gives each block to the city of its own lifs; n looks back
-        over n domain blocks, the k-th with half the weight of the one before. None for the
-        limit, which `LIMIT` iterations reach within 2⁻¹².
+    depth : number of iterations, 0 or more. With 0, each block belongs to the city of its own lifs.
+        With n, the result looks back over n domain blocks; each has half the weight of the block
+        before. None computes the limit; `LIMIT` iterations approach it within 2⁻¹².
     zoom : fractal zoom, as in `evocity.decode`.
 
     Returns
     -------
-    float32 ``(zH, zW, cities)`` in the order of ``genome.cities``, 0…1; in each pixel they sum
-    to 1 within rounding.
+    float32 ``(zH, zW, cities)`` : shares 0…1, in the order of ``genome.cities``. In each pixel they
+    add up to 1, except for rounding.
 
     Raises
     ------
-    GenomeError : ``depth`` is no whole number of 0 or more, or the zoom is none.
+    GenomeError : ``depth`` is not a whole number of 0 or more, or ``zoom`` is illegal.
 
-    About 0.3 ms a city and iteration at 256².
+    Each city and iteration takes about 0.3 ms at 256².
     """
-    steps = _checked(depth)
+    steps = _iterations(depth)
     legal = legal_zoom(genome.pavement, zoom)
     collage = CollageMap(genome.replace(condensation=None), legal)
     kept = None if genome.condensation is None else genome.condensation.resampled(*collage.shape)
     inherited = np.where(genome.uniform, np.float32(0), np.float32(0.5))
     weights = np.zeros((*collage.shape, len(genome.cities)), np.float32)
-    for city in np.union1d(genome.parent, genome.other):  # no other has a part in it
+    for city in np.union1d(genome.parent, genome.other):  # other cities have no share
         own = np.where(genome.parent == city, genome.part, 0)
         own = (own + np.where(genome.other == city, 1 - genome.part, 0)).astype(np.float32)
         pull = collage.recoded(inherited, (1 - inherited) * own)
@@ -66,7 +66,7 @@ def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np
     return np.clip(weights, 0, 1, out=weights)
 
 
-def _checked(depth: int | None) -> int:
+def _iterations(depth: int | None) -> int:
     try:
         steps = LIMIT if depth is None else operator.index(depth)
     except TypeError:
@@ -75,10 +75,6 @@ def _checked(depth: int | None) -> int:
         raise GenomeError(
             setting("depth", depth),
             "a whole number of iterations, 0 or more",
-            "give 0 for the city of each block alone, or leave "
-            f"{keyword('depth')} out for the limit",
+            f"give 0 for each block's own city, or leave {keyword('depth')} out for the limit",
         )
     return min(steps, _DEEPEST)
-
-
-__all__ = ["LIMIT", "ancestry"]

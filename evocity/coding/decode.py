@@ -1,4 +1,4 @@
-"""Genome -> CityMap: the attractor of its collage map W."""
+"""Decoder of genomes: iterates the collage map W to its attractor, a city."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -31,22 +31,22 @@ from evocity.coding.zoom import (
 from evocity.errors import GenomeError, setting
 from evocity.genome import VOID, Genome
 from evocity.pavement import Pavement
-from evocity.views.buildings.settled import settled_zones
+from evocity.views.buildings.flat_roofs import settled_zones
 
 
 @dataclass(frozen=True, eq=False)
 class Decoding:
-    """An attractor, and how it was reached.
+    """Attractor of a genome, with the course of the iteration.
 
-    city : the decoded map; traces below ground are cut at 0, and roofs settled if wished. Made when
-        first asked for.
-    attractor : float32 ``(H, W)``, read-only, the fixed point of W itself, metres; its means by
-        area where the zoom lies between those that the range blocks allow.
-    iterations : how often W was applied.
-    converged : whether the last step changed no pixel by more than the tolerance.
+    city : decoded map, without traces below ground, and with flat roofs on request. The map is
+        computed at the first access.
+    attractor : fixed point of W, metres, float32 ``(H, W)``, read-only. If the zoom lies between
+        legal zooms of the range blocks, these are means by area.
+    iterations : number of applications of W.
+    converged : whether the last step changed every pixel by at most the tolerance.
     change : largest change of a pixel in the last step, metres.
-    blamed : lifs (indices) whose blocks still changed, those with \\|σ\\| ≥ 1 first, the
-        largest change first among them; empty once converged.
+    blamed : indices of lifs whose blocks still changed. Lifs with \\|σ\\| ≥ 1 come first, then the
+        largest changes. Empty after convergence.
     """
 
     attractor: np.ndarray
@@ -62,21 +62,21 @@ class Decoding:
 
 
 class CollageMap:
-    """W of a genome, ready to be applied: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3), and its
-    condensation where that covers.
+    """Operator W of a genome: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3), with the condensation on top. W
+    maps one map to another.
 
-    With ``zoom`` z the blocks have side zB and zD, so W works on maps z times as large; z must
-    make whole numbers of pixels, 2 or more, of all sides (`legal_zoom`), else `GenomeError`.
-    Domain blocks that then begin within a pixel take their share of it; the condensation is
-    rounded to whole pixels. W is computed in ``dtype``, float32 or float64.
+    With zoom z the blocks have sides zB and zD, so W works on maps z times as large. All these
+    sides must be whole numbers of pixels, 2 or more (`legal_zoom`); else `GenomeError` is raised. A
+    domain block that begins within a pixel takes its share of that pixel. The condensation is
+    rounded to whole pixels. W works in ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
         pavement = genome.pavement
         if abs(legal_zoom(pavement, zoom) - zoom) > 1e-9:
             raise GenomeError(
-                f"{setting('zoom', zoom)} for range blocks of {pavement.finest} px",
-                f"a zoom that makes a whole number of pixels, 2 or more, of {pavement.finest}",
+                f"{setting('zoom', zoom)} does not fit range blocks of {pavement.finest} px",
+                f"a zoom that turns {pavement.finest} px into a whole number of pixels, 2 or more",
                 f"use a multiple of 1/{pavement.finest}, from 2/{pavement.finest} up",
             )
         self.pavement = zoomed_pavement(pavement, zoom)
@@ -84,20 +84,20 @@ class CollageMap:
         top, left = self.pavement.corners
         y, down = zoomed_corner(genome.y, zoom)
         x, across = zoomed_corner(genome.x, zoom)
-        # One box mean of the whole map serves all lifs of one extent, but costs as much as some
-        # hundreds of blocks; with an eighth of the lifs at least, there are at most 8 of them.
+        # A box mean of the whole map serves all lifs of one extent, at the cost of some hundreds of
+        # blocks. Each serves at least an eighth of the lifs, so there are at most 8.
         tall, wide, layer = np.empty((3, len(pavement)), np.int64)
         few, within = max(len(pavement) / 8, 1), zoom != 1 and (down.any() or across.any())
         kinds = shared_extents(genome.dy, genome.dx, pavement.side, few, tall, wide, layer)
-        if within:  # of one extent, and begun at the same fractions of a pixel
+        if within:  # lifs of one kind share the extent and the fractions of a pixel
             kinds, layer = _common_kinds([tall, wide, down, across], ~genome.uniform, few)
         self._kinds = [(int(t), int(w), *shift) for t, w, *shift in kinds]
-        # domain blocks of rare extents are shrunk one by one, each at its range block's place
+        # domain blocks of rare extents shrink singly, each at its range block's place
         (rare,) = np.nonzero((layer < 0) & ~genome.uniform)
         corners = (top[rare], left[rare], y[rare], x[rare])
         self._rare = [(None, (*corners, tall[rare], wide[rare], side[rare]))]
         if within:
-            self._rare = _within_pixels(self.pavement, *self._rare[0][1], down, across, rare)
+            self._rare = _fractional_parts(self.pavement, *self._rare[0][1], down, across, rare)
         layer[rare] = len(self._kinds)
         y[rare], x[rare], tall[rare], wide[rare] = top[rare], left[rare], 1, 1
         count = len(self._kinds) + (rare.size > 0)
@@ -108,8 +108,8 @@ class CollageMap:
         self._walk = np.empty((which.size, 5), np.int64)
         walks(self._which, top, left, side, *reads, isometries.AFFINE, *self.shape, self._walk)
         layer = genome.condensation
-        self._kept = None if layer is None else layer.resampled(*self.shape)
-        self._held = None if self._kept is None else np.flatnonzero(self._kept.mask)
+        self._layer = None if layer is None else layer.resampled(*self.shape)
+        self._covered = None if self._layer is None else np.flatnonzero(self._layer.mask)
         self._recode(genome.sigma, genome.beta)
 
     @property
@@ -118,22 +118,23 @@ class CollageMap:
 
     @property
     def kept(self) -> np.ndarray | None:
-        """Bool ``(H, W)``: what is condensed; None if nothing is."""
-        return None if self._kept is None else self._kept.mask
+        """Pixels of the condensation, bool ``(H, W)``; None without a condensation."""
+        return None if self._layer is None else self._layer.mask
 
     @property
     def flat_start(self) -> np.ndarray:
-        """The β of every block, and what is condensed: what W makes of bare ground."""
+        """Map with the height β in every block, and the condensation on top: W of bare ground."""
         return self._flat.copy()
 
-    def _condensed(self, heights: np.ndarray) -> np.ndarray:
-        """``heights``, with what is condensed laid in them."""
-        if self._held is not None:
-            heights.ravel()[self._held] = self._kept.heights.ravel()[self._held]
+    def _condense(self, heights: np.ndarray) -> np.ndarray:
+        """Lay the condensation in ``heights``."""
+        if self._covered is not None:
+            heights.ravel()[self._covered] = self._layer.heights.ravel()[self._covered]
         return heights
 
     def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
-        """W of the same domain blocks with other σ and β, one a lifs; σ of uniform lifs is 0."""
+        """Return W with the same domain blocks, but other σ and β, ``(n,)`` each. Uniform lifs must
+        have σ 0."""
         other = copy.copy(self)
         other._recode(sigma, beta)
         return other
@@ -142,39 +143,40 @@ class CollageMap:
         kind = self._layers.dtype
         self._sigma, beta = np.asarray(sigma, kind), np.asarray(beta, kind)
         self._slopes, self._offsets = self._sigma[self._which], beta[self._which]
-        self._flat = self._condensed(self.pavement.raster(beta))
-        self._steep: np.ndarray | None = None  # σ of each of `sources`, once it is asked for
+        self._flat = self._condense(self.pavement.raster(beta))
+        self._steep: np.ndarray | None = None  # σ of each of `sources`, filled at the first use
 
     def __call__(self, heights: np.ndarray) -> np.ndarray:
-        """W applied once to ``(H, W)`` heights of W's own type."""
+        """Apply W once to ``(H, W)`` heights of W's own type."""
         target = np.empty(self.shape, self._layers.dtype)
         self.lay(heights, target)
         return target
 
     def lay(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """W applied once to ``heights``, in ``target``: both ``(H, W)``, in C order and of W's own
-        type."""
+        """Apply W once to ``heights`` and write the result into ``target``. Both are ``(H, W)``, in
+        C order and of W's own type."""
         target[:] = self._flat
         self.lay_again(heights, target)
 
     def lay_again(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """`lay` on a ``target`` that was laid before: only what depends on ``heights``."""
+        """Repeat `lay` on a ``target`` of an earlier `lay`, and write only the pixels that depend
+        on ``heights``."""
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
         self._shrink_rare(heights)
         layers, columns = self._layers.ravel(), self.shape[1]
         lay_blocks(layers, self._walk, self._slopes, self._offsets, columns, target.ravel())
-        self._condensed(target)  # whatever the lifs say
+        self._condense(target)
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
-        """Wᵀ applied once to ``(H, W)`` values of W's own type: the adjoint of W without its β,
-        ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
+        """Apply Wᵀ once to ``(H, W)`` ``values`` of W's own type. Wᵀ is the adjoint of W without
+        its β: ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
         pixels, places = self.sources
         if self._steep is None:
             steep = self.pavement.raster(self._sigma).ravel()
-            if self._held is not None:  # W lays C there, so Wᵀ takes nothing thence
-                steep[self._held] = 0
+            if self._covered is not None:  # W lays the condensation there, so Wᵀ takes nothing
+                steep[self._covered] = 0
             self._steep = steep[pixels]
         scatter(values.ravel(), pixels, places, self._steep, self._layers.ravel())
         target = np.zeros(self.shape, self._layers.dtype)
@@ -188,9 +190,9 @@ class CollageMap:
 
     @cached_property
     def sources(self) -> tuple[np.ndarray, np.ndarray]:
-        """The pixels whose range blocks have a domain, int32 ``(m,)``, rising, and the place in the
-        layers that each is made from. Others have no σ: `transposed` passes them over. Of all that
-        are `recoded` from this, once they were asked for here."""
+        """The pixels of range blocks with a domain block, int32 ``(m,)``, rising, and the place in
+        the layers of each one's source. `transposed` skips all other pixels. A `recoded` copy
+        shares them after the first access here."""
         table = np.full(self.shape[0] * self.shape[1], -1, np.int32)
         gather_table(self._walk, self.shape[1], table)
         pixels = np.flatnonzero(table >= 0).astype(np.int32)
@@ -220,34 +222,35 @@ def decode(
     start: np.ndarray | None = None,
     max_iterations: int = 500,
 ) -> Decoding:
-    """Iterate W from any start until no pixel changes by more than ``tolerance`` metres.
+    """Decode a genome: iterate W from any start until no pixel changes by more than ``tolerance``
+    metres.
 
-    What the genome's condensation covers has its heights exactly, in every iteration.
+    The condensation keeps its exact heights in every iteration.
 
     Parameters
     ----------
-    settle : whether each building of the map, told apart by gaps and steps of height, takes its
-        median height, and what is not built lies at 0 (`evocity.views.buildings.settled`): a
-        code alone never lays a roof quite flat. What is condensed stays as it is. False gives the
-        papers' raw attractor, with its fractal roofs; None what the genome itself says, which is
-        True for what `evocity.encode` codes unless told otherwise.
+    settle : whether roofs are made flat. Each building, separated by gaps and steps of height, then
+        takes its median height, and ground lies at 0. A code never makes a roof quite flat, see
+        `evocity.views.buildings.flat_roofs`. The condensation stays. False gives the papers' raw
+        attractor, with fractal roofs. None takes the genome's own ``settle``, which is True from
+        `evocity.encode`.
     zoom : fractal zoom z, above 0 (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies.
-        Where zB is a whole number of pixels, 2 or more, for all range blocks, these are zoomed
-        themselves; else the map is decoded at the next such zoom and its pixels are averaged by
-        area, or, where roofs are settled, each takes the height that most of it has.
-    tolerance : metres.
-    start : float ``(zH, zW)`` heights to start from, of the zoom that is decoded; the attractor
-        does not depend on it.
-    max_iterations : after these the decoding is returned as not converged.
+        Range blocks are zoomed directly if zB is a whole number of pixels, 2 or more, for every
+        side B. Otherwise the map is decoded at the next such zoom and averaged by area. With flat
+        roofs, each pixel takes the most frequent height within it instead.
+    tolerance : largest change of a pixel at which the iteration stops, metres.
+    start : heights to start from, float ``(zH, zW)``, at the decoded zoom. The attractor does not
+        depend on them.
+    max_iterations : largest number of iterations. A decoding that reaches it has not converged.
 
     Raises
     ------
-    GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message says
-        which lifs), or the zoom is none.
+    GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message lists these
+        lifs). Or ``zoom`` is illegal.
     """
     if not isinstance(genome, Genome):
         raise GenomeError(
-            f"a {type(genome).__name__} to decode",
+            f"a {type(genome).__name__} cannot be decoded",
             "a Genome",
             "encode a map first: evocity.encode(city).genome, or evocity.read_genome(path)",
         )
@@ -255,71 +258,71 @@ def decode(
         raise GenomeError(
             f"tolerance = {tolerance}, max_iterations = {max_iterations}",
             "a tolerance above 0 m, and at least 1 iteration",
-            "leave them out for 0.01 m and 500",
+            "leave both out to use 0.01 m and 500",
         )
     legal = legal_zoom(genome.pavement, zoom)
     collage = CollageMap(genome, legal)
     heights = collage.flat_start if start is None else np.array(start, np.float32, order="C")
     if heights.shape != collage.shape:
         raise GenomeError(
-            f"a start of shape {heights.shape}",
+            f"the start has the shape {heights.shape}",
             f"{collage.shape}, the size of the decoded map",
-            "leave start out, or give it that shape",
+            "leave start out, or give it this shape",
         )
     within = np.abs(heights).max() < SKY
     if start is None and not within:
         worst = int(np.argmax(np.abs(np.nan_to_num(genome.beta, nan=np.inf))))
         raise GenomeError(
-            f"β = {genome.beta[worst]:.3g} m in lifs {worst}",
+            f"the height β = {genome.beta[worst]:.3g} m in lifs {worst} is too large",
             f"heights below {SKY:g} m",
-            "correct the lifs: so high is no roof",
+            "correct β of this lifs; no roof is so high",
         )
     if not within:
         raise GenomeError(
-            f"a start of heights {heights.min():.3g}…{heights.max():.3g} m",
-            f"finite heights, below {SKY:g} m",
-            "leave start out, or start from such heights",
+            f"the start has heights of {heights.min():.3g} to {heights.max():.3g} m",
+            f"finite heights below {SKY:g} m",
+            "leave start out, or give it heights in this range",
         )
-    found = fixed_point(
-        collage.lay, heights, tolerance=tolerance, most=max_iterations, again=collage.lay_again
+    end = fixed_point(
+        collage.lay, heights, tolerance=tolerance, most=max_iterations, repeat=collage.lay_again
     )
-    if found.lost:
-        _diverged(genome, collage, found.moves, found.steps)
+    if end.diverged:
+        _raise_divergence(genome, collage, end.moves, end.steps)
     blamed = np.empty(0, np.intp)
-    if not found.settled:
-        blamed = _blame(genome, collage, found.moves, tolerance)
+    if not end.converged:
+        blamed = _blame(genome, collage, end.moves, tolerance)
     settle = genome.settle if settle is None else settle
     pixel = genome.metres_per_pixel / zoom
-    own, kept = found.values, collage.kept
-    heights = own
+    shown, kept = end.values, collage.kept
+    heights = shown
     if legal - zoom > 1e-9:
-        step, fine, lasting = legal / zoom, heights, kept
-        own = heights = area_means(heights, step)
+        step, fine, fine_kept = legal / zoom, heights, kept
+        shown = heights = area_means(heights, step)
         kept = None if kept is None else area_means(kept, step) > 0
-        if settle:  # means of roofs and ground would be roofs of their own
+        if settle:  # means of roofs and ground would be new roofs
             fine = np.maximum(fine, 0)
-            roofs, _ = settled_zones(fine, fine > BUILT_ABOVE, pixel / step, lasting)
+            roofs, _ = settled_zones(fine, fine > BUILT_ABOVE, pixel / step, fine_kept)
             whole = most_common(roofs, step)
-            own = whole if kept is None else np.where(kept, heights, whole)
-    heights.setflags(write=False)  # the city is made of it later
-    named = {"name": _title(genome.cities), "attribution": genome.attribution}
-    placed = {"origin": genome.origin, "crs": genome.crs}
-    make = partial(_city, own, pixel, settle, kept, **named, **placed)
-    return Decoding(heights, found.steps, found.settled, found.change, blamed, make)
+            shown = whole if kept is None else np.where(kept, heights, whole)
+    heights.setflags(write=False)  # the city is computed from it later
+    about = {"name": _title(genome.cities), "attribution": genome.attribution}
+    about |= {"origin": genome.origin, "crs": genome.crs}
+    make = partial(_city, shown, pixel, settle, kept, **about)
+    return Decoding(heights, end.steps, end.converged, end.change, blamed, make)
 
 
 def _title(cities: Sequence[str]) -> str:
-    """The cities that a map is bred of; the void, bare ground, is none."""
+    """Join the names of a map's source cities, without the void."""
     return " × ".join(name for name in cities if name != VOID) or VOID
 
 
-def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) -> CityMap:
+def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **about) -> CityMap:
     roofs = np.maximum(heights, 0)
     if not settle:
-        return CityMap(roofs, pixel, **described)
+        return CityMap(roofs, pixel, **about)
     roofs, labels = settled_zones(roofs, roofs > BUILT_ABOVE, pixel, kept)
-    city = CityMap(roofs, pixel, **described)
-    if kept is None:  # then they are what the map would find
+    city = CityMap(roofs, pixel, **about)
+    if kept is None:  # then the map would compute the same labels
         labels.setflags(write=False)
         vars(city)["building_labels"] = labels
     return city
@@ -328,8 +331,8 @@ def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **described) ->
 def _common_kinds(
     terms: list[np.ndarray], able: np.ndarray, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The combinations of ``terms`` that at least so many of the ``able`` lifs share, a row each,
-    and for each lifs which of them is its own, −1 for none."""
+    """List the combinations of ``terms`` that at least ``least`` of the ``able`` lifs share, a row
+    each; and for each lifs the number of its combination, or −1."""
     kinds, which = np.unique(np.stack(terms), axis=1, return_inverse=True)
     (common,) = np.nonzero(np.bincount(which[able], minlength=kinds.shape[1]) >= least)
     place = np.full(kinds.shape[1], -1, np.int64)
@@ -338,8 +341,7 @@ def _common_kinds(
 
 
 def _shift(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
-    """Means of cells that begin within a pixel, from means of those that begin with one: so the
-    pixels at their rims count by area. In place."""
+    """Shift means of cells by fractions of a pixel, in place: pixels at rims count by area."""
     if down:
         layer[:-1] += down * (layer[1:] - layer[:-1])
     if across:
@@ -347,7 +349,7 @@ def _shift(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
 
 
 def _shift_back(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
-    """Adjoint of `_shift`."""
+    """Apply the adjoint of `_shift`."""
     if across:
         moved = across * layer[:, :-1]
         layer[:, :-1] -= moved
@@ -358,9 +360,9 @@ def _shift_back(layer: np.ndarray, down: float = 0, across: float = 0) -> None:
         layer[1:] += moved
 
 
-def _within_pixels(pavement: Pavement, top, left, y, x, tall, wide, side, down, across, rare):
-    """(share of each pixel, arguments of `shrink_blocks`) of the four whole-pixel domain blocks
-    around one that begins within a pixel, for the ``rare`` lifs."""
+def _fractional_parts(pavement: Pavement, top, left, y, x, tall, wide, side, down, across, rare):
+    """Replace domain blocks of the ``rare`` lifs that begin within a pixel by the four at whole
+    pixels around: (share of each pixel, arguments of `shrink_blocks`) of each of the four."""
     parts = []
     for a in (0, 1):
         for b in (0, 1):
@@ -378,12 +380,12 @@ def _blame(genome: Genome, collage: CollageMap, steps: np.ndarray, tolerance: fl
     return order[worst[order] > tolerance]
 
 
-def _diverged(genome: Genome, collage: CollageMap, steps: np.ndarray, iterations: int) -> None:
+def _raise_divergence(genome: Genome, collage: CollageMap, steps: np.ndarray, iterations: int):
     blamed = _blame(genome, collage, steps, 0.0)
     listed = ", ".join(f"{i} (σ = {genome.sigma[i]:.2f})" for i in blamed[:5])
     raise GenomeError(
         f"decoding diverges: after {iterations} steps a pixel moved by {np.nanmax(steps):.3g} m; "
-        f"to blame: lifs {listed}{', …' if len(blamed) > 5 else ''}",
-        "a contractive code, |σ| < 1 but for few lifs",
-        "encode with sigma_max below 1, or lower σ of these lifs",
+        f"the cause is lifs {listed}{', …' if len(blamed) > 5 else ''}",
+        "a contractive code, with |σ| < 1 in nearly all lifs",
+        "encode the map with sigma_max below 1, or lower σ in these lifs",
     )

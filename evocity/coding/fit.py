@@ -1,28 +1,42 @@
-"""Which σ and β bring the attractor itself, not the collage, closest to the map?
+"""Fit of σ and β that brings the attractor, not the collage, closest to the map; PSNR.
 
 The search makes each lifs rebuild its range block from the map; decoding rebuilds it from the
 attractor, where errors add up. The fit lowers the attractor's error, with the gradient through
-the fixed point; domain blocks and isometries stay.
+the fixed point. Domain blocks and isometries stay.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from evocity.citymap import CityMap
+from evocity.citymap import CityMap, same_grid
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.fixed_point import fixed_point
-from evocity.coding.optimising import minimise
-from evocity.coding.quality import psnr
+from evocity.coding.optimiser import minimise
 from evocity.errors import GenomeError
 from evocity.genome import Genome
 
-#: A fixed point is reached when a step changes no pixel by more than this share of the peak.
+#: An iteration ends when a step changes no pixel by more than this share of the peak.
 _TOLERANCE = 1e-5
-#: A step beyond this many peaks is taken as proof of divergence.
+#: A step of so many peaks counts as divergence.
 _SKY = 1e9
-#: Steps after which a fixed point is taken as out of reach.
+#: An iteration of more steps counts as divergence too.
 _MOST_STEPS = 500
+
+
+def psnr(original: CityMap, decoded: CityMap) -> float:
+    """Compute the peak signal-to-noise ratio, dB: 10 log₁₀(peak² / mean squared difference).
+
+    The peak is the highest roof of the original. Equal maps give inf. Different maps give -inf if
+    the original has only ground. Raises `MapError` if the maps have different grids.
+    """
+    same_grid([original, decoded])
+    difference = original.heights.astype(np.float64) - decoded.heights
+    error = np.mean(difference**2)
+    peak = float(original.heights.max())
+    if error == 0:
+        return float("inf")
+    return float(10 * np.log10(peak**2 / error)) if peak > 0 else float("-inf")
 
 
 def fit_attractor(
@@ -32,43 +46,45 @@ def fit_attractor(
     evaluations: int = 60,
     progress: Callable[[int, int], None] | None = None,
 ) -> Genome:
-    """``genome`` with σ and β of all lifs refined to minimise ‖attractor − map‖².
+    """Refine σ and β of all lifs to minimise ‖attractor − map‖².
 
-    By NLopt's MMA (Svanberg 2002) with \\|σ\\| ≤ sigma_max and β free; uniform lifs keep
-    σ = 0. What the genome's condensation covers stays as it is. The same arguments give the same
-    genome, bit for bit.
+    The method is NLopt's MMA (Svanberg 2002) with \\|σ\\| ≤ sigma_max and β free; uniform lifs
+    keep σ = 0. The condensation stays. The same arguments give the same genome, bit for bit.
 
     Parameters
     ----------
-    genome : a code that decodes, such as `encode` makes of ``city``.
-    city : the map to come close to, of the genome's size and pixel size.
-    evaluations : attractors to try at most; each takes 5 to 15 ms at 256².
-    progress : called with (attractors tried, ``evaluations``); what it raises ends the fit.
+    genome : code that decodes without divergence, such as `encode` makes of ``city``.
+    city : map to approximate, of the genome's size and pixel size.
+    evaluations : largest number of attractors to try. Each takes 5 to 15 ms at 256².
+    progress : function that is called with (attractors tried, ``evaluations``). An exception in it
+        ends the fit.
 
     Returns
     -------
-    Genome : of higher PSNR than ``genome``, or ``genome`` itself where none was found. Its
-        ``made`` holds under ``fit`` the attractors tried, and PSNR (dB) before and
+    Genome : genome with a higher PSNR, or ``genome`` itself if the fit reaches none. Its
+        ``made["fit"]`` holds the number of attractors tried. It also holds the PSNR (dB) before and
         after, None for a perfect fit.
 
     Raises
     ------
-    GenomeError : decoding the genome diverges, or ``evaluations`` is no whole number above 0.
-    MapError : map and genome differ in size or pixel size.
+    GenomeError : the genome's decoding diverges, or ``evaluations`` is not a whole number above 0.
+    MapError : the map and the genome differ in size or pixel size.
     """
     if not 1 <= evaluations < np.inf or int(evaluations) != evaluations:
         raise GenomeError(
-            f"evaluations = {evaluations}", "a whole number above 0", "use for example 60"
+            f"evaluations = {evaluations}",
+            "a whole number above 0",
+            "choose a number, for example 60",
         )
     before = psnr(city, decode(genome).city)
     if not np.isfinite(before):  # no error to lower, or nothing built
         return genome
-    sigma, beta, tried = _refined(genome, city, int(evaluations), progress)
+    sigma, beta, tried = _minimise_error(genome, city, int(evaluations), progress)
     fitted = genome.replace(sigma=sigma, beta=beta)
     after = psnr(city, decode(fitted).city)
     if not after > before:
         return genome
-    finite = after if np.isfinite(after) else None  # JSON, which keeps it, has no infinity
+    finite = after if np.isfinite(after) else None  # JSON has no infinity
     fit = {"evaluations": tried, "psnr_before": before, "psnr_after": finite}
     return fitted.replace(made={**genome.made, "fit": fit})
 
@@ -77,10 +93,10 @@ class AttractorError:
     """E(σ, β) = ‖attractor − map‖², m², and its gradient by the adjoint of the fixed point.
 
     The attractor solves A = ΣSA + β: S lays every shrunk domain block on its range block, Σ
-    and β are the σ and β of each pixel's lifs. How E answers to a push on each pixel solves
-    the transposed equation λ = (ΣS)ᵀλ + 2(A − map); summed over a range block, λ·SA is its
-    lifs' ∂E/∂σ and λ its ∂E/∂β. Both are iterated in float64, from where they ended last, until
-    no pixel changes by more than the share ``tolerance`` of the map's peak.
+    and β are the σ and β of each pixel's lifs. The response of E to a push on each pixel solves
+    the transposed equation λ = (ΣS)ᵀλ + 2(A − map). Summed over a range block, λ·SA is its
+    lifs' ∂E/∂σ and λ its ∂E/∂β. Both iterate in float64, from their last results, until no pixel
+    changes by more than the share ``tolerance`` of the map's peak.
     """
 
     def __init__(self, genome: Genome, city: CityMap, tolerance: float = _TOLERANCE):
@@ -89,17 +105,17 @@ class AttractorError:
         peak = float(city.heights.max())
         self._tolerance, self._sky = tolerance * peak, _SKY * peak
         self._collage = CollageMap(genome, dtype=np.float64)
-        _ = self._collage.sources  # the same for all codes
+        _ = self._collage.sources  # all recoded copies then share it
         self._shrink = self._collage.recoded(~genome.uniform, np.zeros(len(genome)))
         self._attractor = self._heights.copy()
         self._adjoint = np.zeros_like(self._heights)
-        kept = genome.condensation
-        self._free = None if kept is None else ~kept.mask  # pixels that answer to σ and β
+        layer = genome.condensation
+        self._free = None if layer is None else ~layer.mask  # pixels that depend on σ and β
 
     def __call__(
         self, sigma: np.ndarray, beta: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray] | None:
-        """(E, ∂E/∂σ, ∂E/∂β) in m², m² and m; None where the fixed point is out of reach."""
+        """Compute (E, ∂E/∂σ, ∂E/∂β) in m², m² and m; None where an iteration diverges."""
         collage = self._collage.recoded(sigma, beta)
         attractor = self._fixed_point(collage.lay, self._attractor, collage.lay_again)
         if attractor is None:
@@ -117,25 +133,26 @@ class AttractorError:
         by_sigma = self._block_sums(adjoint * self._shrink(attractor))
         return float(np.sum(difference**2)), by_sigma, self._block_sums(adjoint)
 
-    def _fixed_point(self, lay: Callable, start: np.ndarray, again=None) -> np.ndarray | None:
+    def _fixed_point(self, lay: Callable, start: np.ndarray, repeat=None) -> np.ndarray | None:
         limits = {"tolerance": self._tolerance, "most": _MOST_STEPS, "sky": self._sky}
-        found = fixed_point(lay, start, **limits, again=again)
-        return found.values if found.settled else None
+        end = fixed_point(lay, start, **limits, repeat=repeat)
+        return end.values if end.converged else None
 
     def _block_sums(self, values: np.ndarray) -> np.ndarray:
         free = values if self._free is None else values * self._free
         sums = np.empty(len(self._pavement))
-        for side, which in self._pavement.levels.items():  # as numpy adds: codes keep their bits
+        for side, which in self._pavement.levels.items():  # numpy's order of sums, for equal bits
             sums[which] = self._pavement.blocks(free, side).sum(axis=(1, 2))
         return sums
 
 
-def _refined(
+def _minimise_error(
     genome: Genome, city: CityMap, evaluations: int, progress: Callable | None
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """(σ, β, attractors tried) of the least error seen, the genome's own to begin with.
+    """Return (σ, β, attractors tried) of the least error, the genome's own included.
 
-    The optimiser sees the β of all lifs, in units of the peak, then σ of those with domains.
+    A point of the optimiser is β of all lifs, in units of the peak, then σ of those with domain
+    blocks.
     """
     count, busy = len(genome), np.flatnonzero(~genome.uniform)
     peak = float(city.heights.max())
@@ -151,19 +168,19 @@ def _refined(
 
     def value(point: np.ndarray, gradient: np.ndarray) -> float | None:
         nonlocal tried
-        found = error(*code(point))
+        result = error(*code(point))
         tried += 1
         if progress is not None:
             progress(tried, evaluations)
-        if found is None:
+        if result is None:
             return None
-        lost, by_sigma, by_beta = found
-        if gradient.size:  # filled in place: NLopt reads this very array
+        squares, by_sigma, by_beta = result
+        if gradient.size:  # filled in place: NLopt reads this array
             gradient[:count] = by_beta * (peak / unit)
             gradient[count:] = by_sigma[busy] / unit
-        return lost / unit
+        return squares / unit
 
     bound = np.full(start.size, np.inf)
-    bound[count:] = np.float32(genome.sigma_max)  # as the genome's own check rounds it
+    bound[count:] = np.float32(genome.sigma_max)  # rounded as in the genome's check
     least = minimise(value, start, algorithm="mma", most=evaluations, lower=-bound, upper=bound)
     return *code(least.point), tried

@@ -1,4 +1,4 @@
-"""The fixed point of a map of maps, by iteration: of W, of its adjoint, of a mixture of two."""
+"""Fixed points of maps of maps by iteration: of W, of its adjoint, of a mixture of two W."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,30 +7,30 @@ import numpy as np
 
 from evocity.coding._kernels import moved
 
-#: A pixel that moves by so much, metres, is taken as proof of divergence.
+#: A move of a pixel by so much, metres, counts as divergence.
 SKY = 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
-    """What an iteration came to.
+    """The end of an iteration.
 
-    values : ``(H, W)``, where it ended.
-    before : ``(H, W)``, where it was a step before.
-    steps : how many were made.
-    settled : whether no pixel moved by more than the tolerance.
-    lost : whether a pixel moved as far as the sky, or to no number at all.
+    values : ``(H, W)``, the last map.
+    before : ``(H, W)``, the map one step before.
+    steps : number of steps.
+    converged : whether no pixel moved by more than the tolerance in the last step.
+    diverged : whether a pixel moved as far as the sky, or to NaN.
     """
 
     values: np.ndarray
     before: np.ndarray
     steps: int
-    settled: bool
-    lost: bool
+    converged: bool
+    diverged: bool
 
     @property
     def moves(self) -> np.ndarray:
-        """``(H, W)``: how far each pixel moved in the last step."""
+        """``(H, W)``: the move of each pixel in the last step."""
         with np.errstate(invalid="ignore", over="ignore"):
             return np.abs(self.values - self.before)
 
@@ -47,21 +47,21 @@ def fixed_point(
     tolerance: float,
     most: int = 500,
     sky: float = SKY,
-    again: Callable[[np.ndarray, np.ndarray], None] | None = None,
+    repeat: Callable[[np.ndarray, np.ndarray], None] | None = None,
 ) -> FixedPoint:
     """Iterate from ``start`` (H, W) until no pixel moves by more than ``tolerance``, one moves by
     ``sky`` or more, or ``most`` steps are made.
 
-    ``lay(before, after)`` writes the next map into ``after``; both are of the type of ``start``,
-    which stays as it is. ``again``, if given, is called in its place from the third step on: by
-    then it has written all of both maps, and what never changes stands in them.
+    ``lay(before, after)`` writes the next map into ``after``; both have the type of ``start``,
+    which stays unchanged. ``repeat`` replaces ``lay`` from the third step on: by then ``lay`` has
+    written both maps once, so ``repeat`` may skip constant parts.
     """
     before, values = np.empty(start.shape, start.dtype), start.copy(order="C")
     limits = values.dtype.type(tolerance), values.dtype.type(sky)
-    steps, unsettled, lost = 0, values.size, 0
-    while unsettled and not lost and steps < most:
+    steps, moving, diverging = 0, values.size, 0
+    while moving and not diverging and steps < most:
         before, values = values, before
-        (lay if steps < 2 else again or lay)(before, values)
+        (lay if steps < 2 else repeat or lay)(before, values)
         steps += 1
-        unsettled, lost = moved(before.ravel(), values.ravel(), *limits)
-    return FixedPoint(values, before, steps, not unsettled, bool(lost))
+        moving, diverging = moved(before.ravel(), values.ravel(), *limits)
+    return FixedPoint(values, before, steps, not moving, bool(diverging))

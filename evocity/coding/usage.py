@@ -1,4 +1,4 @@
-"""How often a code calls each domain block and each pixel, and the filters made of that."""
+"""Usage of domain blocks and pixels by a code, and filters by usage."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,22 +10,23 @@ from evocity.condensation import Condensation, merged
 from evocity.errors import GenomeError, check_word, setting
 from evocity.genome import Genome
 
-#: What `low_pass` and `high_pass` may compare with f_c: attributes of `Usage`.
+#: The counts that `low_pass` and `high_pass` compare with f_c: attributes of `Usage`.
 COUNTS = ("pixels", "domains", "ranges")
 
 
 @dataclass(frozen=True, eq=False)
 class Usage:
-    """How often the lifs of a genome call the domain blocks of its map (Marsault 2002 §5.5).
+    """Counts of calls: how many lifs of a genome use each domain block (Marsault 2002 §5.5).
 
-    genome : the code that was looked at; n lifs on ``(H, W)`` pixels.
-    domain_blocks : int32 ``(k, 4)``, each domain block once: y, x, dy, dx, px; the most called
-        first.
-    domain_calls : int32 ``(k,)``, how many lifs call each of them.
-    calls : int32 ``(n,)``, how many lifs call the domain block of each lifs, itself among them;
-        0 without a domain.
+    genome : code of n lifs on ``(H, W)`` pixels.
+    domain_blocks : int32 ``(k, 4)``. Each row is a different domain block: y, x, dy, dx, px. The
+        most called block comes first.
+    domain_calls : number of lifs that call each of these domain blocks, int32 ``(k,)``.
+    calls : number of lifs that call the same domain block as each lifs, itself included, int32
+        ``(n,)``. 0 for a lifs without a domain block.
 
-    The same by pixels, int32 ``(H, W)`` each: `pixels`, `domains`, `ranges`.
+    The attributes ``pixels``, ``domains`` and ``ranges`` are maps of these counts, int32 ``(H, W)``
+    each.
     """
 
     genome: Genome
@@ -35,7 +36,7 @@ class Usage:
 
     @cached_property
     def pixels(self) -> np.ndarray:
-        """How many lifs call each pixel: whose domain block holds it."""
+        """Number of lifs that call each pixel: their domain blocks contain it."""
         p = self.genome.pavement
         y, x, dy, dx = self.domain_blocks.T
         steps = np.zeros((p.height + 1, p.width + 1), np.int64)
@@ -45,26 +46,26 @@ class Usage:
 
     @cached_property
     def domains(self) -> np.ndarray:
-        """How many lifs call the most called of the domain blocks that hold each pixel."""
+        """Number of calls of the most called domain block that contains each pixel."""
         p = self.genome.pavement
         most = np.zeros((p.height, p.width), np.int32)
         places = zip(self.domain_blocks[::-1], self.domain_calls[::-1], strict=True)
-        for (y, x, dy, dx), calls in places:  # the least called first, the others over it
+        for (y, x, dy, dx), calls in places:  # rising: the most called stays
             most[y : y + dy, x : x + dx] = calls
         return most
 
     @cached_property
     def ranges(self) -> np.ndarray:
-        """How many lifs call the domain block that each pixel's range block is made of."""
+        """Number of calls of the domain block of each pixel's range block."""
         return self.genome.pavement.raster(self.calls)
 
 
 def usage(genome: Genome) -> Usage:
-    """Count how often each domain block of a genome is called, and each pixel.
+    """Count how many lifs of a genome call each domain block, and each pixel.
 
-    A few of them serve most lifs, where domain blocks were searched for over the whole map. What
-    a condensation keeps is called like any other pixel. About 3 ms at 256², B = 4, and 3 more
-    for `Usage.domains`.
+    After a search over the whole map, a few domain blocks serve most lifs. Pixels of a condensation
+    count like all others. The count takes about 3 ms at 256², B = 4; `Usage.domains` takes 3 ms
+    more.
     """
     called = np.flatnonzero(~genome.uniform)
     corners = [getattr(genome, name)[called].astype(np.int32) for name in ("y", "x", "dy", "dx")]
@@ -78,65 +79,66 @@ def usage(genome: Genome) -> Usage:
 
 
 def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lay ground where the code calls more often than the cut frequency ``f_c``.
+    """Lower the map to ground where the code calls pixels more often than the cut frequency f_c.
 
-    The ground is condensed: it stays in every iteration, so the attractor is another one: range
-    blocks made of pixels laid bare become flat, at their β. High f_c take away few details, low
-    ones nearly all (Marsault 2002 §5.5, 2005 §2.4).
+    A condensation keeps this ground in every iteration, so the attractor changes. Range blocks that
+    were made from lowered pixels become flat, at their β. A high f_c removes few details, and a low
+    f_c nearly all (Marsault 2002 §5.5, 2005 §2.4).
 
     Parameters
     ----------
-    f_c : calls, 0 or more; infinity changes nothing. The papers show 1, 10 and 100.
-    count : what is compared with it, a pixel at a time, see `Usage`: ``"pixels"``, how often it
-        is called (2002); ``"domains"``, how often the most called domain block that holds it is;
-        ``"ranges"``, how often the domain block is that its range block is made of (2005), of
-        which 0 leaves the uniform range blocks alone.
+    f_c : cut frequency in calls, 0 or more; infinity changes nothing. The papers show 1, 10 and
+        100.
+    count : count of each pixel to compare, see `Usage`. "pixels" counts the calls of the pixel
+        (2002). "domains" counts the calls of the most called domain block that contains the pixel.
+        "ranges" counts the calls of its range block's domain block (2005); 0 then keeps only
+        uniform range blocks.
 
     Returns
     -------
-    Genome : the same lifs with a condensation of ground; `evocity.decode` finds the filtered map.
-        What ``genome`` keeps by a condensation of its own stays. The same genome where nothing
-        is called more often.
+    Genome : genome with the same lifs, and a condensation of ground. `evocity.decode` gives the
+        filtered map. An earlier condensation stays. If no count is higher, the same genome is
+        returned.
 
     Raises
     ------
-    GenomeError : f_c is no number of 0 or more, or there is no such count.
+    GenomeError : f_c is not a number of 0 or more, or ``count`` is unknown.
     """
-    return _filtered(genome, "low_pass", f_c, count)
+    return _lay_ground(genome, "low_pass", f_c, count)
 
 
 def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lay ground where the code calls less often than the cut frequency ``f_c``.
+    """Lower the map to ground where the code calls pixels less often than the cut frequency f_c.
 
-    The counterpart of `low_pass` (Marsault 2002 §5.5 compares the two): what is called ``f_c``
-    times or more stays, and what is made of the rest becomes flat. Called with ``count`` and
-    ``f_c`` alike, each pixel outlives one of the two filters at least. One after the other
-    they leave a band of frequencies.
+    This filter is the counterpart of `low_pass` (Marsault 2002 §5.5 compares the two). Pixels with
+    f_c calls or more stay, and range blocks that were made from other pixels become flat. With
+    equal ``count`` and f_c, each pixel survives at least one of the two filters. Both filters in
+    sequence leave a band of frequencies.
 
     Parameters
     ----------
-    f_c : calls, 0 or more; 0 changes nothing, 1 leaves what is called at all, infinity lays
-        ground everywhere.
-    count : as in `low_pass`. By ``"ranges"``, the uniform range blocks, which call nothing, go
-        first.
+    f_c : cut frequency in calls, 0 or more. 0 changes nothing, 1 keeps all called pixels, and
+        infinity lowers the whole map to ground.
+    count : count of each pixel to compare, as in `low_pass`. With "ranges", uniform range blocks
+        are lowered first, because they call nothing.
 
     Returns
     -------
-    Genome : as in `low_pass`. The same genome where nothing is called less often.
+    Genome : filtered genome, as in `low_pass`. If no count is lower, the same genome is returned.
 
     Raises
     ------
-    GenomeError : f_c is no number of 0 or more, or there is no such count.
+    GenomeError : f_c is not a number of 0 or more, or ``count`` is unknown.
     """
-    return _filtered(genome, "high_pass", f_c, count)
+    return _lay_ground(genome, "high_pass", f_c, count)
 
 
-def _filtered(genome: Genome, name: str, f_c: float, count: str) -> Genome:
-    """``genome`` with ground where the filter called ``name`` lays it."""
+def _lay_ground(genome: Genome, name: str, f_c: float, count: str) -> Genome:
+    """Lay ground where the filter called ``name`` demands it."""
     number = isinstance(f_c, Real) and not isinstance(f_c, bool)
     if not number or not f_c >= 0:
         raise GenomeError(
-            setting("f_c", f_c), "calls, 0 or more", "give for example 10; see usage(genome)"
+            setting("f_c", f_c), "calls, 0 or more", "give for example 10, see usage(genome)"
         )
     check_word("count", count, COUNTS, "leave it out for pixels", GenomeError)
     calls = getattr(usage(genome), count)
@@ -146,6 +148,3 @@ def _filtered(genome: Genome, name: str, f_c: float, count: str) -> Genome:
     ground = Condensation(np.zeros(bare.shape, np.float32), bare)
     made = {**genome.made, name: {"f_c": float(f_c), "count": count}}
     return genome.replace(condensation=merged([genome.condensation, ground]), made=made)
-
-
-__all__ = ["COUNTS", "Usage", "high_pass", "low_pass", "usage"]

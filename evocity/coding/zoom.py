@@ -1,4 +1,4 @@
-"""Which zooms a partition allows, and what lies between them: continuous levels of detail."""
+"""Legal zooms of a partition, and means between them for continuous levels of detail."""
 
 from math import ceil, floor
 
@@ -10,8 +10,8 @@ from evocity.pavement import Pavement
 
 
 def legal_zoom(pavement: Pavement, zoom: float) -> float:
-    """The least zoom, of those that make whole numbers of pixels, 2 or more, of all sides, that is
-    at least ``zoom``. Raises `GenomeError` for no zoom at all, or a map too large."""
+    """Find the least zoom of ``zoom`` or more that makes all sides whole numbers of pixels, 2 or
+    more. Raises `GenomeError` for an illegal zoom, or a map too large."""
     number = isinstance(zoom, int | float | np.number) and not isinstance(zoom, bool)
     height, width = (side * zoom if number else 0 for side in (pavement.height, pavement.width))
     if not (number and 0 < zoom < np.inf and min(height, width) >= 1):
@@ -25,21 +25,22 @@ def legal_zoom(pavement: Pavement, zoom: float) -> float:
     height, width = (side * max(legal, zoom) for side in (pavement.height, pavement.width))
     if max(height, width) > MAX_SIDE or height * width > MAX_PIXELS:
         raise GenomeError(
-            f"{setting('zoom', zoom)}: a map of {height:.0f} × {width:.0f} px",
-            f"sides up to {MAX_SIDE} px, {MAX_PIXELS // 10**6} million pixels in all",
+            f"{setting('zoom', zoom)}: the map would have {height:.0f} × {width:.0f} px",
+            f"sides of at most {MAX_SIDE} px, and at most {MAX_PIXELS // 10**6} million pixels in "
+            "all",
             "choose a smaller zoom",
         )
     return legal
 
 
 def zoomed_pavement(pavement: Pavement, zoom: float) -> Pavement:
-    """The pavement with sides ``zoom`` times as long; a `legal_zoom`."""
+    """Multiply the sides of a pavement by ``zoom``, a `legal_zoom`."""
     steps = round(pavement.finest * zoom)
     return pavement if steps == pavement.finest else pavement.scaled(steps, pavement.finest)
 
 
 def zoomed_corner(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whole pixels, int32, and the fraction left, 0…1, of ``corner`` on the zoomed map."""
+    """Split ``corner`` on the zoomed map into whole pixels, int32, and a fraction, 0…1."""
     if zoom == 1:
         return corner.astype(np.int32), np.zeros(corner.size)
     exact = corner * zoom
@@ -48,10 +49,10 @@ def zoomed_corner(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarr
 
 
 def area_means(raster: np.ndarray, step: float) -> np.ndarray:
-    """Means of a ``(H, W)`` raster over squares of ``step`` px, 1 or more, from its north-west
-    corner on, pixels at their rims counted by area; a last part of a square is left out.
+    """Average a ``(H, W)`` raster over squares of ``step`` px, 1 or more, from the north-west
+    corner on. Pixels at rims count by area; an incomplete last square is omitted.
 
-    float32 ``(⌊H / step⌋, ⌊W / step⌋)``.
+    Returns float32 ``(⌊H / step⌋, ⌊W / step⌋)``.
     """
     for axis in (0, 1):
         count = floor(raster.shape[axis] / step + 1e-9)
@@ -65,19 +66,17 @@ def area_means(raster: np.ndarray, step: float) -> np.ndarray:
 
 
 def most_common(raster: np.ndarray, step: float) -> np.ndarray:
-    """Of each square of ``step`` px, 1 or more, of a ``(H, W)`` raster the value that most of its
-    pixels have, of several the one farthest to the north-west; squares lie as in `area_means`, and
-    are looked at in up to 8 × 8 places. ``(⌊H / step⌋, ⌊W / step⌋)``, of the raster's type."""
+    """Find the most frequent value in each square of ``step`` px, 1 or more, of a ``(H, W)``
+    raster; of equals the most north-western. Squares lie as in `area_means`, sampled at up to 8 × 8
+    places. Returns ``(⌊H / step⌋, ⌊W / step⌋)``, of the raster's type."""
     height, width = (floor(side / step + 1e-9) for side in raster.shape)
     few = min(ceil(step), 8)
     within = (np.arange(few) + 0.5) / few
     rows, columns = (
         ((np.arange(count)[:, None] + within) * step).astype(int) for count in (height, width)
     )
-    seen = raster[rows[:, None, :, None], columns[None, :, None, :]].reshape(
-        height * width, few * few
-    )
-    votes = np.zeros(seen.shape, np.int8)
-    for place in range(seen.shape[1]):
-        votes += seen == seen[:, place, None]
-    return seen[np.arange(len(seen)), votes.argmax(axis=1)].reshape(height, width)
+    samples = raster[rows[:, None, :, None], columns[None, :, None, :]].reshape(-1, few * few)
+    votes = np.zeros(samples.shape, np.int8)
+    for place in range(samples.shape[1]):
+        votes += samples == samples[:, place, None]
+    return samples[np.arange(len(samples)), votes.argmax(axis=1)].reshape(height, width)

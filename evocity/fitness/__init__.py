@@ -1,41 +1,39 @@
-"""Fitness: a city map in, one number out.
+"""Measures of fitness: functions from a city map to one number.
 
-- `measure`: `Measure`, what one is and how its faults are told; `Undefined`
-- `registry`: what makes one of a plain function, the table of names, users' files
-- `shipping`: how a measure of the session, of a notebook's cell, reaches worker processes
-- `siblings`: what such a file imports from its own folder
-- `part`: `Part`, a part of a map that a measure is taken of: this quarter, that bank
-- `goals`: `Objective`, a measure with a goal (max, min, a target, like a city) as a loss
-- `composition`: `Aims`, all that is wanted: objectives, weighted sums of them, constraints
-- `density`: how much is built: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
-- `roofs`: how high roofs are, one beside the other: `height_deviation`, `height_entropy`,
-  `roof_flatness`
-- `roots`: where a function is 0
-- `sizes`: how the sizes of buildings are distributed: `salingaros`,
-  `salingaros_buildings`, `fit_sizes`, `crumbs`, `small_buildings`,
-  `slivers`
-- `shape`: what shape buildings have, how many there are: `elongation`, `rectangularity`,
-  `convexity`, `compactness`, `eri`, `shape_index`, `building_density`, `component_density`,
-  `party_wall_ratio`
-- `order`: how façades lie to each other: `alignment`, `alignment_global`
-- `directions`: which way buildings are turned: `alignment_neighbours`, `alignment_momepy`,
+- `measure`: `Measure`, `Family`, and `Undefined`, NaN with a reason
+- `registry`: the decorator, the table of measures, look-up by name, users' files
+- `declaration`, `data`, `local_imports`: checks of a declaration, data files, imports of a file
+- `source_transfer`: transfer of a session's measures to worker processes
+- `check`: trials of your own measures, and their cost
+- `part`: `Part`, a part of a map, and measures within it
+- `reference`: `Reference`, the cities to compare with
+- `goals`: `Objective`, a measure with a goal (max, min, target, like), as a loss
+- `composition`: `Aims`, all objectives, weighted sums and constraints of a search
+- `density`: `gsi`, `fsi`, `osr`, `storeys`, `mean_height`
+- `roofs`: `height_deviation`, `height_entropy`, `roof_flatness`
+- `sizes`: the distribution of sizes: `salingaros`, `salingaros_buildings`, `fit_sizes`, `crumbs`,
+  `small_buildings`, `slivers`
+- `shape`: the shapes of buildings and their number: `elongation`, `rectangularity`, `convexity`,
+  `compactness`, `eri`, `shape_index`, `building_density`, `component_density`, `party_wall_ratio`
+- `order`: alignment of façades: `alignment`, `alignment_global`
+- `directions`: directions of buildings: `alignment_neighbours`, `alignment_momepy`,
   `orientation_order`
-- `openness`: how open ground is: `street_width`, `open_space_connectivity`, `courtyard_index`,
+- `openness`: open ground: `street_width`, `open_space_connectivity`, `courtyard_index`,
   `sky_view_factor`
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`
-- `fabric`: how far buildings are from those of other cities: `fabric_distance`, of a `Reference`
-- `types`: what types of buildings there are: `building_types`, `types_of`, `type_distance`, by a
-  table of limits, a `TypeTable` (`type_table`)
-- `classes`: what stands on a map besides buildings: `object_classes`, `object_counts`
-- `heredity`: what a child keeps: `integrity`, of its sources' buildings (`whole_buildings` says
-  which); `heritability`, of the map that was meant
-- `curves`: of curves and shapes, in runs that breed these: `curve_length`, `sinuosity`,
+- `fabric`: distance to the shapes of buildings of other cities: `fabric_distance`
+- `types`, `type_table`: building types by a table of limits, `TypeTable`: `building_types`,
+  `types_of`, `type_distance`
+- `classes`: classes of objects on a map: `object_classes`, `object_counts`
+- `heredity`: what a child keeps: `integrity`, `whole_buildings`, `heritability`
+- `curves`: curves and shapes of runs that breed these: `curve_length`, `sinuosity`,
   `curve_dimension`, `simplicity`, `shape_dimension`, `shape_cover`; distances to a line in GeoJSON
   and to a picture
-- `courses`: of sites: `built_area_lost`, `buildings_near_course`, `area_within_reach`
-- `similarity`: how much of the city is a copy of itself: `autosimilarity`
+- `courses`: sites with courses: `built_area_lost`, `buildings_near_course`, `area_within_reach`
+- `similarity`: `autosimilarity`
+- `root_finding`: Brent's method
 
-A measure of one's own is a function with one decorator:
+Your own measure is a function with one decorator:
 
 >>> import evocity.fitness
 >>> @evocity.fitness(goal="max", unit="m")
@@ -114,8 +112,8 @@ from evocity.fitness.types import building_types, type_distance, types_of
 
 
 class _CallableModule(ModuleType):
-    # Python looks __call__ up on the class: only a class of its own lets one name serve both
-    # as the decorator, evocity.fitness(...), and as the room, evocity.fitness.salingaros.
+    # Python looks up __call__ on the class. So a class of its own lets one name serve as the
+    # decorator, evocity.fitness(...), and as the room, evocity.fitness.salingaros.
     def __call__(self, *args, **options):
         return fitness(*args, **options)
 

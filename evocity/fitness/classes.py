@@ -1,4 +1,4 @@
-"""What stands on a map by class: buildings, furniture, trees, pools and lawns, fountains, posts."""
+"""Object classes: shares and counts of buildings, furniture, trees, lawns, fountains, posts."""
 
 from collections.abc import Mapping
 
@@ -15,19 +15,19 @@ _HECTARE = 1e4
 
 @fitness(range=(0, 1), numbers=CLASSES, any_site=True)
 def object_classes(city: CityMap) -> Mapping[str, float]:
-    """Shares of the ground that objects cover which each class of them covers.
+    """Shares of each class of objects in the ground that objects cover.
 
-    Whatever stands on the map, told apart by gaps and by steps of height, is of one class by its
-    area, its height and its shape: `object_classes.building`; `object_classes.furniture`, benches,
+    Gaps and steps of height separate the objects on a map. Each object has one class, by its area,
+    its height and its shape: `object_classes.building`; `object_classes.furniture`, benches,
     kiosks, hedges; `object_classes.tree`; `object_classes.ground`, pools, lawns, car parks;
     `object_classes.fountain`; `object_classes.shelter`, sheds; `object_classes.post`, poles and
-    lamps. The table with its limits, and the reason for each, is `evocity/data/classes.toml`;
-    `CityMap.classes` tells the class of each object.
+    lamps. `evocity/data/classes.toml` has the limits and the reason for each; `CityMap.classes`
+    has the class of each object.
 
-    Formula: Σ A over the objects of the class / Σ A over all, A the area of the footprint.
-    Unit: none. Range: 0 to 1, all classes together 1. Maps burnt from footprints hold buildings and
-    shelters alone, and a few of their smallest that look like trees or posts.
-    Empty map: NaN, nothing stands there.
+    Formula: Σ A over the objects of the class / Σ A over all, with A the area of the footprint.
+    Unit: none. Range: 0 to 1, all classes together 1. Maps made from footprints have only buildings
+    and shelters, and a few of the smallest look like trees or posts.
+    Empty map: NaN (there is no object).
     Source: the seven classes, Marsault 2005 (001 §3.1, fig. 10); known distributions of types as a
     goal, Marsault 2002 §6.2; the limits are ours.
 
@@ -38,22 +38,22 @@ def object_classes(city: CityMap) -> Mapping[str, float]:
     >>> round(shares["building"], 3), round(shares["ground"], 3)
     (0.167, 0.833)
     """
-    found = city.classes
-    if not len(found):
+    classes = city.classes
+    if not len(classes):
         return dict.fromkeys(CLASSES, Undefined(f"nothing stands on {city.name}"))
-    return found.shares
+    return classes.shares
 
 
 @fitness(range=(0, float("inf")), unit="/ha", numbers=CLASSES, any_site=True)
 def object_counts(city: CityMap) -> Mapping[str, float]:
-    """How many objects of each class stand on a hectare.
+    """Number of objects of each class per hectare.
 
     The classes are those of `object_classes`: `object_counts.building`,
     `object_counts.furniture`, `object_counts.tree`, `object_counts.ground`,
     `object_counts.fountain`, `object_counts.shelter`, `object_counts.post`.
 
-    Formula: number of objects of the class / area of the map.
-    Unit: 1/ha. Range: 0 upwards. Houses wall to wall of nearly one height count as one building.
+    Formula: number of objects of the class / area of the map in hectares.
+    Unit: 1/ha. Range: 0 upwards. Adjoining houses of nearly one height count as one building.
     Empty map: 0.
     Source: the seven classes, Marsault 2005 (001 §3.1, fig. 10); the limits are ours.
 
@@ -65,6 +65,3 @@ def object_counts(city: CityMap) -> Mapping[str, float]:
     (1.0, 4.0)
     """
     return {name: count * _HECTARE / city.area for name, count in city.classes.counts.items()}
-
-
-__all__ = ["CLASSES", "object_classes", "object_counts"]

@@ -1,4 +1,4 @@
-"""All that is wanted of an individual: objectives, sums of weighted ones, and constraints."""
+"""The aims of a search: objectives, weighted sums of them, and constraints, as losses."""
 
 import math
 import sys
@@ -13,15 +13,15 @@ from evocity.fitness.measure import Measure
 
 _MOST = sys.float_info.max
 
-#: The objective that weighted measures make together unless another is named.
+#: Default name of the objective that weighted measures form together.
 WEIGHTED = "weighted sum"
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """Bounds on a measure: ``low`` ≤ value ≤ ``high``, either of them None for no bound.
+    """Bounds on a measure: ``low`` ≤ value ≤ ``high``; None for no bound.
 
-    Raises `FitnessError` unless at least one is a finite number, the lower first.
+    Raises `FitnessError` unless one or both are finite numbers, the lower first.
 
     >>> from evocity.fitness import gsi
     >>> Constraint(gsi, 0.2, 0.4).violation(0.5)
@@ -39,14 +39,16 @@ class Constraint:
         )
         if not bounds or not numbers or (len(bounds) == 2 and bounds[0] >= bounds[1]):
             raise FitnessError(
-                f"{self.measure.name} between {self.low} and {self.high}",
-                "one finite bound or two, the lower first",
+                f"the bounds {self.low} and {self.high} of {self.measure.name} are invalid",
+                "one or two finite bounds, the lower bound first",
                 "write for example min = 0.2, max = 0.4",
             )
 
     def violation(self, value: float) -> float:
-        """How far ``value`` lies beyond the bounds, in units of the distance between them, or of
-        the one there is (1 if that is 0); 0 within them."""
+        """Compute how far ``value`` lies beyond the bounds; 0 within them.
+
+        The unit is the distance between the bounds, or the size of a single bound (1 if that is 0).
+        """
         if math.isnan(value):
             return _MOST
         beyond = max(
@@ -63,10 +65,10 @@ class Constraint:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is wanted of one measure: an objective, a constraint, or both.
+    """The aim of one measure: an objective, a constraint, or both.
 
-    weight, total : its loss counts ``weight`` times in the sum called ``total``; None for an
-        objective by itself.
+    weight, total : its loss counts ``weight`` times in the sum called ``total``; a total of None
+        makes it an objective of its own.
     """
 
     measure: Measure
@@ -76,14 +78,14 @@ class Wanted:
     total: str | None = None
 
     def loss(self, value: float) -> float:
-        """Lower is better: the objective's loss, or without one how far a bound is missed."""
-        one = self.constraint.violation if self.objective is None else self.objective.loss
-        return _finite(one(value))
+        """Compute the objective's loss, or without an objective the violation; lower is better."""
+        loss = self.constraint.violation if self.objective is None else self.objective.loss
+        return _finite(loss(value))
 
 
 @dataclass(frozen=True)
 class Aims:
-    """What is wanted of all measures, in the recipe's order.
+    """The aims of all measures, in the recipe's order.
 
     >>> from evocity.fitness import crumbs, fsi, gsi
     >>> aims = Aims((
@@ -103,49 +105,51 @@ class Aims:
     @cached_property
     def _terms(self) -> dict[str, list[Wanted]]:
         terms: dict[str, list[Wanted]] = {}
-        for one in self.wanted:
-            if one.objective is not None:
-                terms.setdefault(one.total or one.measure.name, []).append(one)
+        for aim in self.wanted:
+            if aim.objective is not None:
+                terms.setdefault(aim.total or aim.measure.name, []).append(aim)
         return terms
 
     @cached_property
-    def _sought(self) -> tuple[str, ...]:
-        return tuple(one.measure.name for one in self.wanted if one.objective is not None)
+    def _objectives(self) -> tuple[str, ...]:
+        return tuple(aim.measure.name for aim in self.wanted if aim.objective is not None)
 
     @cached_property
     def _constrained(self) -> list[Wanted]:
-        return [one for one in self.wanted if one.constraint is not None]
+        return [aim for aim in self.wanted if aim.constraint is not None]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the objectives: a measure's, or that of a sum."""
+        """Names of the objectives: that of a measure, or of a sum."""
         return tuple(self._terms)
 
     @property
     def bounds(self) -> frozenset[str]:
-        """Names of the measures that are constraints and nothing else."""
-        return frozenset(one.measure.name for one in self.wanted if one.objective is None)
+        """Names of the measures that are constraints only."""
+        return frozenset(aim.measure.name for aim in self.wanted if aim.objective is None)
 
     def reweighted(self, weights: Mapping[str, float]) -> "Aims":
-        """The same with other ``weights``, of measures by name that count in sums; other names
-        are left out."""
+        """Return the same aims with other ``weights``, by name, of measures that count in sums; the
+        method ignores other names."""
         return Aims(
             tuple(
-                replace(one, weight=weights[one.measure.name])
-                if one.total is not None and one.measure.name in weights
-                else one
-                for one in self.wanted
+                replace(aim, weight=weights[aim.measure.name])
+                if aim.total is not None and aim.measure.name in weights
+                else aim
+                for aim in self.wanted
             )
         )
 
     def complete(self, values: Mapping[str, float]) -> bool:
-        """Whether ``values`` have a number of each measure that is more than a constraint. All
-        births that are ok do, but for those of before the measure was wanted."""
-        return not any(math.isnan(values.get(name, math.nan)) for name in self._sought)
+        """Check whether ``values`` have a number for each objective. All successful births do,
+        unless they are older than the objective."""
+        return not any(math.isnan(values.get(name, math.nan)) for name in self._objectives)
 
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """One loss an objective, lower is better and always finite, of raw ``values``; the worst
-        there is of a measure that they lack."""
+        """Compute one loss for each objective from raw ``values``, lower is better, always finite.
+
+        A missing measure has the worst loss.
+        """
         return tuple(
             _finite(
                 _sum(
@@ -156,28 +160,30 @@ class Aims:
         )
 
     def violation(self, values: Mapping[str, float]) -> float:
-        """Sum of the constraints' violations; 0 where all are kept (feasible). A measure that
-        ``values`` lack is undefined, and breaks its bound. Whose values are not `complete` cannot
-        be compared, and comes after all others: as if nobody broke more."""
+        """Sum the violations of all constraints; 0 where all hold (feasible).
+
+        A measure that ``values`` lack is undefined and breaks its bound. Values that are not
+        `complete` cannot be compared; they have the greatest violation, so they come last.
+        """
         if not self.complete(values):
             return _MOST
         violations = (
-            one.constraint.violation(values.get(one.measure.name, math.nan))
-            for one in self._constrained
+            aim.constraint.violation(values.get(aim.measure.name, math.nan))
+            for aim in self._constrained
         )
         return _finite(_sum(violations))
 
 
 def _sum(numbers: Iterable[float]) -> float:
-    """Added one after the other: what Python calls sum has other last bits from 3.12 on."""
+    """Add one number after the other: from Python 3.12 on, sum gives other last bits."""
     total = 0.0
-    for one in numbers:
-        total += one
+    for number in numbers:
+        total += number
     return total
 
 
 def _finite(value: float) -> float:
-    """Within what selection can compare; NaN is the worst of all."""
+    """Limit a number to those that selection can compare; NaN becomes the worst."""
     if -_MOST <= value <= _MOST:  # nearly always
         return value
     return _MOST if math.isnan(value) else max(-_MOST, min(value, _MOST))

@@ -1,4 +1,4 @@
-"""Courses through a city: what they take of it, and what lies near them."""
+"""Measures of sites with courses: built ground lost, buildings and area near a course."""
 
 import math
 
@@ -7,7 +7,7 @@ import numpy as np
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
-#: What is near a course, metres from its bank.
+#: Reach of a course, metres from its bank.
 NEAR = 50.0
 
 
@@ -15,8 +15,8 @@ NEAR = 50.0
 def built_area_lost(site) -> float:
     """Share of the fabric's built ground that its courses take.
 
-    Formula: built pixels under the courses, of the map that the fabric alone decodes to / its built
-    pixels. Range: 0 to 1. Undefined for a fabric without buildings.
+    Formula: built pixels under the courses / all built pixels, on the map of the fabric without
+    courses. Range: 0 to 1. Undefined for a fabric without buildings.
     Source: none needed.
     """
     built = site.before.built
@@ -29,8 +29,8 @@ def built_area_lost(site) -> float:
 def buildings_near_course(site) -> float:
     """Share of the buildings that lie within 50 m of a course.
 
-    Formula: buildings with a pixel whose centre is within 50 m of the nearest pixel of a course /
-    all buildings, of the map with its courses. Range: 0 to 1. Undefined without buildings.
+    Formula: buildings with a pixel within 50 m of a course / all buildings, on the map with its
+    courses. Centres of pixels give the distance. Range: 0 to 1. Undefined without buildings.
     Source: none needed.
     """
     labels = site.city.building_labels
@@ -44,19 +44,16 @@ def buildings_near_course(site) -> float:
 def area_within_reach(site) -> float:
     """Built ground within 50 m of a course.
 
-    Formula: built pixels of the map with its courses whose centre is within 50 m of the nearest
-    pixel of a course · area of a pixel. Unit: m².
+    Formula: built pixels within 50 m of a course · area of a pixel, on the map with its courses.
+    Centres of pixels give the distance. Unit: m².
     Source: none needed.
     """
     return np.count_nonzero(site.city.built & _near(site)) * site.metres_per_pixel**2
 
 
 def _near(site) -> np.ndarray:
-    """Bool ``(H, W)``: pixels within reach of a course, its own left out."""
+    """Select the pixels within reach of a course, without those of the courses: bool ``(H, W)``."""
     import scipy
 
-    apart = scipy.ndimage.distance_transform_edt(~site.mask) * site.metres_per_pixel
-    return (apart <= NEAR) & ~site.mask
-
-
-__all__ = ["area_within_reach", "buildings_near_course", "built_area_lost"]
+    distance = scipy.ndimage.distance_transform_edt(~site.mask) * site.metres_per_pixel
+    return (distance <= NEAR) & ~site.mask

@@ -1,4 +1,4 @@
-"""How much is built: Spacematrix densities and the mean height."""
+"""Built densities: the indices of Spacematrix, floors and the mean height."""
 
 import math
 
@@ -16,7 +16,7 @@ FLOOR = STOREY
 def gsi(city: CityMap) -> float:
     """Ground space index: the share of the ground that is built on.
 
-    Formula: B / A, B the footprint of all buildings, A the area of the map.
+    Formula: B / A, with B the footprint of all buildings and A the area of the map.
     Unit: none. Range: 0 to 1. Empty map: 0.
     Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
@@ -30,10 +30,10 @@ def gsi(city: CityMap) -> float:
 
 @fitness(range=(0, math.inf), any_site=True)
 def fsi(city: CityMap) -> float:
-    """Floor space index: floor area a unit of ground.
+    """Floor space index: floor area per unit of ground.
 
-    Formula: F / A, F = Σ floors over the built pixels times the area of a pixel,
-    floors = h / 3 m, rounded; A the area of the map.
+    Formula: F / A, with A the area of the map. F is the sum of floors over the built pixels, times
+    the area of a pixel; the floors of a pixel are h / 3 m, rounded.
     Unit: none. Range: 0 upwards. Empty map: 0.
     Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
@@ -47,10 +47,12 @@ def fsi(city: CityMap) -> float:
 
 @fitness(range=(0, math.inf), any_site=True)
 def osr(city: CityMap) -> float:
-    """Open space ratio: open ground a unit of floor area, how hard the open ground is used.
+    """Open space ratio: open ground per unit of floor area.
+
+    A low ratio means that many floors share little open ground.
 
     Formula: (1 − GSI) / FSI, see `gsi` and `fsi`.
-    Unit: none. Range: 0 (no open ground) upwards. Empty map: NaN, nothing is built.
+    Unit: none. Range: 0 (no open ground) upwards. Empty map: NaN (nothing is built).
     Source: Berghauser Pont & Haupt, Spacematrix (2010), who also call it spaciousness.
 
     >>> heights = np.zeros((8, 8))
@@ -66,11 +68,11 @@ def osr(city: CityMap) -> float:
 
 @fitness(range=(1, math.inf), any_site=True)
 def storeys(city: CityMap) -> float:
-    """Mean number of floors of what is built.
+    """Mean number of floors of built ground, weighted by footprint.
 
-    Formula: L = FSI / GSI, see `fsi` and `gsi`: a mean weighted by footprint.
-    Unit: none. Range: 1 upwards, for what is lower than half a floor is not built.
-    Empty map: NaN, nothing is built.
+    Formula: L = FSI / GSI, see `fsi` and `gsi`.
+    Unit: none. Range: 1 upwards, because pixels lower than half a floor do not count as built.
+    Empty map: NaN (nothing is built).
     Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
     >>> heights = np.zeros((8, 8))
@@ -79,19 +81,16 @@ def storeys(city: CityMap) -> float:
     >>> storeys(CityMap(heights, 2.0))
     4.0
     """
-    count = np.count_nonzero(city.built)
-    if not count:
-        return Undefined("nothing is built")
-    return _floors(city) / count
+    return _per_built_pixel(city, _floors(city))
 
 
 @fitness(unit="m", range=(0, math.inf), any_site=True)
 def mean_height(city: CityMap) -> float:
-    """Mean height of what is built.
+    """Mean height of built ground, weighted by footprint.
 
     Formula: Σ h / n over the n built pixels.
-    Unit: metres. Range: above 0. Empty map: NaN, nothing is built.
-    Source: none needed, a plain mean weighted by footprint.
+    Unit: metres. Range: above 0. Empty map: NaN (nothing is built).
+    Source: none needed, a plain mean.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9
@@ -99,15 +98,17 @@ def mean_height(city: CityMap) -> float:
     >>> mean_height(CityMap(heights, 2.0))
     12.0
     """
+    return _per_built_pixel(city, float(city.heights.sum(where=city.built, dtype=np.float64)))
+
+
+def _per_built_pixel(city: CityMap, total: float) -> float:
     count = np.count_nonzero(city.built)
-    if not count:
-        return Undefined("nothing is built")
-    return float(city.heights.sum(where=city.built, dtype=np.float64)) / count
+    return total / count if count else Undefined("nothing is built")
 
 
 def _floors(city: CityMap) -> float:
     """Floors of all built pixels, summed; at least one each."""
-    # Not np.rint: it would round 7.5 m, two floors and a half, down but 4.5 m up. A built pixel
-    # is above half a floor, so open ground has none.
+    # np.rint would round 7.5 m, two floors and a half, down but 4.5 m up. A built pixel is above
+    # half a floor, so open ground has no floors.
     floors = np.floor(city.heights / np.float32(FLOOR) + np.float32(0.5))
     return float(floors.sum(where=city.built, dtype=np.float64))

@@ -1,4 +1,4 @@
-"""Which way buildings are turned, building by building: to those next to them, and all in all."""
+"""The directions of buildings: alignment with neighbours, and order over the whole map."""
 
 import math
 
@@ -11,27 +11,28 @@ from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 from evocity.fitness.sizes import CRUMB
 
-#: A building is compared with so many, those whose centroids are nearest.
+#: Number of neighbours that a building is compared with, nearest centroids first.
 NEAREST = 6
-#: Distances within this share of each other are one: which of them a raster makes the shorter
-#: is chance.
+#: Relative difference below which two distances are equal: on a raster the shorter one is
+#: chance.
 _TIE = 1e-6
-#: Directions within a quarter turn are told apart in so many bins of 10°, the first about east.
+#: Number of bins of 10° within a quarter turn, the first centred on east.
 BINS = 9
-# So many buildings are compared with each other as soon as a tree is asked.
+# Up to so many buildings the distances of all pairs take no longer than a tree.
 _FEW = 1000
 
 
 @fitness(goal="min", unit="°", range=(0, 45), any_site=True)
 def alignment_neighbours(city: CityMap) -> float:
-    """How far buildings are turned against those next to them.
+    """Mean angle between the walls of buildings and those of their neighbours.
 
-    Formula: mean over buildings of 24 m² or more of the mean over their 6 nearest (by centroid;
-    fewer if the map has fewer, more if several are as near as the sixth) of min(d, 90 − d),
-    d = \\|θ_i − θ_j\\| mod 90, θ the direction of a building's walls (`CityMap.buildings`).
-    Unit: degrees. Range: 0 (neighbours parallel or square) to 45; directions at random have 22.5.
-    Empty map: NaN, and on any other map of fewer than two buildings. Needs pixels of 1 m or
-    less: the direction of a building of few pixels is a guess.
+    Formula: mean over buildings of 24 m² or more of the mean over their 6 nearest neighbours of
+    min(d, 90 − d). d = \\|θ_i − θ_j\\| mod 90, with θ the direction of a building's walls
+    (`CityMap.buildings`). Centroids give the distances. If several neighbours are as near as the
+    sixth, all of them count; a small map may have fewer than 6.
+    Unit: degrees. Range: 0 (neighbours parallel or square) to 45; random directions have 22.5.
+    Empty map: NaN, as on any map of fewer than two buildings. Use pixels of 1 m or less: the
+    direction of a building of few pixels is a guess.
     Source: ours, after momepy's alignment (Fleischmann 2019, JOSS 4:1807), which folds each
     direction first, see `alignment_momepy`.
 
@@ -47,16 +48,17 @@ def alignment_neighbours(city: CityMap) -> float:
 
 @fitness(unit="°", range=(0, 45), any_site=True)
 def alignment_momepy(city: CityMap) -> float:
-    """Momepy's alignment, to compare with numbers of other studies.
+    """Alignment as momepy defines it, to compare with numbers of other studies.
 
     Formula: mean over buildings of the mean over their 6 nearest (as in `alignment_neighbours`)
-    of \\|o_i − o_j\\|, o = \\|((θ + 45) mod 90) − 45\\| how far a building is turned from north and
-    east. Blind to the sign: walls turned by +10° and −10° read as aligned. Do not breed by it.
+    of \\|o_i − o_j\\|, with o = \\|((θ + 45) mod 90) − 45\\| the turn of a building from north and
+    east. The formula ignores the sign: walls turned by +10° and −10° read as aligned. Do not breed
+    by it.
     Unit: degrees. Range: 0 to 45.
-    Empty map: NaN, and on any other map of fewer than two buildings. Needs pixels of 1 m or
-    less, as `alignment_neighbours`.
-    Source: Fleischmann 2019 (JOSS 4:1807), momepy.alignment of momepy.orientation; there the
-    direction is that of the least rectangle around the building.
+    Empty map: NaN, as on any map of fewer than two buildings. Use pixels of 1 m or less, as for
+    `alignment_neighbours`.
+    Source: Fleischmann 2019 (JOSS 4:1807), momepy.alignment of momepy.orientation. Momepy takes
+    the direction of the smallest rectangle about the building.
 
     >>> heights = np.zeros((64, 128))
     >>> heights[16:48, 8:40] = 9
@@ -74,16 +76,17 @@ def alignment_momepy(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def orientation_order(city: CityMap) -> float:
-    """How few directions the walls of the whole map have.
+    """How far the walls of the whole map follow few directions.
 
-    Formula: φ = 1 − ((H − ln 4)/(ln 36 − ln 4))², H = −Σ p ln p the entropy of 36 bins of 10°,
-    the first centred on east. p is a bin's share of the length of walls: a building's perimeter
-    counts in the direction of its walls (`CityMap.buildings`), square to it, and opposite to
-    both, a quarter each. So a building fills 4 bins alike, and H − ln 4 is the entropy of 9.
-    Unit: none. Range: 0 (as many walls in each direction) to 1 (a grid: one direction and that
-    square to it). A fabric that lies between two bins, at 5° say, fills both and has .90.
-    Empty map: NaN, and on any other map without a building of 24 m² that has a direction. Needs
-    pixels of 1 m or less, as `alignment_neighbours`.
+    Formula: φ = 1 − ((H − ln 4)/(ln 36 − ln 4))², with H = −Σ p ln p the entropy of 36 bins of 10°,
+    the first centred on east. p is a bin's share of the length of walls. A quarter of a building's
+    perimeter counts in the direction of its walls (`CityMap.buildings`), a quarter square to it,
+    and a quarter opposite to each. So a building fills 4 bins alike, and H − ln 4 is the entropy
+    of 9 bins.
+    Unit: none. Range: 0 (equal lengths in all directions) to 1 (a grid: one direction and that
+    square to it). A fabric between two bins, for example at 5°, fills both and has .90.
+    Empty map: NaN, as on any map without a building of 24 m² that has a direction. Use pixels of
+    1 m or less, as for `alignment_neighbours`.
     Source: Boeing 2019 (Applied Network Science 4:67), of streets; here of walls.
 
     >>> y, x = np.mgrid[:256, :256]
@@ -92,7 +95,7 @@ def orientation_order(city: CityMap) -> float:
     1.0
     """
     directions = city.buildings.direction
-    known = _known(city)
+    known = _oriented(city)
     if not known.any():
         return Undefined("no building with a direction")
     lengths = np.zeros(BINS)
@@ -106,22 +109,24 @@ def orientation_order(city: CityMap) -> float:
     return max(0.0, 1 - (entropy / math.log(BINS)) ** 2)
 
 
-def _known(city: CityMap) -> np.ndarray:
-    """Bool ``(n,)``: the buildings that have a direction and are no crumbs, which would all seem to
-    lie along the raster."""
+def _oriented(city: CityMap) -> np.ndarray:
+    """Select the buildings that have a direction and are not crumbs, bool ``(n,)``.
+
+    Crumbs would all seem to lie along the raster.
+    """
     return np.isfinite(city.buildings.direction) & (city.buildings.area >= CRUMB)
 
 
 def _mean_over_neighbours(city: CityMap, difference) -> float:
-    """Mean over buildings of the mean ``difference`` of their direction and their neighbours'."""
-    buildings, known = city.buildings, _known(city)
+    """Average over buildings the mean ``difference`` of their direction and their neighbours'."""
+    buildings, known = city.buildings, _oriented(city)
     direction = buildings.direction[known]
     count = direction.size
     if count < 2:
         return Undefined(f"{count} buildings with a direction; fewer than 2 have no neighbours")
     # The building itself comes first, or another on the very same point.
-    looked_at = min(count, 2 * NEAREST + 1)
-    distance, index = _nearest(buildings.y[known], buildings.x[known], looked_at)
+    candidates = min(count, 2 * NEAREST + 1)
+    distance, index = _nearest(buildings.y[known], buildings.x[known], candidates)
     others = index != np.arange(count)[:, None]
     others[others.all(axis=1), -1] = False
     reach = distance[:, min(NEAREST, count - 1)] * (1 + _TIE)
@@ -131,9 +136,12 @@ def _mean_over_neighbours(city: CityMap, difference) -> float:
 
 
 def _nearest(y: np.ndarray, x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """How far the ``count`` points are that are nearest to each point, itself among them, rising,
-    and their numbers, ``(n, count)`` each. Those equally far stand as SciPy's tree has them, which
-    takes a fifth of a second to load: nearly all maps by rule have such, few districts."""
+    """Find the distances of the ``count`` points nearest to each point, itself among them, rising,
+    and their numbers, ``(n, count)`` each.
+
+    Equal distances come in the order of SciPy's tree, which takes a fifth of a second to load.
+    Nearly all maps built by rule have equal distances, few districts have.
+    """
     if y.size <= _FEW:
         distance, index = np.empty((y.size, count)), np.empty((y.size, count), np.int64)
         if not nearest(np.ascontiguousarray(y), np.ascontiguousarray(x), distance, index):

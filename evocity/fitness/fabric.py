@@ -1,4 +1,4 @@
-"""How far the buildings of a city are from those of other cities, as distributions."""
+"""Distance of fabrics: energy distance of building shapes from those of reference cities."""
 
 import math
 from collections.abc import Mapping
@@ -16,16 +16,16 @@ from evocity.fitness.registry import fitness
 from evocity.genome import Genome
 from evocity.views.buildings import CRUMB
 
-#: Fewer buildings than this say nothing of a distribution.
+#: Fewest buildings that show a distribution.
 FEWEST = 20
 
-#: What is known of each building: features that always count, and those that count in a number
-#: of their own, by name; how many rows of the table each takes.
+#: Features of each building: those that always count; by name, those that count in a number of
+#: their own, with the number of rows that each takes in the table.
 FEATURES = ("log area", "elongation", "rectangularity", "convexity", "share of party walls")
 FURTHER = {"roughness": 1, "height": 1, "direction": 2}
 NUMBERS = ("fabric_distance", *FURTHER)
 
-# Features whose deviation is less are constant: what is left is rounding.
+# Deviation below which a feature is constant: the rest is rounding.
 _CONSTANT = 1e-6
 
 
@@ -33,28 +33,30 @@ _CONSTANT = 1e-6
 def fabric_distance(
     city: CityMap, reference: Reference, genome: Genome | None = None
 ) -> Mapping[str, float]:
-    """How far shapes of the city's buildings are from those of other cities; about 0 if alike.
+    """Distance of the shapes of buildings from those of other cities; about 0 if alike.
 
-    Of each building of 24 m² or more, told apart by gaps and by steps of height, five features
-    count: logarithm of the area, elongation, rectangularity, convexity, share of party walls.
-    `fabric_distance.roughness` counts the standard deviation of the heights within the building
-    besides, `fabric_distance.height` its mean height, `fabric_distance.direction` the direction
-    of its walls (as cos 4θ and sin 4θ: walls square to each other are one direction).
+    Five features count for each building of 24 m² or more: logarithm of the area, elongation,
+    rectangularity, convexity, and share of party walls. Gaps and steps of height separate
+    buildings. Three further numbers add one feature each. `fabric_distance.roughness` adds the
+    standard deviation of the heights within the building, `fabric_distance.height` its mean
+    height. `fabric_distance.direction` adds the direction of its walls (as cos 4θ and sin 4θ:
+    walls square to each other have one direction).
 
-    The reference is a city, or several with weights: a building of a city weighs its city's
-    weight by its city's number of buildings. Source cities of a run weigh by the genome: each of
-    their buildings as much as the built ground of the map that comes from its city, by the built
-    ground of that city. A map laid of whole buildings of its sources then is about 0 away.
+    The reference is a city, or several with weights. A building weighs the weight of its city,
+    divided by the city's number of buildings. For the source cities of a run the genome gives the
+    weights: the built ground of the map that comes from a city, divided by the built ground of
+    that city. A map of whole buildings of its sources then has a distance of about 0.
 
-    Each feature is divided by its standard deviation in the reference, the same for every map: of
-    all its cities, these weighted alike. A feature that is the same in all buildings of the
-    reference is left out (`left_out` tells which).
+    Each feature is divided by its standard deviation in the reference, over all its cities with
+    equal weights. So the scale is the same for every map. A feature that is the same in all
+    buildings of the reference does not count (`left_out` names it).
 
-    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, X and X′ two different buildings of the
-    city, Y and Y′ of the reference; unbiased, so a map against itself has about 0, a little below.
+    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with X and X′ two different buildings
+    of the city, Y and Y′ two of the reference. The estimate is unbiased: a map against itself has
+    about 0, a little below.
     Unit: none, deviations of the reference. Two windows of one real city differ by about .05,
-    Montpellier from Lyon by 1.1. Range: a little below 0, upwards. Empty map: NaN, and wherever
-    the map or the reference has fewer than 20 buildings.
+    Montpellier from Lyon by 1.1. Range: a little below 0, upwards. Empty map: NaN, as where the
+    map or the reference has fewer than 20 buildings.
     Source: energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and Inference
     143:1249-1272); "statistical distributions extracted from real cities", Marsault 2005 §4.2.
 
@@ -64,7 +66,7 @@ def fabric_distance(
     >>> abs(fabric_distance(lyon, reference=lyon)) < 0.05
     True
     """
-    scaled = _scaled(reference)
+    scaled = _scaled_reference(reference)
     if isinstance(scaled, Undefined):
         return dict.fromkeys(NUMBERS, scaled)
     own = features(city)
@@ -79,7 +81,7 @@ def fabric_distance(
     reason = reason or _too_few("the reference", counted)
     if reason:
         return dict.fromkeys(NUMBERS, Undefined(reason))
-    own = scaled.of(own)
+    own = scaled.scale(own)
     between = np.array([scaled.mean(own, other) for other in scaled.buildings])
     numbers = (
         2 * np.einsum("k,kn", shares, between)
@@ -90,19 +92,24 @@ def fabric_distance(
 
 
 def left_out(reference) -> tuple[str, ...]:
-    """Which features `fabric_distance` leaves out: those that are the same in all buildings of
-    the ``reference``. Raises `FitnessError` if that has too few."""
-    scaled = _scaled(Reference.of(reference))
+    """Name the features that `fabric_distance` leaves out: those that are the same in all buildings
+    of the ``reference``. Raises `FitnessError` if the reference has too few buildings."""
+    scaled = _scaled_reference(Reference.of(reference))
     if isinstance(scaled, Undefined):
-        raise FitnessError(scaled.reason, f"{FEWEST} or more", "choose another reference")
+        raise FitnessError(
+            scaled.reason,
+            f"{FEWEST} buildings or more that are not all alike",
+            "choose another reference",
+        )
     return scaled.left_out
 
 
 def features(city: CityMap) -> np.ndarray:
-    """Float64 ``(9, n)``: `FEATURES`, then `FURTHER`, of the n buildings of 24 m² or more.
+    """Compute `FEATURES`, then `FURTHER`, of the n buildings of 24 m² or more: float64 ``(9, n)``.
 
-    Area in m² (its logarithm), heights in m; a building without any wall but the map's border
-    has no direction: 0 and 0. About 0.5 ms at 256² once `CityMap.buildings` has its shapes.
+    Area in m² (its logarithm), heights in m. A building without any wall but the map's border
+    has no direction: its rows hold 0 and 0. About 0.5 ms at 256² once `CityMap.buildings` has
+    its shapes.
     """
     if city in _features:
         return _features[city]
@@ -111,7 +118,7 @@ def features(city: CityMap) -> np.ndarray:
     long, short = table.box.T
     turn = np.radians(4 * np.nan_to_num(table.direction))
     pointing = ~np.isnan(table.direction)
-    found = np.stack(
+    stacked = np.stack(
         [
             np.log(table.area),
             short / long,
@@ -124,12 +131,12 @@ def features(city: CityMap) -> np.ndarray:
             pointing * np.sin(turn),
         ]
     )
-    _features[city] = found = np.ascontiguousarray(found[:, large])
-    return found
+    _features[city] = np.ascontiguousarray(stacked[:, large])
+    return _features[city]
 
 
 def _roughness(city: CityMap) -> np.ndarray:
-    """``(n,)``: standard deviation of the heights of each building, m."""
+    """Compute the standard deviation of the heights of each building, m: ``(n,)``."""
     table, squares = city.buildings, np.zeros(len(city.buildings))
     _kernels.off_squared(table.labels, city.heights, table.height, squares)
     return np.sqrt(squares * city.metres_per_pixel**2 / table.area)
@@ -139,11 +146,11 @@ def _roughness(city: CityMap) -> np.ndarray:
 class _Scaled:
     """The buildings of a reference in units of its deviations, and the distances among them.
 
-    rows : which features count; ends : of the scaled rows, where those of each number end.
-    buildings : float32 (F, n) of each city, scaled; counts : n of each.
-    density : buildings by built pixel of each city.
-    within : (k, k, numbers), mean distance between the buildings of two cities; of one city,
-        between two different ones.
+    rows : which features count; ends : where the scaled rows of each number end.
+    buildings : float32 (F, n) of each city, scaled; counts : n of each city.
+    density : buildings per built pixel of each city.
+    within : (k, k, numbers), mean distance between the buildings of two cities; for one city,
+        between two different buildings.
     """
 
     rows: np.ndarray
@@ -155,39 +162,41 @@ class _Scaled:
     within: np.ndarray
     left_out: tuple[str, ...]
 
-    def of(self, found: np.ndarray) -> np.ndarray:
-        return (found[self.rows] / self.deviation[self.rows, None]).astype(np.float32)
+    def scale(self, table: np.ndarray) -> np.ndarray:
+        return (table[self.rows] / self.deviation[self.rows, None]).astype(np.float32)
 
     def mean(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return _mean(x, y, self.ends)
 
 
 def _mean(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """``(numbers,)``: mean distance of the columns of ``x`` and ``y``, of two different ones if
-    they are one array; 0 where there is no such pair."""
+    """Average the distances of the columns of ``x`` and ``y``: ``(numbers,)``; 0 without any pair.
+
+    If both are one array, only pairs of two different columns count.
+    """
     sums, n = np.zeros(ends.size), x.shape[1]
     _kernels.distances(x, y, ends, x is y, sums)
     return sums / max(n * (n - 1) / 2 if x is y else n * y.shape[1], 1)
 
 
-def _scaled(reference: Reference) -> _Scaled | Undefined:
+def _scaled_reference(reference: Reference) -> _Scaled | Undefined:
     if reference in _references:
         return _references[reference]
-    found = [features(city) for city in reference.cities]
-    counts = [one.shape[1] for one in found]
+    tables = [features(city) for city in reference.cities]
+    counts = [table.shape[1] for table in tables]
     reason = _too_few("the reference", sum(counts))
-    _references[reference] = made = Undefined(reason) if reason else _made(reference, found, counts)
-    return made
+    _references[reference] = Undefined(reason) if reason else _scale(reference, tables, counts)
+    return _references[reference]
 
 
-def _made(reference: Reference, found: list, counts: list[int]) -> _Scaled | Undefined:
-    there = [one for one in found if one.shape[1]]
-    centre = np.mean([one.mean(axis=1) for one in there], axis=0)
-    variance = np.mean([((one.T - centre) ** 2).mean(axis=0) for one in there], axis=0)
+def _scale(reference: Reference, tables: list, counts: list[int]) -> _Scaled | Undefined:
+    filled = [table for table in tables if table.shape[1]]
+    centre = np.mean([table.mean(axis=1) for table in filled], axis=0)
+    variance = np.mean([((table.T - centre) ** 2).mean(axis=0) for table in filled], axis=0)
     sizes = [1] * len(FEATURES) + list(FURTHER.values())
     names, ends = [*FEATURES, *FURTHER], np.cumsum(sizes)
     for first, end in zip(ends - sizes, ends, strict=True):
-        variance[first:end] = variance[first:end].sum()  # of a direction, both rows together
+        variance[first:end] = variance[first:end].sum()  # a direction has two rows, taken together
     constant = np.sqrt(variance) < _CONSTANT
     rows = np.flatnonzero(~constant)
     gone = tuple(n for n, end in zip(names, ends, strict=True) if constant[end - 1])
@@ -201,10 +210,10 @@ def _made(reference: Reference, found: list, counts: list[int]) -> _Scaled | Und
         buildings=[],
         counts=counts,
         density=np.array(counts) / [max(np.count_nonzero(c.built), 1) for c in reference.cities],
-        within=np.zeros((len(found), len(found), len(NUMBERS))),
+        within=np.zeros((len(tables), len(tables), len(NUMBERS))),
         left_out=gone,
     )
-    scaled.buildings.extend(map(scaled.of, found))
+    scaled.buildings.extend(map(scaled.scale, tables))
     for k, one in enumerate(scaled.buildings):
         for m, other in enumerate(scaled.buildings[: k + 1]):
             scaled.within[k, m] = scaled.within[m, k] = scaled.mean(one, other)
@@ -221,5 +230,3 @@ def _too_few(where: str, count: int) -> str:
 
 _features: WeakKeyDictionary[CityMap, np.ndarray] = WeakKeyDictionary()
 _references: WeakKeyDictionary[Reference, _Scaled | Undefined] = WeakKeyDictionary()
-
-__all__ = ["FEATURES", "FEWEST", "FURTHER", "fabric_distance", "features", "left_out"]

@@ -1,5 +1,4 @@
-"""What a child kept: whole buildings of its source cities, and the map that breeding meant to
-lay."""
+"""Integrity and heritability: the whole buildings a child keeps, and the map it should carry."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness._kernels import trace_copies
 from evocity.fitness.measure import Undefined
-from evocity.fitness.reference import maps_of
+from evocity.fitness.reference import check_sources
 from evocity.fitness.registry import fitness
 from evocity.fitness.sizes import crumbs
 from evocity.genome import VOID, Genome, unpacked
@@ -21,11 +20,11 @@ from evocity.isometries import AFFINE
 
 @dataclass(frozen=True)
 class Heritability:
-    """How truly a code carries the map it is meant to be.
+    """How closely a code carries the map that its operator intended.
 
-    distance : root mean square difference of the decoded map from the one meant, metres.
-    crumbs : how many more crumbs (`crumbs`, 1/ha) the decoded map has than the one meant;
-        NaN where nothing is built in one of them.
+    distance : root mean square difference of the decoded map from the intended one, metres.
+    crumbs : how many more crumbs (`crumbs`, 1/ha) the decoded map has than the intended one;
+        NaN where one of the two has no buildings.
     """
 
     distance: float
@@ -33,33 +32,33 @@ class Heritability:
 
 
 def heritability(genome: Genome, intended: np.ndarray) -> Heritability:
-    """How far a child's decoded map is from what its operator meant to lay.
+    """Measure how far a child's decoded map is from the map that its operator intended.
 
     intended : float32 ``(H, W)``, metres, as in the `Draft` of an operator.
     """
     from evocity.coding.decode import decode
 
     decoded = decode(genome).city
-    meant = decoded.replace(intended)
-    distance = math.sqrt(float(np.mean((decoded.heights - meant.heights) ** 2, dtype=np.float64)))
-    return Heritability(distance, float(crumbs(decoded)) - float(crumbs(meant)))
+    target = decoded.replace(intended)
+    distance = math.sqrt(float(np.mean((decoded.heights - target.heights) ** 2, dtype=np.float64)))
+    return Heritability(distance, float(crumbs(decoded)) - float(crumbs(target)))
 
 
 @fitness(goal="max", range=(0, 1))
 def integrity(city: CityMap, genome: Genome, sources: Sequence[CityMap]) -> float:
-    """Share of what is built that belongs to buildings of the source cities, still whole.
+    """Share of built ground that belongs to whole buildings of the source cities.
 
-    Each range block of a genome shows a square of a source city, turned or mirrored or not: its
-    stone. A building of a source city is whole where all its pixels are shown under one isometry
-    and one translation, wherever on the map that is, through however many generations and
-    whatever range blocks it came. Buildings are told apart by gaps and by steps of height.
-    Macro-blocks cut buildings at their edges; this says how many. `evocity.fitness.whole_buildings`
-    says which are whole, and where. Of children between two parents (interpolation), whose lifs
-    are named after one of them, it says nothing.
+    Each range block of a genome shows a square of a source city, its stone, turned or mirrored or
+    as it is. A building of a source city is whole where the map shows all its pixels under one
+    isometry and one translation. Neither its place on the map matters, nor the number of
+    generations and range blocks that carried it. Gaps and steps of height separate buildings.
+    Macro-blocks cut buildings at their edges; this measure shows how many.
+    `evocity.fitness.whole_buildings` lists the whole buildings with their places. The measure says
+    nothing about children between two parents (interpolation): their lifs name only one parent.
 
-    Formula: Σ area of whole buildings / Σ area of the pixels that show a built one of a source
+    Formula: Σ area of whole buildings / Σ area of the pixels that show built pixels of a source
     city; a building that is whole twice counts twice.
-    Unit: none. Range: 0 to 1. Empty map: NaN, no stone is built on.
+    Unit: none. Range: 0 to 1. Empty map: NaN (no stone is built on).
     Source: ours, see `evocity.operators` on crossing groups of lifs.
 
     >>> heights = np.zeros((32, 32))
@@ -74,13 +73,13 @@ def integrity(city: CityMap, genome: Genome, sources: Sequence[CityMap]) -> floa
 
 
 def integrity_of(genome: Genome, sources: Sequence[CityMap]) -> float:
-    """The measure `integrity` of a ``genome``; NaN if no stone is built on.
+    """Compute the measure `integrity` of a ``genome``; NaN if no stone is built on.
 
-    sources : the maps that its source cities were encoded from, under their names there, in any
-        order; others may be among them.
+    sources : the maps that the genome's source cities were encoded from, under the names that the
+        genome has for them, in any order; the list may hold other maps too.
 
-    Raises `FitnessError` if the genome has stones of another city than these, or from beyond the
-    map of one. About 1.5 ms at 256².
+    Raises `FitnessError` if the genome has stones of a city without a map here, or from beyond the
+    edge of a map. About 1.5 ms at 256².
     """
     pixels, full, *_ = _copies(genome, sources)
     total = pixels.sum()
@@ -89,16 +88,16 @@ def integrity_of(genome: Genome, sources: Sequence[CityMap]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class WholeBuildings:
-    """The buildings of source cities that stand whole in the map of a genome, by `integrity`.
+    """The buildings of source cities that are whole in the map of a genome, by `integrity`.
 
-    One entry a copy, ordered by city (as in the genome), building, top, left, isometry:
+    Each copy has one entry. The order is by city (as in the genome), building, top, left, isometry.
 
     city : ``(n,)``, text, the source city.
     building : int64 ``(n,)``, its number in ``CityMap.buildings.labels`` of that city's map.
-    iso : uint8 ``(n,)``, the isometry it is laid under, see `evocity.isometries`.
+    iso : uint8 ``(n,)``, the isometry of the copy, see `evocity.isometries`.
     top, left : int64 ``(n,)``, its first row and its first column on the genome's map, px.
     area : float64 ``(n,)``, its footprint, m².
-    labels : int32 ``(H, W)``: on the genome's map 1…n where the copies stand, else 0.
+    labels : int32 ``(H, W)``: on the genome's map 1…n on the copies, 0 elsewhere.
     """
 
     city: np.ndarray
@@ -113,29 +112,35 @@ class WholeBuildings:
         return len(self.building)
 
     def as_dict(self) -> dict[str, np.ndarray]:
-        """All columns by name, ``(n,)`` each, as `pandas.DataFrame` takes them."""
+        """Return all columns by name, ``(n,)`` each, as `pandas.DataFrame` takes them."""
         names = ("city", "building", "iso", "top", "left", "area")
         return {name: getattr(self, name) for name in names}
 
 
 def whole_buildings(genome: Genome, sources: Sequence[CityMap]) -> WholeBuildings:
-    """Which buildings of the ``sources`` stand whole in the map of a ``genome``, and where.
+    """List the buildings of the ``sources`` that are whole in the map of a ``genome``, with their
+    places.
 
-    Takes and raises what `integrity_of` does.
+    sources : the maps that the genome's source cities were encoded from, under the names that the
+        genome has for them, in any order; the list may hold other maps too.
+
+    Raises `FitnessError` if the genome has stones of a city without a map here, or from beyond the
+    edge of a map.
     """
-    pixels, full, found, number, shown = _copies(genome, sources)
+    pixels, full, copies, number, shown = _copies(genome, sources)
     (whole,) = np.nonzero(pixels == full)
     rows, columns = np.nonzero(shown)
     top, left = np.full((2, pixels.size), max(shown.shape))
     np.minimum.at(top, shown[rows, columns] - 1, rows)
     np.minimum.at(left, shown[rows, columns] - 1, columns)
-    order = whole[np.lexsort([one[whole] for one in (found[0], left, top, found[3], number)])]
+    keys = copies[0], left, top, copies[3], number
+    order = whole[np.lexsort([key[whole] for key in keys])]
     labels = np.zeros(pixels.size + 1, np.int32)
     labels[order + 1] = np.arange(1, order.size + 1)
     return WholeBuildings(
         city=np.array(genome.cities)[number[order]],
-        building=found[3, order],
-        iso=found[0, order].astype(np.uint8),
+        building=copies[3, order],
+        iso=copies[0, order].astype(np.uint8),
         top=top[order],
         left=left[order],
         area=pixels[order] * genome.metres_per_pixel**2,
@@ -144,32 +149,32 @@ def whole_buildings(genome: Genome, sources: Sequence[CityMap]) -> WholeBuilding
 
 
 def _copies(genome: Genome, sources: Sequence[CityMap]):
-    """The copies of buildings, n of them, whole or not, that a ``genome`` is laid of.
+    """Trace the n copies of buildings, whole or not, that the map of a ``genome`` shows.
 
-    Returns ``(n,)`` how many pixels show each, and how many the building has; (4, n) isometry,
-    translation, building; ``(n,)`` which of the genome's cities it is of; ``(H, W)`` the number of
-    the copy that each pixel shows, from 1, else 0.
+    Returns ``(n,)`` the number of pixels that show each copy, and that of the building's pixels;
+    (4, n) isometry, translation, building; ``(n,)`` the number of its city among the genome's;
+    ``(H, W)`` the number of the copy that each pixel shows, from 1, else 0.
     """
     p = genome.pavement
-    maps = _maps_of(genome, sources)
+    maps = _source_maps(genome, sources)
     squares = np.array([*p.corners, p.side, *unpacked(genome.source), genome.turn], np.int64)
     shown = np.zeros((p.height, p.width), np.int32)
-    found, full, number = [np.empty((5, 0), np.int64)], [], []
-    for city, told in maps.items():
-        labels, counts = _footprints(told)
+    traced, full, number = [np.empty((5, 0), np.int64)], [], []
+    for city, source in maps.items():
+        labels, counts = _footprints(source)
         stones = squares[:, genome.parent == city]
-        _check_inside(stones, told)
-        first = sum(one.shape[1] for one in found)
-        found.append(_traced(stones, labels, first, shown))
-        full.append(counts[found[-1][3]])
+        _check_inside(stones, source)
+        first = sum(table.shape[1] for table in traced)
+        traced.append(_trace(stones, labels, first, shown))
+        full.append(counts[traced[-1][3]])
         number.append(np.full(full[-1].size, city))
-    copies = np.concatenate(found, axis=1)
-    full, number = (np.concatenate([*one, np.empty(0, np.int64)]) for one in (full, number))
+    copies = np.concatenate(traced, axis=1)
+    full, number = (np.concatenate([*parts, np.empty(0, np.int64)]) for parts in (full, number))
     return copies[4], full, copies[:4], number, shown
 
 
-def _traced(stones: np.ndarray, labels: np.ndarray, first: int, shown: np.ndarray) -> np.ndarray:
-    """The copies, (5, n), that the ``stones`` of one city show, as `trace_copies` tells them."""
+def _trace(stones: np.ndarray, labels: np.ndarray, first: int, shown: np.ndarray) -> np.ndarray:
+    """List the copies, (5, n), that the ``stones`` of one city show, as `trace_copies` does."""
     room = 2 * stones.shape[1] + 1024
     while True:
         table = np.zeros(1 << (2 * room).bit_length(), np.int32)
@@ -180,18 +185,18 @@ def _traced(stones: np.ndarray, labels: np.ndarray, first: int, shown: np.ndarra
         room *= 4
 
 
-def _maps_of(genome: Genome, sources: Sequence[CityMap]) -> dict[int, CityMap]:
-    """The map of each of the genome's cities that it has stones of, but for the void."""
-    named = {city.name: city for city in maps_of(sources)}
+def _source_maps(genome: Genome, sources: Sequence[CityMap]) -> dict[int, CityMap]:
+    """Find the map of each of the genome's cities that it has stones of, without the void."""
+    named = {city.name: city for city in check_sources(sources)}
     stones = np.bincount(genome.parent, minlength=len(genome.cities))
     there = {k: name for k, name in enumerate(genome.cities) if stones[k] and name != VOID}
     strange = {k: name for k, name in there.items() if name not in named}
     if strange:
         raise FitnessError(
-            f"{sum(stones[k] for k in strange)} lifs from {', '.join(strange.values())}, beside "
-            f"maps of {', '.join(named) or 'no city'}",
-            "the maps of all cities that the genome is made of",
-            "give all of them as sources, under the names that the genome has for them",
+            f"{sum(stones[k] for k in strange)} lifs come from {', '.join(strange.values())}, but "
+            f"the sources are maps of {', '.join(named) or 'no city'}",
+            "the maps of all source cities of the genome",
+            "give all these maps as sources, with the names that the genome uses",
         )
     return {k: named[name] for k, name in there.items()}
 
@@ -201,29 +206,20 @@ def _check_inside(stones: np.ndarray, city: CityMap) -> None:
     beyond = (row + side > city.shape[0]) | (column + side > city.shape[1])
     if beyond.any():
         raise FitnessError(
-            f"{np.count_nonzero(beyond)} lifs from beyond the map of {city.name}, "
+            f"{np.count_nonzero(beyond)} lifs come from outside the map of {city.name}, "
             f"{city.shape[0]} × {city.shape[1]} px",
-            "the map that the source city was encoded from",
-            "give that, at the size it had then",
+            "the map from which the source city was encoded",
+            "give this map, at the size it had when it was encoded",
         )
 
 
 def _footprints(city: CityMap) -> tuple[np.ndarray, np.ndarray]:
-    """The buildings of a source city, (H, W), and how many pixels each has, from 0 for none."""
+    """Return the buildings of a source city, (H, W), and the number of pixels of each label."""
     if city not in _known:
         labels = city.building_labels
         _known[city] = labels, np.bincount(labels.ravel())
     return _known[city]
 
 
-# The source cities of a run are asked for at every birth.
+# Every birth of a run needs the buildings of its source cities.
 _known: WeakKeyDictionary[CityMap, tuple[np.ndarray, np.ndarray]] = WeakKeyDictionary()
-
-__all__ = [
-    "Heritability",
-    "WholeBuildings",
-    "heritability",
-    "integrity",
-    "integrity_of",
-    "whole_buildings",
-]

@@ -1,4 +1,4 @@
-"""What a measure is: a named function from a city map to one number; how its faults are told."""
+"""Measures: named functions from a city map to one number, and the errors they raise."""
 
 import contextlib
 import functools
@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, FitnessError, near_miss, told
-from evocity.fitness.reference import Reference, maps_of
+from evocity.errors import EvocityError, FitnessError, describe_error, near_miss
+from evocity.fitness.reference import Reference, check_sources
 from evocity.genome import Genome
 
-#: What a measure may ask for, besides the city, by naming an argument so.
+#: Names of the further arguments that a measure may take besides the city.
 EXTRAS = ("reference", "genome", "parents", "sources")
 _LACKING = {
     "reference": "give the city to compare with: reference=CITY; in a recipe reference = [CITY]; "
@@ -29,7 +29,7 @@ _LACKING = {
 
 
 class Undefined(float):
-    """NaN that says why: what a measure returns where its formula has no meaning.
+    """NaN with a reason: a measure returns it where its formula has no meaning.
 
     >>> value = Undefined("no building to measure")
     >>> value, value.reason
@@ -46,35 +46,36 @@ class Undefined(float):
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """A named function from a city map to one number, with what is needed to search by it.
+    """A named function from a city map to one number, with goal, unit and range.
 
-    Call it on a `CityMap`, or on what else it is ``of``: it returns a float, NaN (often an
+    Call it on a `CityMap`, or on the form that it is ``of``. It returns a float, or NaN (often an
     `Undefined`) where the measure has no meaning. It raises `FitnessError`, with file and line, if
-    the function raises or returns anything but one finite real number or NaN.
+    the function raises, or returns anything but one finite real number or NaN.
 
     Attributes
     ----------
-    name : the function's name: how recipes, logs and tables call the measure. One of several
-        numbers of a function is called function.number.
+    name : the function's name, which recipes, logs and tables use. If the function returns several
+        numbers, the name of each is function.number.
     function : the plain function, ``function(city) -> float``; it may take the arguments
         ``reference``, ``genome``, ``parents`` and ``sources`` too.
-    goal : "max" or "min", its own default; None if it takes a target, or a city to be like.
+    goal : "max" or "min", the default of a search; None if the recipe must give a goal, a target,
+        or a city to be like.
     unit : the unit of the number; "" for a pure number.
-    range : lowest and highest value; ``inf`` where there is no bound.
+    range : lowest and highest value; ``inf`` for no bound.
     doc : the function's documentation.
     file : the file that declares it.
     line : the line in that file.
-    needs : which of `EXTRAS` the function cannot do without.
-    takes : which of them it takes; those not in ``needs`` have a default value.
-    number : which of the function's several numbers this is; None if it returns but one.
-    origin : where it comes from: "evocity", a plugin's package and version, a file, or
+    needs : the names of `EXTRAS` that the function requires.
+    takes : the names of `EXTRAS` that it takes; those not in ``needs`` have a default value.
+    number : its key among the function's several numbers; None if the function returns one number.
+    origin : its provenance: "evocity", a plugin's package and version, a file, or
         "this session".
-    beside : files that its file imports, or names as ``data``, from its own folder; part of its
-        source.
-    reference : what it compares with unless told otherwise, see `bound`; None for nothing.
-    any_site : whether it is right of parts of maps that are no rectangles.
-    data : files that it reads, as seen from the folder of its file.
-    of : what it is a function of: "city", a map; or a form of `evocity.forms`: "shape", "curve",
+    beside : files from the folder of its file that this file imports, or names as ``data``; they
+        are part of its source.
+    reference : the default cities to compare with, see `bound`; None for none.
+    any_site : whether it is right for parts of maps that are not rectangles.
+    data : files that it reads, relative to the folder of its file.
+    of : the type of its argument: "city", a map; or a form of `evocity.kinds`: "shape", "curve",
         "site".
     """
 
@@ -108,41 +109,41 @@ class Measure:
         parents: Sequence[Genome] | None = None,
         sources: Sequence[CityMap] | None = None,
     ) -> float:
-        """The number, of ``city``.
+        """Measure ``city``, and return the number.
 
-        reference : what to compare with: a map, a list of maps, or of (map, weight). genome : the
-        code that was decoded to ``city``; parents : the genomes it was bred from, the genome
-        itself for one that was not bred; sources : the maps of the cities it is made of, under
-        the names it has for them. Only measures that take them need them; in this order those it
-        takes may be ``given`` without their names.
+        reference : the cities to compare with: a map, a list of maps, or a list of (map, weight).
+        genome : the code that decodes to ``city``. parents : the genomes it was bred from; a
+        founder has itself. sources : the maps of its source cities, under the names in the genome.
+        Only measures that take these arguments need them. ``given`` holds arguments without
+        names, in the order of those that the measure takes.
         """
         if self.of != "city":
             if getattr(city, "kind", None) != self.of:
                 raise FitnessError(
-                    f"{self.name} of a {type(city).__name__}",
+                    f"{self.name} cannot measure a {type(city).__name__}",
                     f"a {self.of}",
                     f"measure an individual of a run that breeds {self.of}s",
                 )
         elif not isinstance(city, CityMap):
             raise FitnessError(
-                f"{self.name} of a {type(city).__name__}",
+                f"{self.name} cannot measure a {type(city).__name__}",
                 "a CityMap",
                 "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)",
             )
         extras = {"reference": reference, "genome": genome, "parents": parents, "sources": sources}
-        order = [*self.takes, *(one for one in EXTRAS if one not in self.takes)]
+        order = [*self.takes, *(name for name in EXTRAS if name not in self.takes)]
         if len(given) > len(order):
             raise FitnessError(
-                f"{self.name} with {len(given)} arguments besides the city",
+                f"{self.name} received {len(given)} arguments besides the city",
                 f"at most {len(order)}: {', '.join(order)}",
-                "leave the others out",
+                "leave all other arguments out",
             )
         extras |= dict(zip(order, given, strict=False))
         if "reference" in self.takes:
-            told_now = extras["reference"]
-            extras["reference"] = self.reference if told_now is None else Reference.of(told_now)
+            cities = extras["reference"]
+            extras["reference"] = self.reference if cities is None else Reference.of(cities)
         if "sources" in self.takes and extras["sources"] is not None:
-            extras["sources"] = maps_of(extras["sources"])
+            extras["sources"] = check_sources(extras["sources"])
         lacking = [need for need in self.needs if extras[need] is None]
         if lacking:
             raise FitnessError(
@@ -153,19 +154,20 @@ class Measure:
                 ),
             )
         try:
-            known = {one: extras[one] for one in self.takes if extras[one] is not None}
+            known = {name: extras[name] for name in self.takes if extras[name] is not None}
             value = self.function(city, **known)
         except EvocityError:
             raise
         except (Exception, SystemExit) as error:
             line = line_in(self.file, error) or self.line
             raise FitnessError(
-                f"{self.name} ({self.file}, line {line}) raised {told(error)} on {city.name}",
-                "a measure that copes with every map, the empty one too",
+                f"{self.name} ({self.file}, line {line}) raised {describe_error(error)} "
+                f"on {city.name}",
+                "a number, or Undefined, for every map, the empty one too",
                 _remedy(error, self.file),
             ) from error
         if self.number is not None:
-            value = self._picked(value)
+            value = self._pick_number(value)
         if isinstance(value, Undefined):
             return value
         if isinstance(value, Real) and not isinstance(value, bool):
@@ -173,28 +175,27 @@ class Measure:
                 number = float(value)
                 if not math.isinf(number):
                     return number
-        raise self._no_number(value, city.name)
+        raise self._result_error(value, city.name)
 
     def bound(self, reference: Reference | CityMap | Sequence) -> "Measure":
-        """The same measure, which compares with ``reference`` unless told otherwise; itself, if it
-        compares with nothing."""
+        """Return the same measure with a default ``reference``; itself if it takes no reference."""
         if "reference" not in self.takes:
             return self
         needs = tuple(need for need in self.needs if need != "reference")
         return replace(self, reference=Reference.of(reference), needs=needs)
 
-    def _picked(self, values):
+    def _pick_number(self, values):
         if isinstance(values, Mapping) and self.number in values:
             return values[self.number]
-        found = f"a mapping of {', '.join(map(str, values))}" if isinstance(values, Mapping) else ""
+        keys = f"a mapping of {', '.join(map(str, values))}" if isinstance(values, Mapping) else ""
         name = self.name.partition(".")[0]
         raise FitnessError(
-            f"{name} ({self.file}, line {self.line}) returned {found or shown(values)}",
-            f"a mapping of all that numbers=(…) above {name} names, {self.number} too",
+            f"{name} ({self.file}, line {self.line}) returned {keys or shown(values)}",
+            f"a mapping with all names of numbers=(…) above {name}, including {self.number}",
             f'add "{self.number}": … to the mapping that {name} returns',
         )
 
-    def _no_number(self, value, city: str) -> FitnessError:
+    def _result_error(self, value, city: str) -> FitnessError:
         name = self.name.partition(".")[0]
         many = isinstance(value, np.ndarray) and value.size > 1
         remedy = f"end {name} with: return float(" + ("np.mean(...))" if many else "...)")
@@ -208,11 +209,11 @@ class Measure:
 
     @property
     def summary(self) -> str:
-        """The first paragraph of its documentation, as one line."""
+        """First paragraph of its documentation, as one line."""
         return " ".join(self.doc.partition("\n\n")[0].split())
 
     @property
-    def told_range(self) -> str:
+    def range_text(self) -> str:
         """Its range in words, as in ``0…∞``."""
         low, high = (
             f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞"
@@ -222,9 +223,8 @@ class Measure:
 
     @cached_property
     def source_hash(self) -> str:
-        """Hexadecimal hash of the source that declares the measure, helpers included: of its whole
-        file and those it imports from its folder, as they were when loaded; of the function alone
-        if there is no file."""
+        """Hexadecimal hash of the source of the measure: its whole file and the files it imports
+        from its folder, as loaded; only the function if there is no file."""
         with contextlib.suppress(OSError):
             return content_hash(Path(self.file).read_bytes())
         with contextlib.suppress(OSError, TypeError):
@@ -233,10 +233,10 @@ class Measure:
 
 
 class Several:
-    """A function of several numbers, called once a map for all of them.
+    """A function of several numbers, called once for each map.
 
-    What it returned is kept as long as the map lives, for one reference, one genome, one list of
-    parents and one of sources.
+    It keeps the last result of a map as long as the map lives, with its reference, genome, parents
+    and sources.
     """
 
     def __init__(self, function: Callable[..., Mapping[str, float]], numbers: Sequence[str]):
@@ -245,20 +245,20 @@ class Several:
         self._known: weakref.WeakKeyDictionary[CityMap, tuple] = weakref.WeakKeyDictionary()
 
     def __call__(self, city: CityMap, **extras) -> Mapping[str, float]:
-        parents, sources = (extras.get(one) or () for one in ("parents", "sources"))
+        parents, sources = (extras.get(name) or () for name in ("parents", "sources"))
         reference = extras.get("reference")
-        # held weakly, for the city may be of it, or one of the sources
+        # weak references: the city may be part of the reference, or one of the sources
         compared = None if reference is None else weakref.ref(reference)
-        asked = [compared, extras.get("genome"), *parents, *map(weakref.ref, sources)]
+        arguments = [compared, extras.get("genome"), *parents, *map(weakref.ref, sources)]
         given, values = self._known.get(city, (None, None))
-        same = given is not None and len(given) == len(asked)
-        if not same or any(a is not b for a, b in zip(given, asked, strict=True)):
+        same = given is not None and len(given) == len(arguments)
+        if not same or any(a is not b for a, b in zip(given, arguments, strict=True)):
             values = self._function(city, **extras)
             if not isinstance(values, Mapping):
                 return values
-            # the numbers alone: what else it holds may hold the map, which then never went
+            # only the numbers: other values may hold the map, which then would never be freed
             values = {name: values[name] for name in self._numbers if name in values}
-            self._known[city] = asked, values
+            self._known[city] = arguments, values
         return values
 
     @property
@@ -268,19 +268,21 @@ class Several:
 
 @dataclass(frozen=True)
 class Family:
-    """Several measures that one function returns: ``family(city)`` gives them by their numbers'
-    names; each of ``measures`` is a `Measure` of its own, called function.number, but for one
-    whose number has the function's own name, which is called by that alone."""
+    """The measures of one function of several numbers: ``family(city)`` gives all by name.
+
+    Each of ``measures`` is a `Measure` called function.number. A number with the function's own
+    name has only that name.
+    """
 
     name: str
     measures: tuple[Measure, ...]
 
     def __call__(self, city: CityMap, **extras: Any) -> dict[str, float]:
-        return {one.number: one(city, **extras) for one in self.measures}
+        return {measure.number: measure(city, **extras) for measure in self.measures}
 
 
 def line_in(file: str, error: BaseException) -> int | None:
-    """The innermost line of ``file`` that ``error`` passed through."""
+    """Find the innermost line of ``file`` that ``error`` passed through."""
     line, step = None, error.__traceback__
     while step is not None:
         if step.tb_frame.f_code.co_filename == file:
@@ -290,7 +292,7 @@ def line_in(file: str, error: BaseException) -> int | None:
 
 
 def shown(value) -> str:
-    """What a measure returned, for a message."""
+    """Spell the result of a measure for a message."""
     if value is None:
         return "None"
     shape = getattr(value, "shape", None)
@@ -308,25 +310,25 @@ def content_hash(content: bytes) -> str:
 
 def _remedy(error: BaseException, file: str) -> str:
     if isinstance(error, AttributeError | ValueError) and (
-        "read-only" in str(error) or "does not change" in str(error)
+        "read-only" in str(error) or "cannot be set" in str(error)
     ):
         return (
-            "a map and its views are shared by all measures and read-only: change a copy, "
+            "all measures share a map and its views, so these are read-only: change a copy, "
             "heights = city.heights.copy()"
         )
     if isinstance(error, FileNotFoundError):
         return (
-            "give the path from the measure's own folder: "
-            'pathlib.Path(__file__).parent / "name", not from where the program was started; and '
-            'name it in @evocity.fitness(data="name"), so that it goes where the measure goes'
+            "give the path from the measure's own folder, not from the working directory: "
+            'pathlib.Path(__file__).parent / "name"; and name the file in '
+            '@evocity.fitness(data="name"), so that it goes where the measure goes'
         )
     if isinstance(error, ModuleNotFoundError):
         if error.name and Path(file).with_name(f"{error.name}.py").is_file():
             return (
-                f"import {error.name} at the top of the file: what lies beside it is found while "
-                "it loads"
+                f"import {error.name} at the top of the file: its folder is searched only while it "
+                "loads"
             )
-        return f"install {error.name} beside evocity, or do without it"
+        return f"install {error.name} in the environment of evocity, or do without it"
     if isinstance(error, AttributeError) and error.name:
         offered = [name for name in dir(error.obj) if not name.startswith("_")]
         if hint := near_miss(error.name, offered):

@@ -1,4 +1,4 @@
-"""How open ground is: the width of streets, how far one can walk, yards, and the sky."""
+"""Open ground: the width of streets, connectivity, courtyards, and the view of the sky."""
 
 import math
 from functools import lru_cache
@@ -11,23 +11,23 @@ from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 from evocity.views.ground import WIDEST
 
-#: Walls farther off than this, metres, do not hide the sky.
+#: Distance beyond which walls do not hide the sky, metres.
 HORIZON = 200.0
-#: The sky is looked at from every so many pixels of open ground, across and down.
+#: Step between the viewpoints on open ground, pixels, across and down.
 EVERY = 4
 
 
 @fitness(unit="m", range=(0, WIDEST))
 def street_width(city: CityMap) -> float:
-    """Mean width of streets, metre for metre of their length.
+    """Mean width of streets, weighted by length.
 
-    Formula: Σ w l / Σ l over the lines that streets run along (`CityMap.streets`: the middle
-    lines of open ground, alleys and courtyards included), w the width from wall to wall, l the
-    length. Ground wider than 60 m, or nearer to the map's border than to a wall, is no street.
-    Quarter turns and mirrors move the mean by about 1 %: of two middle pixels either may stay.
-    Other angles move it more, and coarse pixels do: a street of 6 m reads 5.8 at 10° and 1 m/px,
+    Formula: Σ w l / Σ l over the middle lines of streets, with w the width from wall to wall and l
+    the length. `CityMap.streets` has these lines: those of all open ground, alleys and courtyards
+    included. Ground wider than 60 m, or nearer to the map's border than to a wall, does not count.
+    Quarter turns and mirrors move the mean by about 1 %, because either of two middle pixels may
+    stay. Other angles and coarse pixels move it more: a street of 6 m reads 5.8 at 10° and 1 m/px,
     about 7 at 45° and 2 m/px.
-    Unit: metres. Range: above 0, to 60. Empty map: NaN, and on any map without streets.
+    Unit: metres. Range: above 0, to 60. Empty map: NaN, as on any map without streets.
     Source: the profile of Araldi & Fusco 2019 (EPB 46:1243-1263), on the raster's skeleton.
 
     >>> heights = np.full((40, 40), 9.0)
@@ -44,12 +44,12 @@ def street_width(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def open_space_connectivity(city: CityMap) -> float:
-    """Share of the open ground that hangs together: that of its largest piece.
+    """Share of the open ground that its largest piece has.
 
-    Formula: max A / Σ A over the areas A of the ground components, which touch by sides or
-    corners (`CityMap.open_space`).
-    Unit: none. Range: above 0, to 1. Empty map: 1. NaN where all is built.
-    Source: ours; the share of the largest cluster, as in percolation.
+    Formula: max A / Σ A over the areas A of the ground components (`CityMap.open_space`). Pixels
+    that touch by sides or corners are one component.
+    Unit: none. Range: above 0, to 1. Empty map: 1. NaN where the whole map is built.
+    Source: ours, the share of the largest cluster as in percolation.
 
     >>> heights = np.zeros((10, 10))
     >>> heights[:, 4] = heights[:, 9] = 9
@@ -64,11 +64,12 @@ def open_space_connectivity(city: CityMap) -> float:
 
 @fitness(range=(0, math.inf), any_site=True)
 def courtyard_index(city: CityMap) -> float:
-    """Ground enclosed by buildings, for each unit of built ground.
+    """Area of courtyards per unit of built ground.
 
-    Formula: Σ C / B, C the ground within the outer boundary of each built component and of no
-    other within it, B the footprint of all buildings. What the map's border cuts is no yard.
-    Unit: none. Range: 0 upwards. Empty map: NaN, nothing is built.
+    Formula: Σ C / B, with B the footprint of all buildings. C is the ground within the outer
+    boundary of a built component, without the courtyards of components that stand in it. Ground
+    that the map's border cuts is not a courtyard.
+    Unit: none. Range: 0 upwards. Empty map: NaN (nothing is built).
     Source: the courtyard index of Steadman, Bruhns & Gakovic 2000 (EPB 27:73-91), which momepy
     follows, for a whole map.
 
@@ -87,14 +88,14 @@ def courtyard_index(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def sky_view_factor(city: CityMap) -> float:
-    """Share of the sky that open ground sees.
+    """Mean share of the sky that is visible from open ground.
 
     Formula: mean of cos² γ over 16 directions and over every 4th pixel of open ground, across
-    and down, counted from the nearer border; over all of them if there is none at these. γ is
-    the angle of the horizon: tan γ = max (h − h₀)/d over the pixels a ray passes, d the distance
-    at which it enters them, up to 200 m. Beyond the map the ground is flat.
-    Unit: none. Range: above 0 (a deep shaft) to 1 (open land). Empty map: 1. NaN where all is
-    built.
+    and down, counted from the nearer border; over all open pixels if no 4th pixel is open. γ is
+    the angle of the horizon: tan γ = max (h − h₀)/d over the pixels that a ray passes, with d the
+    distance at which it enters a pixel, up to 200 m. Beyond the map the ground is flat.
+    Unit: none. Range: above 0 (a deep shaft) to 1 (open land). Empty map: 1. NaN where the whole
+    map is built.
     Source: Oke 1987, Boundary Layer Climates; by horizons, Dozier & Frew 1990 (IEEE TGRS
     28:963-969).
 
@@ -108,8 +109,8 @@ def sky_view_factor(city: CityMap) -> float:
 
 
 def sky_view(city: CityMap, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Float64 ``(n,)``, 0…1: the share of the sky seen at each of n pixels, rows ``y``, columns
-    ``x``, from the height of that pixel. See `sky_view_factor`."""
+    """Compute the share of the sky seen at each of n pixels, rows ``y``, columns ``x``, from the
+    height of that pixel: float64 ``(n,)``, 0…1. See `sky_view_factor`."""
     heights = city.heights
     limit = min(HORIZON / city.metres_per_pixel, math.hypot(*heights.shape))
     starts, down, along, distance = _rays(limit)
@@ -130,12 +131,12 @@ def _viewpoints(ground: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=16)
 def _rays(limit: float) -> tuple[np.ndarray, ...]:
-    """The pixels that rays pass in 16 directions before ``limit`` px: where each ray starts in
-    the list, rows and columns from its origin, and the distance, px, at which it enters each."""
+    """List the pixels that rays in 16 directions pass before ``limit`` px: where each ray starts
+    in the list; rows and columns from its origin; the distance, px, at which it enters each."""
     far = np.arange(math.ceil(limit)) + 0.5
     straight = [(0, k + 1, d) for k, d in enumerate(far.tolist())]
     corners = [(k + 1, k + 1, d) for k, d in enumerate((far * math.sqrt(2)).tolist())]
-    # At 22.5°, between them, sides are crossed in the order of their distance.
+    # At 22.5°, between them, a ray crosses sides of pixels in the order of their distance.
     across = [(d, 0, 1) for d in (far / math.cos(math.pi / 8)).tolist()]
     up = [(d, 1, 0) for d in (far / math.sin(math.pi / 8)).tolist()]
     crossed = sorted(across + up)

@@ -1,4 +1,4 @@
-"""A measure of a part of a map: this quarter, that bank."""
+"""Parts of a map, such as a quarter or a bank, and measures within them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -12,26 +12,26 @@ from evocity.fitness.measure import Measure
 from evocity.fitness.reference import Reference
 from evocity.genome import Genome
 
-#: Stands between a measure's own name and that of the part it is taken of.
+#: Separator between the name of a measure and that of its part.
 OF = "@"
-#: What belongs to a whole map, and to no part of it.
+#: Arguments that describe a whole map and no part of it.
 _OF_WHOLE = ("genome", "parents", "sources")
 
 
 def within(measure: Measure, part: str) -> Measure:
-    """The same measure by the name of what it is taken of: ``gsi@quarter``."""
+    """Rename a measure for a part: ``gsi@quarter``."""
     named = replace(measure, name=f"{measure.name}{OF}{part}")
-    named.__dict__["source_hash"] = measure.source_hash  # of the source as it was when loaded
+    named.__dict__["source_hash"] = measure.source_hash  # the hash of the source as loaded
     return named
 
 
 def own_name(name: str) -> str:
-    """A measure's name without that of a part."""
+    """Strip the part from a measure's name."""
     return name.partition(OF)[0]
 
 
-def part_of(name: str) -> str:
-    """What the part is called that a measure of this name is taken of; "" of the whole map."""
+def part_name(name: str) -> str:
+    """Read the part from a measure's name; "" for the whole map."""
     return name.partition(OF)[2]
 
 
@@ -39,7 +39,7 @@ def part_of(name: str) -> str:
 class Part:
     """A part of all maps of one size.
 
-    name : what it is called. mask : bool ``(H, W)``, which pixels are its own, at least one.
+    name : its name. mask : bool ``(H, W)``, its pixels, at least one.
     """
 
     name: str
@@ -47,27 +47,29 @@ class Part:
 
     @property
     def is_rectangle(self) -> bool:
-        """Whether it fills the smallest rectangle about it."""
+        """Whether the part fills its smallest rectangle."""
         rows, columns = self.mask.any(axis=1), self.mask.any(axis=0)
-        spans = (np.ptp(np.flatnonzero(one)) + 1 for one in (rows, columns))
+        spans = (np.ptp(np.flatnonzero(line)) + 1 for line in (rows, columns))
         return np.count_nonzero(self.mask) == np.prod([*spans])
 
     def of(self, city: CityMap) -> CityMap:
-        """The part of ``city``, cut once: its measures share their views."""
+        """Cut the part out of ``city``, once for each map: all measures share its views."""
         cuts = _cuts.setdefault(city, {})
         if self not in cuts:
             cuts[self] = city.within(self.mask)
         return cuts[self]
 
     def check(self, measure: Measure) -> None:
-        """Raise `FitnessError` unless the ``measure`` can be taken of it."""
+        """Raise `FitnessError` unless the ``measure`` is right for the part."""
         check_map_alone(measure)
         if not (measure.any_site or self.is_rectangle):
             raise FitnessError(
-                f"{own_name(measure.name)} within {self.name}, which is no rectangle: it would "
-                "take what lies beside for open ground",
-                "a rectangle along the pixels, or a measure that knows of parts (any_site)",
-                "draw a rectangle; a measure of your own that minds city.site says so: "
+                f"{own_name(measure.name)} cannot be limited to {self.name}, which is not a "
+                "rectangle: "
+                "the measure would count the surroundings as open ground",
+                "a rectangle along the pixels, or a measure that supports parts of any shape "
+                "(any_site)",
+                "draw a rectangle; if your own measure respects city.site, declare it with "
                 "@evocity.fitness(…, any_site=True)",
             )
 
@@ -78,27 +80,27 @@ class Part:
         reference: Reference | CityMap | Sequence | None = None,
         genome: Genome | None = None,
     ) -> float:
-        """What ``measure`` says of the part of ``city``; the ``genome`` of the whole tells those
-        that compare cities how much of the part comes from each. Raises as the measure does, and
-        as `check`."""
+        """Measure the part of ``city``.
+
+        The ``genome`` of the whole map gives measures that compare cities the share of each source
+        city in the part. Raises as the measure does, and as `check`.
+        """
         self.check(measure)
         compares = "reference" in measure.takes
         return measure(self.of(city), reference=reference, genome=genome if compares else None)
 
 
 def check_map_alone(measure: Measure) -> None:
-    """Raise `FitnessError` if the ``measure`` asks for what no part of a map has."""
-    asked = [one for one in measure.needs if one in _OF_WHOLE]
-    if asked:
+    """Raise `FitnessError` if the ``measure`` needs an argument that describes the whole map."""
+    needs = [need for need in measure.needs if need in _OF_WHOLE]
+    if needs:
         raise FitnessError(
-            f"{own_name(measure.name)} within a part: it asks for the {' and the '.join(asked)}, "
-            "which tell of the whole map",
-            "a measure of the map alone",
-            "take it of the whole map",
+            f"{own_name(measure.name)} cannot be limited to a part: it needs the "
+            f"{' and the '.join(needs)}, which describe the whole map",
+            "a measure that needs only the map",
+            "use the measure for the whole map",
         )
 
 
-# A part is cut once a map, for all measures that are taken of it.
+# Each map keeps its cut parts, so that all measures of a part share one map.
 _cuts: WeakKeyDictionary[CityMap, dict[Part, CityMap]] = WeakKeyDictionary()
-
-__all__ = ["Part", "check_map_alone", "own_name", "part_of", "within"]

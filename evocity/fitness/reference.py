@@ -1,5 +1,4 @@
-"""What a measure may compare a city with: other cities' maps, and how much each of them counts;
-the maps of the cities it was bred from."""
+"""References: the cities that a measure compares a map with, their weights, and source cities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from numbers import Real
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import FitnessError, shown
+from evocity.errors import FitnessError, spell
 from evocity.genome import Genome
 
 _HOW = "a CityMap, a list of them, or a list of pairs (CityMap, weight)"
@@ -16,53 +15,58 @@ _HOW = "a CityMap, a list of them, or a list of pairs (CityMap, weight)"
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The cities that a map is compared with; made by `Reference.of` or `Reference.sources`.
+    """The cities that a measure compares a map with, and their weights.
+
+    `Reference.of` and `Reference.sources` make one.
 
     cities : at least one map.
-    weights : a number a city, together 1; None if the genome tells how much of a map comes from
-        each of them, as in a run, whose source cities they are.
+    weights : a number for each city, together 1; None for the source cities of a run, where the
+        genome gives the share of the map that comes from each city.
     """
 
     cities: tuple[CityMap, ...]
     weights: tuple[float, ...] | None
 
     @classmethod
-    def of(cls, told: "Reference | CityMap | Sequence") -> "Reference":
-        """A city, a list of cities weighted alike, or of (city, weight). Raises `FitnessError`."""
-        if isinstance(told, cls):
-            return told
-        if isinstance(told, CityMap):
-            return cls((told,), (1.0,))
-        listed = list(told) if isinstance(told, Sequence) and not isinstance(told, str) else []
-        pairs = [(one, 1.0) if isinstance(one, CityMap) else one for one in listed]
-        if not pairs or not all(map(_weighted, pairs)):
+    def of(cls, cities: "Reference | CityMap | Sequence") -> "Reference":
+        """Make a reference of a city, of a list of cities with equal weights, or of (city, weight).
+
+        Raises `FitnessError` for anything else.
+        """
+        if isinstance(cities, cls):
+            return cities
+        if isinstance(cities, CityMap):
+            return cls((cities,), (1.0,))
+        listed = isinstance(cities, Sequence) and not isinstance(cities, str)
+        pairs = [(c, 1.0) if isinstance(c, CityMap) else c for c in (cities if listed else ())]
+        if not pairs or not all(map(_is_weighted, pairs)):
             raise FitnessError(
-                f"a reference of {shown(told)}",
+                f"the reference {spell(cities)} is invalid",
                 f"{_HOW}, weights above 0",
-                'for example reference=evocity.read_map("lyon-1er")',
+                'give for example reference=evocity.read_map("lyon-1er")',
             )
         total = float(sum(weight for _, weight in pairs))
-        cities, weights = zip(*pairs, strict=True)
-        return cls(cities, tuple(weight / total for weight in weights))
+        maps, weights = zip(*pairs, strict=True)
+        return cls(maps, tuple(weight / total for weight in weights))
 
     @classmethod
     def sources(cls, cities: Sequence[CityMap]) -> "Reference":
-        """The source cities of a run, under the names that its genomes have for them."""
+        """Make a reference of the source cities of a run, under the names in its genomes."""
         return cls(tuple(cities), None)
 
     def shares(self, city: CityMap, genome: Genome | None) -> np.ndarray:
-        """Float64 ``(k,)``, together 1: how much each city counts. Where the ``genome`` of
-        ``city`` tells that, it is the share of what is built that comes from each; 0 throughout
-        if none does.
+        """Compute the weight of each city: float64 ``(k,)``, together 1.
 
-        Raises `FitnessError` if the genome is wanted and not there, or of none of the cities.
+        Without weights of its own, a reference counts the built ground of ``city`` that comes from
+        each of its cities, by the ``genome``; all 0 if none does. Raises `FitnessError` if it needs
+        the genome and that is missing, or shares no city with the reference.
         """
         if self.weights is not None:
             return np.array(self.weights)
         if genome is None:
             raise FitnessError(
-                f"{city.name} without its genome, beside the cities it may have been bred from",
-                "the genome, which tells how much comes from each",
+                f"{city.name} without its genome, and a reference without weights",
+                "the genome, which gives the share of each city in the map",
                 "give genome=, or a reference with weights of its own: " + _HOW,
             )
         from_each = np.bincount(
@@ -70,49 +74,47 @@ class Reference:
             minlength=len(genome.cities),
         )
         by_name = dict(zip(genome.cities, from_each, strict=False))
-        names = [one.name for one in self.cities]
+        names = [source.name for source in self.cities]
         if not any(name in by_name for name in names):
             raise FitnessError(
-                f"a genome of {', '.join(genome.cities)}, beside {', '.join(names)}",
-                "the maps of the cities that it was bred from",
-                "give these as the reference, under the names that the genome has for them",
+                f"the genome is made of {', '.join(genome.cities)}, but the reference is "
+                f"{', '.join(names)}",
+                "the maps of the source cities of the genome",
+                "give these maps as the reference, with the names that the genome uses",
             )
         built = np.array([by_name.get(name, 0) for name in names], float)
         return built / max(built.sum(), 1)
 
 
-def maps_of(sources) -> tuple[CityMap, ...]:
-    """The maps of source cities, each of a name of its own; one alone may be told without a list.
-    Raises `FitnessError`."""
+def check_sources(sources) -> tuple[CityMap, ...]:
+    """Check the maps of source cities: a map, or a list of maps with different names.
+
+    Raises `FitnessError` for anything else.
+    """
     if isinstance(sources, CityMap):
         return (sources,)
     listed = isinstance(sources, Sequence) and not isinstance(sources, str)
     maps = tuple(sources) if listed else ()
-    if not listed or not all(isinstance(one, CityMap) for one in maps):
+    if not listed or not all(isinstance(city, CityMap) for city in maps):
         raise FitnessError(
-            f"sources = {shown(sources)}",
-            "a list of maps, CityMap, of the cities that the genome is made of",
-            "of a run: [source.city for source in evocity.open_run(path).sources()]",
+            f"sources = {spell(sources)}",
+            "a list of maps (CityMap) of the genome's source cities",
+            "for a run give: [source.city for source in evocity.open_run(path).sources()]",
         )
-    names = [one.name for one in maps]
-    twice = {
-        name for name, one in zip(names, maps, strict=True) if maps[names.index(name)] is not one
-    }
+    first: dict[str, CityMap] = {}
+    twice = {city.name for city in maps if first.setdefault(city.name, city) is not city}
     if twice:
         raise FitnessError(
-            f"two source cities called {', '.join(sorted(twice))}",
-            "a map a city, under the name that the genome has for it",
+            f"two source cities have the name {', '.join(sorted(twice))}",
+            "one map per city, with the name that the genome uses for the city",
             "give each map once",
         )
     return maps
 
 
-def _weighted(pair) -> bool:
+def _is_weighted(pair) -> bool:
     if not (isinstance(pair, Sequence) and not isinstance(pair, str) and len(pair) == 2):
         return False
     city, weight = pair
     real = isinstance(weight, Real) and not isinstance(weight, bool)
     return isinstance(city, CityMap) and real and 0 < weight < np.inf
-
-
-__all__ = ["Reference", "maps_of"]

@@ -1,4 +1,4 @@
-"""Which measures there are, and how a function, a name or a file becomes one."""
+"""The table of measures: the decorator, look-up by name, users' files and plugins."""
 
 import contextlib
 import copyreg
@@ -16,17 +16,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import overload
 
-from evocity.errors import EvocityError, FitnessError, check_word, near_miss, told
-from evocity.fitness.data import checked_names, data_of
-from evocity.fitness.declaring import (
+from evocity.errors import EvocityError, FitnessError, check_word, describe_error, near_miss
+from evocity.fitness.data import check_names, read_data
+from evocity.fitness.declaration import (
     HOW_TO_DECLARE,
+    check_bounds,
     check_function,
-    checked_bounds,
-    checked_goal,
-    checked_numbers,
-    checked_unit,
-    own,
+    check_goal,
+    check_numbers,
+    check_unit,
+    value_for,
 )
+from evocity.fitness.local_imports import importing_from
 from evocity.fitness.measure import (
     Family,
     Measure,
@@ -35,22 +36,21 @@ from evocity.fitness.measure import (
     line_in,
 )
 from evocity.fitness.reference import Reference
-from evocity.fitness.siblings import importing_from
 from evocity.plugins import load_plugins, origin_of
 
 #: Entry points of this group name modules, or single measures, of other packages.
 PLUGINS = "evocity.fitness"
 
-#: What measures may be of.
+#: Types of the argument of a measure.
 SUBJECTS = ("city", "shape", "curve", "site")
 
 
 _table: dict[str, Measure] = {}  # declared by this package, by plugins, in the user's session
-_from_files: dict[str, Measure] = {}  # declared in files that `load_file` executed
+_from_files: dict[str, Measure] = {}  # declared in files that `load_file` read
 _collecting: ContextVar[list[Measure] | None] = ContextVar("collecting", default=None)
 
-#: Other files than Python's that declare measures: by suffix, what declares those of a file's stem
-#: and content. It raises `FitnessError` and executes nothing.
+#: Functions that declare the measures of other files than Python's, from stem and content, by
+#: suffix. They raise `FitnessError`, and execute nothing of the file.
 TABLES: dict[str, Callable[[str, bytes], None]] = {}
 
 _PACKAGE = str(Path(__file__).parent.parent) + os.sep
@@ -89,61 +89,63 @@ def fitness(
     data: str | Sequence[str] = (),
     of: str = "city",
 ) -> Callable[[Callable], Measure | Family]:
-    """Decorator that makes a `Measure` of a function of a city map, under its name.
+    """Make a `Measure` of a function of a city map, as a decorator; its name is the function's.
 
-    The function takes the city, and if it names them so, ``reference`` (a `Reference`, the cities
-    it is compared with), ``genome`` (the code that was decoded) and ``parents`` (the genomes it
-    was bred from); those with a default value it gets where they are known.
+    The function takes the city, and may take further arguments by name. ``reference`` is a
+    `Reference`, the cities to compare with. ``genome`` is the code of the map, ``parents`` the
+    genomes it was bred from, ``sources`` the maps of its source cities. An argument with a
+    default value keeps the default where evocity does not know it.
 
     Parameters
     ----------
-    goal : "max" or "min", what a search does with it unless told otherwise; None if the
-        recipe must give a target, or a city to be like.
+    goal : "max" or "min", the default goal of a search; None if the recipe must give a goal, a
+        target, or a city to be like.
     unit : unit of the number, "" for a pure number.
-    range : lowest and highest value it can take.
-    numbers : names, if the function returns several numbers, as a mapping from each name; it
-        becomes a `Family` of measures called function.number. goal, unit and range are then
-        those of all, or mappings from a number's name. A first number with the function's own
-        name is the one meant by that name alone: the decorator then returns that `Measure`.
+    range : lowest and highest possible value.
+    numbers : names of the numbers, if the function returns several as a mapping. The result is a
+        `Family` of measures called function.number. goal, unit and range hold for all numbers, or
+        are mappings from a number's name. If the first number has the function's own name, that
+        name means this number only, and the decorator returns its `Measure`.
+    any_site : whether the measure is right for parts of a map of any shape, with pixels
+        ``city.site``; otherwise recipes accept only rectangles.
+    data : files that the function reads, such as "trees.csv", from the folder of the Python file or
+        a folder in it. They are part of its source: runs keep them, and other machines get them.
+        The function finds them by ``Path(__file__).with_name("trees.csv")``.
+    of : the type of the argument: "city", a map; for runs of other kinds "shape", "curve" or
+        "site", a form of `evocity.kinds`.
 
-    any_site : whether it is right of a part of a map of any shape, whose pixels are ``city.site``;
-        else a recipe takes it within rectangles alone.
-    data : files that the function reads, beside the Python file or in a folder beside it, such as
-        "trees.csv": they are part of its source, kept by runs, and go along to other machines. The
-        function finds them by ``Path(__file__).with_name("trees.csv")``.
-    of : what it is a function of: "city", a map, or for runs of other kinds "shape", "curve" or
-        "site", a form of `evocity.forms`.
-
-    Raises `FitnessError` if the declaration or the function's signature is wrong, or the name
-    is taken.
+    Raises `FitnessError` if the declaration or the function's signature is wrong, or another
+    measure has the name.
     """
     if callable(goal):
-        raise FitnessError("@evocity.fitness without brackets", HOW_TO_DECLARE, "add brackets")
-    several, read = checked_numbers(numbers), checked_names(data)
+        raise FitnessError(
+            "@evocity.fitness without brackets", HOW_TO_DECLARE, "write @evocity.fitness()"
+        )
+    several, read = check_numbers(numbers), check_names(data)
     check_word("of", of, SUBJECTS, "leave it out for a map", FitnessError)
     each = [
         (
             number,
-            checked_goal(own(goal, number, None)),
-            checked_unit(own(unit, number, "")),
-            checked_bounds(own(range, number, (-math.inf, math.inf))),
+            check_goal(value_for(goal, number, None)),
+            check_unit(value_for(unit, number, "")),
+            check_bounds(value_for(range, number, (-math.inf, math.inf))),
         )
         for number in several or [None]
     ]
-    for told_by_name in (goal, unit, range):
-        strange = set(told_by_name) - set(several) if isinstance(told_by_name, Mapping) else ()
+    for values in (goal, unit, range):
+        strange = set(values) - set(several) if isinstance(values, Mapping) else ()
         if strange:
             raise FitnessError(
-                f"{', '.join(map(str, strange))}, which is none of numbers = {several}",
-                "goals, units and ranges of the numbers the function returns",
-                "name them in numbers=(…) too",
+                f"{', '.join(map(str, strange))} is not in numbers = {several}",
+                "goals, units and ranges only for the numbers that the function returns",
+                "add these names to numbers=(…)",
             )
 
     def declare(function: Callable) -> Measure | Family:
         needs, takes = check_function(function)
         name, called = function.__name__, Several(function, several) if several else function
         file = function.__code__.co_filename
-        found = [
+        declared = [
             Measure(
                 name=name if number in (None, name) else f"{name}.{number}",
                 function=called,
@@ -165,135 +167,138 @@ def fitness(
         ]
         collected = _collecting.get()
         if collected is None:
-            _add(_table, found, taken=_table)
+            _add(_table, declared, taken=_table)
         else:
-            collected.extend(found)
-        return Family(name, tuple(found)) if several and several[0] != name else found[0]
+            collected.extend(declared)
+        return Family(name, tuple(declared)) if several and several[0] != name else declared[0]
 
     return declare
 
 
 def get(name: str) -> Measure:
-    """The measure called ``name``. Raises `FitnessError`, which tells the one that is most like
-    it."""
+    """Return the measure called ``name``. Raises `FitnessError`, which suggests the most similar
+    name."""
     known = {measure.name: measure for measure in measures(None)}
     if name in known:
         return known[name]
     raise FitnessError(
         "; ".join([f"no measure is called {name!r}", *plugin_warnings()]),
-        "a measure that `evocity fitness list` names, or a file NAME.py that declares one",
-        f"{near_miss(name, known)} `evocity fitness list` names all {len(known)}".strip(),
+        "a name that `evocity fitness list` shows, or a file NAME.py that declares a measure",
+        f"{near_miss(name, known)} `evocity fitness list` shows all {len(known)} measures".strip(),
     )
 
 
 def named(name: str) -> list[Measure]:
-    """The measure called ``name``, or all those of the function so called that returns several
-    numbers, none of them of its own name. Raises `FitnessError` as `get` does."""
-    found = measures(None)
-    return [m for m in found if m.name == name] or family_of(name, found) or [get(name)]
+    """Return the measure called ``name``, or all measures of the function ``name`` if it returns
+    several numbers. Raises `FitnessError` as `get` does."""
+    known = measures(None)
+    return [m for m in known if m.name == name] or family_of(name, known) or [get(name)]
 
 
 def family_of(name: str, among: Sequence[Measure]) -> list[Measure]:
-    """Those ``among`` measures that the function ``name`` returns as several numbers."""
-    return [one for one in among if one.number is not None and one.name == f"{name}.{one.number}"]
+    """Select ``among`` measures those of the function ``name`` that returns several numbers."""
+    return [m for m in among if m.number is not None and m.name == f"{name}.{m.number}"]
 
 
 def measures(of: str | None = "city") -> list[Measure]:
-    """All measures of maps, or of what else they are to be ``of``, None for all there are, by name:
-    the package's, plugins', and those of files loaded so far."""
+    """List all measures by name: the package's, plugins', and those of files loaded so far.
+
+    of : the type of their argument, by default maps; None lists the measures of all types.
+    """
     plugin_warnings()  # the first call loads the plugins
     known = _table | _from_files
     return [known[name] for name in sorted(known) if of in (None, known[name].of)]
 
 
 def execute(source: str | bytes, file: str, module: ModuleType, flags: int = 0) -> None:
-    """Run the user's own ``source`` in ``module``."""
+    """Execute the user's ``source`` in ``module``."""
     code = compile(source, file, "exec", flags, dont_inherit=True)
     exec(code, module.__dict__)
 
 
 def file_of(name: str) -> str | None:
-    """The file `load_file` found the measure in; None for those registered otherwise."""
+    """Return the file that declares the measure and was read by `load_file`; None for others."""
     return _from_files[name].file if name in _from_files else None
 
 
-def found_again(name: str, file: str | None, reference: Reference | None = None) -> Measure:
-    """The measure called ``name``, in another process: from its ``file`` if it has one; bound to
-    its ``reference``."""
-    found = get(name) if file is None else {m.name: m for m in load_file(file)}[name]
-    return found if reference is None else found.bound(reference)
+def unpickle_measure(name: str, file: str | None, reference: Reference | None = None) -> Measure:
+    """Find the measure ``name`` in another process, from its ``file`` if it has one, and bind its
+    ``reference``."""
+    measure = get(name) if file is None else {m.name: m for m in load_file(file)}[name]
+    return measure if reference is None else measure.bound(reference)
 
 
-def _as_named(measure: Measure):
-    """To another process goes the name, the file to load there, and what it compares with, never
-    the function."""
-    return found_again, (measure.name, file_of(measure.name), measure.reference)
+def _reduce(measure: Measure):
+    """Pickle the name, the file to load, and the reference, never the function."""
+    return unpickle_measure, (measure.name, file_of(measure.name), measure.reference)
 
 
-copyreg.pickle(Measure, _as_named)
+copyreg.pickle(Measure, _reduce)
 
 
 @cache
 def plugin_warnings() -> tuple[str, ...]:
-    """One text for each entry point of the group `PLUGINS` that could not be loaded."""
-    return load_plugins(PLUGINS, _take)
+    """Describe each entry point of the group `PLUGINS` that cannot be loaded, in one text each."""
+    return load_plugins(PLUGINS, _load_entry)
 
 
-def _take(entry: EntryPoint) -> None:
-    with _collected() as found:
+def _load_entry(entry: EntryPoint) -> None:
+    with _collect() as declared:
         loaded = entry.load()
     if not isinstance(loaded, Measure | Family | ModuleType):
         raise TypeError(f"it is a {type(loaded).__name__}, not a measure or a module")
     single = {Measure: lambda: [loaded], Family: lambda: loaded.measures}
-    for one in single.get(type(loaded), list)():
-        if one.name not in (m.name for m in found):
-            found.append(one)
-    _add(_table, [replace(one, origin=origin_of(entry)) for one in found], taken=_table)
+    for measure in single.get(type(loaded), list)():
+        if measure.name not in (m.name for m in declared):
+            declared.append(measure)
+    _add(_table, [replace(m, origin=origin_of(entry)) for m in declared], taken=_table)
 
 
 def load_file(path: str | os.PathLike) -> list[Measure]:
-    """Execute a Python file of the user's own and return the measures it declares, in order; or
-    read a table, such as one of building types in TOML (`TABLES`), and return the measures by it.
+    """Load a file of measures, and return these in order: execute a Python file, or read a table
+    (`TABLES`), such as building types in TOML, a line in GeoJSON or a picture in PNG.
 
-    From then on `get` finds them too; a file loaded later takes over names from an earlier
-    one. The file may import others that lie beside it; they are found while it loads, and are
-    part of its source. What it prints goes to standard error. Raises `FitnessError`, naming file
-    and line, if it is missing, is not Python, raises, declares no measure or a wrong one, or takes
-    the name of a measure that exists; nothing is registered then.
+    Afterwards `get` finds them too; a file loaded later replaces measures of an earlier file. The
+    file may import Python files from its own folder, which are part of its source. Its output goes
+    to standard error.
+
+    Raises `FitnessError`, with file and line, if the file is missing, is not Python, or raises; or
+    if it declares no measure, a wrong one, or one with the name of a measure of the package. It
+    then registers nothing.
     """
     path = Path(path)
     read = TABLES.get(path.suffix)
     if (path.suffix != ".py" and not read) or not path.is_file():
         kind = "table" if read else "Python file"
         raise FitnessError(
-            f"no {kind} at {path}" if read or path.suffix == ".py" else f"{path} is no {kind}",
+            f"no {kind} at {path}" if read or path.suffix == ".py" else f"{path} is not a {kind}",
             "a file NAME.py that declares a measure, or a table of building types, NAME.toml",
-            "check the path; a measure of the package is named without a suffix",
+            "correct the path; write the name of a measure of the package without a suffix",
         )
     path = path.resolve()
     content = path.read_bytes()
-    found, imported = _tabled(path, content) if read else _executed(path, content)
-    whole = content + b"".join(imported[one] for one in sorted(imported))
-    for measure in found:
+    declared, imported = _read_table(path, content) if read else _execute_file(path, content)
+    whole = content + b"".join(imported[file] for file in sorted(imported))
+    for measure in declared:
         measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
-    return found
+    return declared
 
 
-def _tabled(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
-    """The measures by a table, which imports nothing."""
+def _read_table(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
+    """Declare the measures of a table, which imports nothing."""
     try:
-        with _collected() as found:
+        with _collect() as declared:
             TABLES[path.suffix](path.stem, content)
-        found = [replace(one, file=str(path), line=1, origin=str(path)) for one in found]
-        _add(_from_files, found, taken=_table)
+        declared = [replace(m, file=str(path), line=1, origin=str(path)) for m in declared]
+        _add(_from_files, declared, taken=_table)
     except FitnessError as error:
         raise FitnessError(f"{path}: {error.found}", error.expected, error.remedy) from None
-    return found, {}
+    return declared, {}
 
 
-def _executed(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
-    """The measures that a Python file declares, and what it imports from its folder."""
-    linecache.checkcache(str(path))  # an edited file: show its new lines
+def _execute_file(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
+    """Execute a Python file: the measures it declares, and the files it imports from its folder."""
+    linecache.checkcache(str(path))  # so that errors show the lines of an edited file
     module = ModuleType(f"evocity_user_{path.stem}_{content_hash(str(path).encode())[:8]}")
     module.__file__ = str(path)
     before = sys.modules.get(module.__name__)
@@ -301,30 +306,32 @@ def _executed(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, byt
     try:
         with (
             importing_from(path.parent) as imported,
-            _collected() as found,
+            _collect() as declared,
             contextlib.redirect_stdout(sys.stderr),
         ):
             execute(content, str(path), module)
-        # a measure that the file imports is its helper
-        found = [one for one in found if Path(one.file) not in imported]
-        if not found:
-            raise FitnessError("no measure in it", f"at least one {HOW_TO_DECLARE}", "add it")
-        imported |= data_of(path.parent, found)
-        beside = tuple(str(one) for one in sorted(imported))
-        found = [replace(one, origin=str(path), beside=beside) for one in found]
-        _add(_from_files, found, taken=_table)
+        # measures of imported files are helpers of this file
+        declared = [m for m in declared if Path(m.file) not in imported]
+        if not declared:
+            raise FitnessError(
+                "the file declares no measure", f"at least one {HOW_TO_DECLARE}", "add a measure"
+            )
+        imported |= read_data(path.parent, declared)
+        beside = tuple(map(str, sorted(imported)))
+        declared = [replace(m, origin=str(path), beside=beside) for m in declared]
+        _add(_from_files, declared, taken=_table)
     except (Exception, SystemExit) as error:
         if before is None:
             del sys.modules[module.__name__]
         else:
             sys.modules[module.__name__] = before
-        raise _file_fault(path, error) from error
-    return found, imported
+        raise _file_error(path, error) from error
+    return declared, imported
 
 
-def _file_fault(path: Path, error: BaseException) -> FitnessError:
+def _file_error(path: Path, error: BaseException) -> FitnessError:
     line = line_in(str(path), error)
-    unreadable = isinstance(error, SyntaxError) and line is None  # else it is another file's
+    unreadable = isinstance(error, SyntaxError) and line is None  # else of an imported file
     if unreadable:
         line = error.lineno
     place = f"{path}, line {line}" if line else f"{path}"
@@ -338,35 +345,33 @@ def _file_fault(path: Path, error: BaseException) -> FitnessError:
         )
     remedy = f"correct that line; python {path.name} shows the same error in full"
     if isinstance(error, ModuleNotFoundError):
-        remedy = f"install {error.name}, or lay {error.name}.py beside {path.name}"
+        remedy = f"install {error.name}, or put {error.name}.py in the folder of {path.name}"
     return FitnessError(
-        f"{place} raised {told(error)}",
-        "a file that can be imported",
-        remedy,
+        f"{place} raised {describe_error(error)}", "a file that loads without errors", remedy
     )
 
 
 @contextlib.contextmanager
-def _collected() -> Iterator[list[Measure]]:
-    """Gather the measures declared within, in place of registering them one by one."""
-    found: list[Measure] = []
-    token = _collecting.set(found)
+def _collect() -> Iterator[list[Measure]]:
+    """Collect the measures declared in the block, and register none of them."""
+    declared: list[Measure] = []
+    token = _collecting.set(declared)
     try:
-        yield found
+        yield declared
     finally:
         _collecting.reset(token)
 
 
-def _add(table: dict[str, Measure], found: list[Measure], taken: dict[str, Measure]) -> None:
+def _add(table: dict[str, Measure], declared: list[Measure], taken: dict[str, Measure]) -> None:
     new: dict[str, Measure] = {}
-    for measure in found:
+    for measure in declared:
         other = new.get(measure.name) or taken.get(measure.name)
-        # Running a notebook cell, or importing a module, once more redefines its measures.
+        # A cell that runs again, or a module that is imported again, replaces its measures.
         if other and (measure.name in new or _origin(other) != _origin(measure)):
             raise FitnessError(
-                f"a second measure called {measure.name} (line {measure.line}); "
+                f"a second measure has the name {measure.name} (line {measure.line}); "
                 f"the first is in {other.file}, line {other.line}",
-                "one measure a name",
+                "a different name for each measure",
                 f"rename the function, for example my_{measure.name}",
             )
         new[measure.name] = measure

@@ -1,4 +1,4 @@
-"""How high roofs are, one beside the other: spread, variety and flatness."""
+"""The heights of roofs: deviation, entropy and flatness."""
 
 import math
 
@@ -9,19 +9,19 @@ from evocity.fitness.density import FLOOR
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 
-#: Heights are told apart in so many classes of one floor (`FLOOR`), upwards from `BUILT_ABOVE`;
-#: what stands higher than the last (61.5 m) is of the last.
+#: Number of classes of heights, one floor (`FLOOR`) each, upwards from `BUILT_ABOVE`. The last
+#: class takes all greater heights too (above 61.5 m).
 CLASSES = 20
-#: Roofs that differ by no more than this, metres, are level with each other.
+#: Greatest difference of level roofs, metres.
 LEVEL = 0.5
 
 
 @fitness(unit="m", range=(0, math.inf), any_site=True)
 def height_deviation(city: CityMap) -> float:
-    """Standard deviation of the height of what is built.
+    """Standard deviation of the heights of built ground.
 
-    Formula: √(Σ (h − h̄)² / n) over the n built pixels, h̄ their mean (`mean_height`).
-    Unit: metres. Range: 0 (all of one height) upwards. Empty map: NaN, nothing is built.
+    Formula: √(Σ (h − h̄)² / n) over the n built pixels, with h̄ their mean (`mean_height`).
+    Unit: metres. Range: 0 (one height everywhere) upwards. Empty map: NaN (nothing is built).
     Source: none needed, a plain deviation weighted by footprint.
 
     >>> heights = np.zeros((8, 8))
@@ -38,13 +38,13 @@ def height_deviation(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def height_entropy(city: CityMap) -> float:
-    """How evenly roofs are spread over all heights.
+    """How evenly built ground spreads over all heights.
 
-    Formula: −Σ p ln p / ln 20, p the share of the built pixels in each of 20 classes of one
-    storey, 3 m, from 1.5 to 61.5 m; what is higher is of the last. The bounds are fixed, so
-    that maps compare.
-    Unit: none. Range: 0 (all of one class) to 1 (as much of each). Empty map: NaN, nothing is
-    built.
+    Formula: −Σ p ln p / ln 20, with p the share of the built pixels in each of 20 classes of one
+    storey, 3 m, from 1.5 to 61.5 m. The last class takes all greater heights too. The bounds are
+    fixed, so that maps compare.
+    Unit: none. Range: 0 (one class) to 1 (equal shares of all classes).
+    Empty map: NaN (nothing is built).
     Source: Shannon 1948 (Bell System Technical Journal 27:379-423), normalised.
 
     >>> heights = np.zeros((8, 8))
@@ -64,18 +64,18 @@ def height_entropy(city: CityMap) -> float:
 
 @fitness(goal="max", range=(0, 1), any_site=True)
 def roof_flatness(city: CityMap) -> float:
-    """Share of what is built that lies level with all built ground beside it.
+    """Share of built ground that is level with all its built neighbours.
 
-    Formula: n_level / n over the n built pixels, level being those that differ by at most 0.5 m
-    from each of their built neighbours (4, by pixel sides). Real roofs of a 2D½ map end in
-    walls; codes blur them into slopes, and this falls.
-    Unit: none; at other pixel sizes other pixels are neighbours. Range: 0 to 1, a pixel without
-    built neighbours is level. Empty map: NaN, nothing is built.
-    Source: ours, to see how far coding and breeding have worn down roofs.
+    Formula: n_level / n over the n built pixels. A pixel is level if its height differs by at most
+    0.5 m from each of its built neighbours (4, by pixel sides). Real roofs of a 2D½ map end in
+    walls; codes blur them into slopes, and the share falls.
+    Unit: none. The share depends on the size of pixels. Range: 0 to 1; a pixel without built
+    neighbours is level. Empty map: NaN (nothing is built).
+    Source: ours, to see how far coding and breeding wear down roofs.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:, :4] = 9
-    >>> heights[:, 4:6] = 12  # a step: a column of pixels on either side is not level
+    >>> heights[:, 4:6] = 12  # a step: on either side a column of pixels is not level
     >>> round(roof_flatness(CityMap(heights, 2.0)), 4)
     0.6667
     """

@@ -1,7 +1,7 @@
-"""What shape buildings have, how many there are, and how many walls they share.
+"""The shapes of buildings, their number, and the walls they share.
 
-All of them are told apart by gaps and by steps of height (`CityMap.buildings`), and count from
-24 m² on: what is smaller are `crumbs`.
+Gaps and steps of height separate buildings (`CityMap.buildings`). Buildings of 24 m² and more
+count; smaller footprints are `crumbs`.
 """
 
 import math
@@ -16,12 +16,12 @@ from evocity.views.buildings import CRUMB
 
 @fitness(range=(0, 1), any_site=True)
 def elongation(city: CityMap) -> float:
-    """How long and narrow buildings are not: short by long side.
+    """Mean ratio of the short side of buildings to the long side.
 
-    Formula: mean over buildings of s / l, s and l the sides of the smallest rectangle about the
-    footprint (`Buildings.box`).
+    Formula: mean over buildings of s / l, with s and l the short and the long side of the smallest
+    rectangle about the footprint (`Buildings.box`). Long and narrow buildings have a low value.
     Unit: none. Range: above 0 (long and narrow) to 1 (as wide as long).
-    Empty map: NaN, and on any other map without a building of 24 m².
+    Empty map: NaN, as on any map without a building of 24 m².
     Source: Gil, Beirão, Montenegro & Duarte 2012 (Urban Morphology 16:27-40), as
     momepy.elongation.
 
@@ -36,12 +36,12 @@ def elongation(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def rectangularity(city: CityMap) -> float:
-    """How much of the smallest rectangles about them buildings fill.
+    """Mean share of its smallest rectangle that a building fills.
 
-    Formula: mean over buildings of A / A_bb, A the area of the footprint, A_bb that of the
-    smallest rectangle about it (`Buildings.box`); at most 1 each, which rounding to pixels may
-    exceed.
-    Unit: none. Range: above 0 to 1 (rectangles). Empty map: NaN, and on any other map without a
+    Formula: mean over buildings of A / A_bb, with A the area of the footprint and A_bb that of the
+    smallest rectangle about it (`Buildings.box`). Each ratio counts as at most 1, because rounding
+    to pixels may exceed it.
+    Unit: none. Range: above 0 to 1 (rectangles). Empty map: NaN, as on any map without a
     building of 24 m².
     Source: Dibble, Prelorendjos, Romice, Zanella, Strano, Pagel & Porta 2019 (Environment and
     Planning B 46:707-730), as momepy.rectangularity.
@@ -52,15 +52,15 @@ def rectangularity(city: CityMap) -> float:
     >>> rectangularity(CityMap(heights, 2.0))
     0.75
     """
-    return _mean(city, np.minimum(_boxed(city), 1))
+    return _mean(city, np.minimum(_box_shares(city), 1))
 
 
 @fitness(range=(0, 1), any_site=True)
 def convexity(city: CityMap) -> float:
-    """How much of their convex hulls buildings fill.
+    """Mean share of its convex hull that a building fills.
 
-    Formula: mean over buildings of A / A_hull, A the area of the footprint, A_hull that of its
-    convex hull on the raster (`Buildings.hull_area`).
+    Formula: mean over buildings of A / A_hull, with A the area of the footprint and A_hull that of
+    its convex hull on the raster (`Buildings.hull_area`).
     Unit: none. Range: above 0 to 1 (no yard, wing or bend). Empty map: NaN, and on any other
     map without a building of 24 m².
     Source: Dibble & al. 2019 (Environment and Planning B 46:707-730), as momepy.convexity.
@@ -78,12 +78,12 @@ def convexity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def compactness(city: CityMap) -> float:
-    """How much of the smallest circles about them buildings fill.
+    """Mean share of its smallest circle that a building fills.
 
-    Formula: mean over buildings of A / (π R²), A the area of the footprint, R the radius of the
-    smallest circle about it (`Buildings.circle`).
+    Formula: mean over buildings of A / (π R²), with A the area of the footprint and R the radius of
+    the smallest circle about it (`Buildings.circle`).
     Unit: none. Range: above 0 (far-flung) to 1 (a disc); a square has 2/π = .637.
-    Empty map: NaN, and on any other map without a building of 24 m².
+    Empty map: NaN, as on any map without a building of 24 m².
     Source: Dibble & al. 2019 (Environment and Planning B 46:707-730), after Reock 1961, as
     momepy.circular_compactness.
 
@@ -92,18 +92,18 @@ def compactness(city: CityMap) -> float:
     >>> round(compactness(CityMap(heights, 2.0)), 4)
     0.6366
     """
-    return _mean(city, _rounded(city))
+    return _mean(city, _circle_shares(city))
 
 
 @fitness(range=(0, 1.5), any_site=True)
 def eri(city: CityMap) -> float:
-    """Equivalent rectangular index: how near buildings come to rectangles in area and outline.
+    """Equivalent rectangular index: how close buildings are to rectangles in area and outline.
 
-    Formula: mean over buildings of √(A / A_bb) · P_bb / P, A and P area and perimeter of the
+    Formula: mean over buildings of √(A / A_bb) · P_bb / P. A and P are area and perimeter of the
     footprint (Crofton), A_bb and P_bb those of the smallest rectangle about it.
-    Unit: none. Range: above 0 (jagged) to 1 (rectangles). A raster's perimeter is so uncertain
-    that it may exceed that: rectangles along the raster have 1.05, a single pixel 1.49.
-    Empty map: NaN, and on any other map without a building of 24 m².
+    Unit: none. Range: above 0 (jagged) to 1 (rectangles). A raster's perimeter is uncertain, so
+    the index may exceed 1: rectangles along the raster have 1.05, a single pixel 1.49.
+    Empty map: NaN, as on any map without a building of 24 m².
     Source: Basaraner & Cetinkaya 2017 (International Journal of Geographical Information
     Science 31:1952-1977), as momepy.equivalent_rectangular_index.
 
@@ -116,17 +116,18 @@ def eri(city: CityMap) -> float:
     0.31
     """
     outline = 2 * city.buildings.box.sum(axis=1)
-    return _mean(city, np.sqrt(_boxed(city)) * outline / city.buildings.perimeter)
+    return _mean(city, np.sqrt(_box_shares(city)) * outline / city.buildings.perimeter)
 
 
 @fitness(range=(0, 1), any_site=True)
 def shape_index(city: CityMap) -> float:
-    """How round buildings are, by lengths.
+    """Mean roundness of buildings, as a ratio of lengths.
 
-    Formula: mean over buildings of √(A / π) / R, A the area of the footprint, R the radius of
-    the smallest circle about it (`Buildings.circle`): the root of what `compactness` averages.
+    Formula: mean over buildings of √(A / π) / R, with A the area of the footprint and R the radius
+    of the smallest circle about it (`Buildings.circle`). It is the root of the ratio that
+    `compactness` averages.
     Unit: none. Range: above 0 (far-flung) to 1 (a disc); a square has √(2/π) = .798.
-    Empty map: NaN, and on any other map without a building of 24 m².
+    Empty map: NaN, as on any map without a building of 24 m².
     Source: momepy.shape_index (Fleischmann 2019, JOSS 4:1807), whose longest axis is that
     circle's diameter.
 
@@ -135,18 +136,18 @@ def shape_index(city: CityMap) -> float:
     >>> round(shape_index(CityMap(heights, 2.0)), 4)
     0.7979
     """
-    return _mean(city, np.sqrt(_rounded(city)))
+    return _mean(city, np.sqrt(_circle_shares(city)))
 
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def building_density(city: CityMap) -> float:
-    """How many buildings stand on a hectare, those in a row told apart by their heights.
+    """Number of buildings per hectare; steps of height separate those in a row.
 
-    Formula: buildings of at least 24 m² (`CityMap.buildings`: gaps and steps of height of more
-    than half a storey part them), by the area of the map in hectares. `component_density`
-    counts by gaps alone.
+    Formula: number of buildings of at least 24 m², divided by the area of the map in hectares. Gaps
+    and steps of height of more than half a storey separate buildings (`CityMap.buildings`).
+    `component_density` counts by gaps only.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: none needed, a count; how they are told apart, Soille 2008 (IEEE PAMI 30:1132-1145).
+    Source: none needed, a count; buildings after Soille 2008 (IEEE PAMI 30:1132-1145).
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:20, 10:20] = 9
@@ -159,10 +160,11 @@ def building_density(city: CityMap) -> float:
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def component_density(city: CityMap) -> float:
-    """How many pieces of built ground stand on a hectare, rows and blocks counting once.
+    """Number of pieces of built ground per hectare; a row or a block counts once.
 
-    Formula: built components of at least 24 m² (`CityMap.areas`: pixels that touch by sides are
-    one), by the area of the map in hectares. `building_density` tells the houses of a row apart.
+    Formula: number of built components of at least 24 m², divided by the area of the map in
+    hectares. Pixels that touch by sides are one component (`CityMap.areas`). `building_density`
+    counts each house of a row.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
     Source: none needed, a count.
 
@@ -176,13 +178,13 @@ def component_density(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def party_wall_ratio(city: CityMap) -> float:
-    """Share of walls that buildings have in common.
+    """Share of the length of walls that two buildings have in common.
 
-    Formula: 2 S / (2 S + E), S the sides of pixels between two buildings, E those between a
-    building and open ground or the border of the map. Sides overstate the length of a slanting
-    wall, but of both kinds alike.
-    Unit: none. Range: 0 (all stand free) to below 1. Empty map: NaN, and on any other map without
-    a building of 24 m².
+    Formula: 2 S / (2 S + E), with S the sides of pixels between two buildings, and E those between
+    a building and open ground or the border of the map. Sides overstate the length of a slanting
+    wall, but equally for both kinds of wall.
+    Unit: none. Range: 0 (all buildings stand free) to below 1.
+    Empty map: NaN, as on any map without a building of 24 m².
     Source: Hamaina, Leduc & Moreau 2012 (Bridging the Geographic Information Sciences:327-346),
     as momepy.shared_walls by perimeter.
 
@@ -195,25 +197,25 @@ def party_wall_ratio(city: CityMap) -> float:
     buildings = city.buildings
     large = buildings.area >= CRUMB
     if not large.any():
-        return _nothing()
+        return _undefined()
     return float(buildings.shared[large].sum() / buildings.sides[large].sum())
 
 
-def _boxed(city: CityMap) -> np.ndarray:
-    """``(n,)``: area of each building by that of its smallest rectangle."""
+def _box_shares(city: CityMap) -> np.ndarray:
+    """Divide the area of each building by that of its smallest rectangle: ``(n,)``."""
     return city.buildings.area / city.buildings.box.prod(axis=1)
 
 
-def _rounded(city: CityMap) -> np.ndarray:
-    """``(n,)``: area of each building by that of its smallest circle."""
+def _circle_shares(city: CityMap) -> np.ndarray:
+    """Divide the area of each building by that of its smallest circle: ``(n,)``."""
     return city.buildings.area / (np.pi / 4 * city.buildings.circle**2)
 
 
 def _mean(city: CityMap, values: np.ndarray) -> float:
-    """Mean of ``values`` ``(n,)`` over the buildings that are no crumbs."""
+    """Average ``values`` ``(n,)`` over the buildings that are not crumbs."""
     large = city.buildings.area >= CRUMB
-    return float(values[large].mean()) if large.any() else _nothing()
+    return float(values[large].mean()) if large.any() else _undefined()
 
 
-def _nothing() -> Undefined:
+def _undefined() -> Undefined:
     return Undefined(f"no building of {CRUMB:.0f} m² or more")

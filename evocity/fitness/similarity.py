@@ -1,27 +1,27 @@
-"""How much of the city is a copy of itself."""
+"""Autosimilarity: how well larger blocks of a city draw its blocks."""
 
 import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.fitness.registry import fitness
 
-#: Range blocks of this many pixels a side are looked for among blocks twice as large.
+#: Side of the range blocks, pixels; domain blocks are twice as large.
 BLOCK = 4
-#: How far away, in pixels along each axis, a block looks for one like itself.
+#: Greatest distance of a domain block from its range block, pixels along each axis.
 REACH = 12
 
 
 @fitness(goal="max", range=(0, 1))
 def autosimilarity(city: CityMap) -> float:
-    """How well the city's blocks are drawn by larger blocks of the city nearby.
+    """How well larger blocks of the city nearby draw its blocks.
 
-    Formula: 1 − mean of (1 − ρ²), ρ the correlation of a range block with the domain block,
-    shrunk, that is most like it under the 8 isometries. Range blocks of 4 × 4 px on the
-    pavement, those that are not uniform; domain blocks of 8 × 8 px within 12 px. Neither
-    flat ground nor low contrast scores.
+    Formula: 1 − mean of (1 − ρ²), with ρ the best correlation of a range block with a shrunk domain
+    block under the 8 isometries. Range blocks have 4 × 4 px on the pavement; uniform ones do not
+    count. Domain blocks have 8 × 8 px and lie within 12 px. Neither flat ground nor low contrast
+    raises the value.
     Unit: none. Range: 0 to 1; noise has about 0.66, districts .90 to .97.
-    Empty map: 0, and on any map without a block that is not uniform. Rows and columns beyond
-    the last whole block are left out.
+    Empty map: 0, as on any map whose blocks are all uniform. Rows and columns beyond the last whole
+    block do not count.
     Source: Marsault 2005 §1.3; 1 − ρ² is its µ normalised by the block's own variance.
 
     >>> stripes = np.zeros((32, 32))

@@ -1,4 +1,4 @@
-"""How the sizes of what is built are distributed: many small, fewer large."""
+"""The distribution of building sizes: Salingaros' law, crumbs, small buildings and slivers."""
 
 import math
 from dataclasses import dataclass
@@ -9,33 +9,33 @@ from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
-from evocity.fitness.roots import root_between
+from evocity.fitness.root_finding import root_between
 from evocity.views.buildings import CRUMB
 
 #: Bounds of the sizes that count, metres: from a garage (25 m²; below are `crumbs`), four
-#: e-classes up, to the largest block (273 m). Fixed, for a fit on the sample's own maximum is
-#: biased.
+#: e-classes up, to the largest block (273 m). They are fixed, because a fit on the sample's own
+#: maximum is biased.
 SMALLEST = 5.0
 LARGEST = SMALLEST * math.e**4
-#: Fewer sizes than this say nothing of a distribution.
+#: Fewest sizes that show a distribution.
 FEWEST = 30
 
-#: What a building smaller than this is, m²: a shed, a garage, or a piece of a building.
+#: Area below which a building is a shed, a garage, or a piece of a building, m².
 SMALL = 50.0
 
-_STEEPEST = 700.0  # bound on |m| ln(b/a), near the end of exp's range
+_STEEPEST = 700.0  # bound on |m| ln(b/a), near the end of the range of exp
 
 
 @dataclass(frozen=True)
 class SizeFit:
-    """A truncated power law fitted to sizes, and how well they follow it.
+    """A truncated power law fitted to sizes, and how well the sizes follow it.
 
     m : exponent of Salingaros' law, p x^m = C for p items of size x.
     error : standard error of m, from the Fisher information.
-    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\|, about 0.8 if the law holds.
+    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\|, about 0.8 where the law holds.
     n : number of sizes within the bounds.
-    span : ln(largest / smallest) of these.
-    occupancy : share of the e-classes [a, ae), [ae, ae²) … that hold a size, 0 to 1.
+    span : ln(largest / smallest) of these sizes.
+    occupancy : share of the e-classes [a, ae), [ae, ae²) … that hold at least one size, 0 to 1.
     """
 
     m: float
@@ -54,25 +54,27 @@ def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> Siz
 
     Parameters
     ----------
-    sizes : array of linear sizes (√area for footprints), metres. Those outside [a, b] are
-        dropped.
+    sizes : array of linear sizes (√area for footprints), metres. The fit leaves out sizes outside
+        [a, b].
     a, b : the bounds, metres, 0 < a < b. They belong to the question, not to the sample.
 
     Raises
     ------
-    FitnessError : the bounds are no interval, or no size lies within.
+    FitnessError : the bounds are not an interval, or no size lies within them.
 
     Sources: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009.
     """
     if not 0 < a < b < math.inf:
-        raise FitnessError(f"bounds {a} … {b}", "0 < a < b", "give bounds in metres")
+        raise FitnessError(
+            f"the bounds a = {a} and b = {b} are invalid", "0 < a < b", "give a and b in metres"
+        )
     sizes = np.asarray(sizes, dtype=np.float64).ravel()
     logs = np.sort(np.log(sizes[(sizes >= a) & (sizes <= b)] / a))
     n = logs.size
     if not n:
         raise FitnessError(
-            f"none of {sizes.size} sizes lies within {a:g} … {b:g} m",
-            "at least one",
+            f"none of the {sizes.size} sizes lies between {a:g} and {b:g} m",
+            "at least one size",
             "widen the bounds, or give linear sizes in metres, not areas",
         )
     length = math.log(b / a)
@@ -97,30 +99,29 @@ def salingaros(city: CityMap) -> float:
 
     Formula: exp(−½ (d/0.25)²) · exp(−(KS√n/1.5)²) · min(1, span/3) · occupancy, from the
     exponent m of p x^m = C fitted to the sizes x = √area of the built components (see
-    `fit_sizes`), d the distance of m from [1, 2]. Sizes from 5 to 273 m (5 e⁴) count.
+    `fit_sizes`). d is the distance of m from [1, 2]. Sizes from 5 to 273 m (5 e⁴) count.
     Unit: none. Range: 0 to 1.
-    Empty map: NaN, and on any map of fewer than 30 such components: too few to tell.
+    Empty map: NaN, as on any map of fewer than 30 such components.
     Source: Salingaros & West 1999 (EPB 26:909-923). Real districts need not follow the law.
 
     >>> heights = np.zeros((64, 64))
     >>> salingaros(CityMap(heights, 2.0)).reason
     '0 built components of 5 to 273 m; fewer than 30 have no distribution'
     """
-    return _follows(city.areas, "built components")
+    return _law_score(city.areas, "built components")
 
 
 @fitness(goal="max", range=(0, 1), any_site=True)
 def salingaros_buildings(city: CityMap) -> float:
     """How well the sizes of buildings follow Salingaros' universal distribution.
 
-    Formula: that of `salingaros`, of the sizes x = √area of buildings told apart by gaps and by
-    steps of height (`CityMap.buildings`). Where a street block is one built component, of which
-    there are too few in dense fabric, its houses still are many. What is less than 5 m wide (the
-    short side of its least box) is no building and does not count: the law wants many small sizes,
-    and strips of a roof would be the cheapest. The papers (Marsault 2005, §4.2) ask for the law
-    and do not say of what; they speak of buildings, so this is what they mean.
+    Formula: as for `salingaros`, with the sizes x = √area of buildings. Gaps and steps of height
+    separate buildings (`CityMap.buildings`). In dense fabric a street block is one built component,
+    and a map has too few of them; its houses still are many. Buildings less than 5 m wide (the
+    short side of `Buildings.box`) do not count: the law asks for many small sizes, and a search
+    would add strips of roofs. Marsault 2005 (§4.2) asks for the law and speaks of buildings.
     Unit: none. Range: 0 to 1.
-    Empty map: NaN, and on any map of fewer than 30 such buildings of 5 to 273 m: too few to tell.
+    Empty map: NaN, as on any map of fewer than 30 such buildings of 5 to 273 m.
     Source: Salingaros & West 1999 (EPB 26:909-923); buildings as in `building_density`.
 
     >>> heights = np.zeros((64, 64))
@@ -128,11 +129,11 @@ def salingaros_buildings(city: CityMap) -> float:
     '0 buildings of 5 to 273 m; fewer than 30 have no distribution'
     """
     buildings = city.buildings
-    return _follows(buildings.area[buildings.box[:, 1] >= SMALLEST], "buildings")
+    return _law_score(buildings.area[buildings.box[:, 1] >= SMALLEST], "buildings")
 
 
-def _follows(areas: np.ndarray, what: str) -> float:
-    """How well √areas, in metres, follow the law; ``what`` they are of."""
+def _law_score(areas: np.ndarray, what: str) -> float:
+    """Score how well √``areas``, metres, follow the law; ``what`` names the objects."""
     sizes = np.sqrt(areas)
     count = np.count_nonzero((sizes >= SMALLEST) & (sizes <= LARGEST))
     if count < FEWEST:
@@ -149,12 +150,12 @@ def _follows(areas: np.ndarray, what: str) -> float:
 
 @fitness(goal="min", unit="/ha", range=(0, math.inf), any_site=True)
 def crumbs(city: CityMap) -> float:
-    """Number of crumbs, built components too small for a building, a hectare of built ground.
+    """Number of crumbs, built components too small for a building, per hectare of built ground.
 
-    Formula: built components of less than 24 m² (6 px at 2 m), divided by the area of all
-    built components in hectares.
-    Unit: 1/ha. Range: 0 upwards. Empty map: NaN, nothing is built.
-    Source: ours, to see how far breeding has crumbled a fabric.
+    Formula: number of built components of less than 24 m² (6 px at 2 m), divided by the area of
+    all built components in hectares.
+    Unit: 1/ha. Range: 0 upwards. Empty map: NaN (nothing is built).
+    Source: ours, to see how far breeding crumbles a fabric.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[:50, :49] = 9
@@ -170,15 +171,15 @@ def crumbs(city: CityMap) -> float:
 
 @fitness(goal="min", unit="/ha", range=(0, math.inf), any_site=True)
 def small_buildings(city: CityMap) -> float:
-    """How many buildings of less than 50 m² stand on a hectare: sheds, garages, and pieces.
+    """Number of buildings of less than 50 m² per hectare: sheds, garages and pieces.
 
-    `crumbs` counts what no building can be; this counts what a fabric has little of, and what
-    breeding leaves wherever it cuts a building. Buildings are told apart by gaps and by steps of
-    height.
+    `crumbs` counts footprints too small for a building. This measure counts small buildings too:
+    a real fabric has few, and breeding leaves many where it cuts buildings.
 
-    Formula: buildings of less than 50 m² (`CityMap.buildings`), by the area of the map in hectares.
+    Formula: number of buildings of less than 50 m², divided by the area of the map in hectares.
+    Gaps and steps of height separate buildings (`CityMap.buildings`).
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: ours; in the bundled districts 5 to 23 % of the buildings are so small.
+    Source: ours; in the bundled districts 5 to 23 % of the buildings have less than 50 m².
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:13, 10:13] = heights[30:40, 10:20] = 9
@@ -190,13 +191,13 @@ def small_buildings(city: CityMap) -> float:
 
 @fitness(goal="min", range=(0, 1), any_site=True)
 def slivers(city: CityMap) -> float:
-    """Share of buildings that are less than 5 m wide: strips of roofs, and pieces of buildings.
+    """Share of buildings that are less than 5 m wide: strips of roofs and pieces of buildings.
 
-    Real fabric has some, and coding leaves more; what is bred for many small sizes collects them.
+    A real fabric has some, and coding leaves more. A search for many small sizes collects slivers.
 
-    Formula: buildings whose least box (`CityMap.buildings`) has a short side under 5 m, by the
-    number of all buildings. Buildings are told apart by gaps and by steps of height.
-    Unit: none. Range: 0 to 1. Empty map: NaN, nothing is built.
+    Formula: number of buildings whose smallest rectangle (`Buildings.box`) has a short side under
+    5 m, divided by the number of all buildings. Gaps and steps of height separate buildings.
+    Unit: none. Range: 0 to 1. Empty map: NaN (nothing is built).
     Source: ours; the bundled districts have .04 to .22, and so have their codes.
 
     >>> heights = np.zeros((50, 50))
@@ -211,7 +212,7 @@ def slivers(city: CityMap) -> float:
 
 
 def _slope(mean: float) -> float:
-    """y = m L of the law on [0, 1] whose mean is ``mean``: 1/y − 1/(e^y − 1) = mean."""
+    """Find y = m L of the law on [0, 1] whose mean is ``mean``: 1/y − 1/(e^y − 1) = mean."""
     if _mean(_STEEPEST) >= mean:
         return _STEEPEST
     if _mean(-_STEEPEST) <= mean:
@@ -232,7 +233,7 @@ def _variance(y: float) -> float:
 
 
 def _law(y: float, position: np.ndarray) -> np.ndarray:
-    """Cumulative distribution ∝ e^{−y t} on [0, 1], at ``position``."""
+    """Compute the cumulative distribution ∝ e^{−y t} on [0, 1], at ``position``."""
     if abs(y) < 1e-9:
         return position
     return np.expm1(-y * position) / math.expm1(-y)

@@ -1,4 +1,4 @@
-"""What types of buildings a city has: detached, row, courtyard block, slab, tower, hall, shed."""
+"""Building types: shares of detached, row, courtyard block, slab, tower, hall and shed."""
 
 from collections.abc import Mapping
 from weakref import WeakKeyDictionary
@@ -19,26 +19,26 @@ TYPES = packaged()
 
 @fitness(range=(0, 1), numbers=TYPES.names, any_site=True)
 def building_types(city: CityMap) -> Mapping[str, float]:
-    """Shares of what is built that are detached houses, rows, courtyard blocks, slabs and so on.
+    """Shares of built ground of detached houses, rows, courtyard blocks, slabs and other types.
 
-    Each building, told apart by gaps and by steps of height, is of one type, by five features: its
-    area, its mean height, the share of its outline that are party walls, the courts of what it is
-    built together with, and its elongation. The table with its limits, and the reason for each, is
-    `evocity/data/building-types.toml`; `types_of` tells the type of each building. In short:
+    Gaps and steps of height separate buildings. Each building has one type, by five features: area,
+    mean height, share of party walls in the outline, courts of its built component, and
+    elongation. `evocity/data/building-types.toml` has the limits and the reason
+    for each; `types_of` gives the type of each building. In short:
 
-    `building_types.shed`, under 36 m²; `building_types.courtyard_block`, whatever is built together
-    around courts of 3 % of its footprint or more; `building_types.row`, wall to wall without
-    such, or low, long and by itself; `building_types.slab`, by itself and long, 10 m high or more,
-    or compact, large and 16 m high; `building_types.tower`, by itself, compact and 16 m high, or
-    within a street block and 40 m high; `building_types.hall`, low and deep or very long;
-    `building_types.detached`, all others that stand by themselves.
+    `building_types.shed`, under 36 m²; `building_types.courtyard_block`, built together around
+    courts of 3 % of the footprint or more; `building_types.row`, wall to wall without such courts,
+    or low, long and free-standing; `building_types.slab`, free-standing and long, 10 m high or
+    more, or compact, large and 16 m high; `building_types.tower`, free-standing, compact and 16 m
+    high, or within a street block and 40 m high; `building_types.hall`, low and deep or very long;
+    `building_types.detached`, all other free-standing buildings.
 
-    Formula: Σ A over the buildings of the type / Σ A over all, A the area of the footprint.
-    Unit: none. Range: 0 to 1, all types together 1. Heights tell most of them apart: on a map
-    without, little can be said.
-    Empty map: NaN, nothing is built.
-    Source: Marsault 2002 §6.2 asks for the "known distribution of a type of building or dwelling";
-    the types are a planner's, their limits ours but where the table names a source.
+    Formula: Σ A over the buildings of the type / Σ A over all, with A the area of the footprint.
+    Unit: none. Range: 0 to 1, all types together 1. Heights decide most types: a map without
+    heights shows little.
+    Empty map: NaN (nothing is built).
+    Source: Marsault 2002 §6.2 asks for the "known distribution of a type of building or dwelling".
+    The types are common in planning; their limits are ours where the table names no source.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:14, 8:13] = 6  # a house of 12 m × 10 m
@@ -52,14 +52,14 @@ def building_types(city: CityMap) -> Mapping[str, float]:
 
 @fitness(goal="min", range=(0, 1), any_site=True)
 def type_distance(city: CityMap, reference: Reference, genome: Genome | None = None) -> float:
-    """How far the city's mixture of building types is from that of other cities.
+    """Distance of the city's mixture of building types from that of other cities.
 
-    Formula: ½ Σ \\|p − q\\| over the types, p the share of what is built that each has in the city
-    (`building_types`), q that in the reference: the least share of the built ground that has to be
-    of another type. Of several cities, q is the mean of theirs by weight; of the source cities
-    of a run, each weighs as much as the built ground of the map that comes from it.
+    Formula: ½ Σ \\|p − q\\| over the types, with p the share of built ground that each type has in
+    the city (`building_types`), and q that in the reference. It is the least share of the built
+    ground that must change its type. For several cities, q is the mean by weight. A source city of
+    a run weighs as much as the built ground of the map that comes from it.
     Unit: none. Range: 0 (the same mixture) to 1 (no type in common).
-    Empty map: NaN; and where the reference has nothing built, or nothing built comes from it.
+    Empty map: NaN, as where the reference has no buildings, or no built ground comes from it.
     Source: "known distribution of a type of building or dwelling", Marsault 2002 §6.2; the
     distance is that of total variation.
 
@@ -73,9 +73,10 @@ def type_distance(city: CityMap, reference: Reference, genome: Genome | None = N
 
 
 def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
-    """The type of each building, by name, in the order of ``city.buildings``; by another ``table``
-    than the package's where one is given. About 0.3 ms at 256² once `CityMap.buildings` has its
-    shapes.
+    """Give the type of each building, by name, in the order of ``city.buildings``.
+
+    table : the table of types; None for the package's. About 0.3 ms at 256² once
+    `CityMap.buildings` has its shapes.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:14, 8:13] = 6
@@ -88,12 +89,12 @@ def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
 
 
 def features(city: CityMap) -> np.ndarray:
-    """Float64 ``(5, n)``: what a table of types may ask of the n buildings, rows as in
-    `type_table.FEATURES`.
+    """Compute the features of the n buildings that a table of types may limit: float64 ``(5, n)``,
+    rows as in `type_table.FEATURES`.
 
-    Area in m², mean height in m; share of the outline that faces other buildings; open ground
-    enclosed by the built component, by its own area (courts of what stands in a court count there
-    alone); area by the square of the long side of `Buildings.box`, at most 1.
+    Area in m²; mean height in m; share of the outline that faces other buildings; open ground that
+    the built component encloses, divided by its area; area divided by the square of the long side
+    of `Buildings.box`, at most 1. Courts of a component that stands in a court count there only.
     """
     if city not in _features:
         table, ground = city.buildings, city.open_space
@@ -114,7 +115,8 @@ def features(city: CityMap) -> np.ndarray:
 
 
 def shares(city: CityMap, table: TypeTable) -> np.ndarray | Undefined:
-    """Float64, one a type of ``table``: its share of what is built; undefined where nothing is."""
+    """Compute the share of built ground of each type of ``table``: float64; undefined where nothing
+    is built."""
     by_type = np.bincount(
         table.classified(features(city)), city.buildings.area, minlength=len(table.names)
     )
@@ -132,13 +134,13 @@ def _numbers(city: CityMap, table: TypeTable) -> Mapping[str, float]:
 def _distance(
     city: CityMap, table: TypeTable, reference: Reference | None, genome: Genome | None
 ) -> float:
-    """From the mixture of the ``reference``, or without one from that of the ``table``."""
+    """Measure the distance from the mixture of the ``reference``, or else of the ``table``."""
     own = shares(city, table)
-    wanted = table.shares if reference is None else _mixture(city, table, reference, genome)
-    for one in (own, wanted):
-        if isinstance(one, Undefined):
-            return one
-    return min(float(np.abs(own - wanted).sum()) / 2, 1.0)
+    target = table.shares if reference is None else _mixture(city, table, reference, genome)
+    for mixture in (own, target):
+        if isinstance(mixture, Undefined):
+            return mixture
+    return min(float(np.abs(own - target).sum()) / 2, 1.0)
 
 
 def _mixture(
@@ -158,13 +160,15 @@ def _mixture(
 
 
 def _declare(stem: str, content: bytes) -> None:
-    """The measures by a table of the user's own: ``stem.TYPE``, and ``stem_distance``, from its own
-    shares where it tells them, else from a reference."""
+    """Declare the measures of a user's table: ``stem.TYPE`` and ``stem_distance``.
+
+    The distance is that from the table's shares if it has them, else from a reference.
+    """
     if not stem.isidentifier():
         raise FitnessError(
-            f"a table called {stem}",
-            "a name that measures can have",
-            "rename it, such as types.toml",
+            f"the name of the table file, {stem}, cannot name a measure",
+            "a file name that is a valid name of a measure",
+            "rename the file, for example to types.toml",
         )
     table = TypeTable.of(content)
 
@@ -178,8 +182,8 @@ def _declare(stem: str, content: bytes) -> None:
         return _distance(city, table, None, None)
 
     distance = to_reference if table.shares is None else to_shares
-    numbers.__doc__ = f"Share of what is built that is of a type of {stem}.toml."
-    distance.__doc__ = f"Half the sum of differences of the shares of the types of {stem}.toml."
+    numbers.__doc__ = f"Share of built ground of a type of {stem}.toml."
+    distance.__doc__ = f"Half the sum of the differences in shares of the types of {stem}.toml."
     for function, name in ((numbers, stem), (distance, f"{stem}_distance")):
         function.__name__, function.__qualname__ = name, f"{stem}.toml:{name}"
     fitness(range=(0, 1), numbers=table.names, any_site=True)(numbers)
@@ -189,5 +193,3 @@ def _declare(stem: str, content: bytes) -> None:
 TABLES[".toml"] = _declare
 
 _features: WeakKeyDictionary[CityMap, np.ndarray] = WeakKeyDictionary()
-
-__all__ = ["TYPES", "building_types", "features", "shares", "type_distance", "types_of"]

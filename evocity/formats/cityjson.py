@@ -1,4 +1,4 @@
-"""CityJSON 2.0: solids of LoD 1.2; those of buildings with floors, walls and roofs told apart."""
+"""CityJSON 2.0: solids of LoD 1.2; surfaces of buildings are floors, walls and roofs."""
 
 import itertools
 import json
@@ -8,27 +8,27 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evocity.formats.solids import About, Group, Rings, numbered
+from evocity.formats.solids import About, Group, Rings, number_rows
 
 #: Vertices are whole numbers of millimetres.
 SCALE = 0.001
 
-#: Attributes of the first object by which a map is read back: its reference system, the middle of
-#: its window there, and metres a pixel.
+#: Attributes of the first object for reading a map again: its reference system, the middle of its
+#: window there, and metres a pixel.
 PLACE = ("evocity_crs", "evocity_center", "evocity_pixel")
 
 _text = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
-# What a solid's surfaces are, by their place in ``values``.
-_SURFACES = _text([{"type": f"{one}Surface"} for one in ("Ground", "Wall", "Roof")])
+# Types of a solid's surfaces, by their index in ``values``.
+_SURFACES = _text([{"type": f"{part}Surface"} for part in ("Ground", "Wall", "Roof")])
 
 
 def cityjson(groups: Sequence[Group], about: About) -> str:
-    """A CityJSON document: an object each solid and each surface of the ``groups``.
+    """Write a CityJSON document, with an object for each solid and surface of the ``groups``.
 
     Source: CityJSON 2.0.1 specification (cityjson.org).
     """
-    # What has many numbers becomes text at once: lists of them for json take most of the time.
+    # long arrays become text directly: lists of numbers for json would take most of the time
     rings = [group.rings.on_grid(SCALE) for group in groups]
     tall = [np.round(group.heights / SCALE).astype(np.int64) for group in groups]
     levels = [np.empty((0, 3), np.int64)]
@@ -36,17 +36,17 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
         owner = own.owner
         levels += [np.column_stack([own.points, z]) for z in (0 * owner, high[owner])]
     corners = np.concatenate(levels)
-    number = numbered(corners)
+    number = number_rows(corners)
     vertices = np.empty((number.max(initial=-1) + 1, 3), np.int64)
     vertices[number] = corners
-    of_levels = np.split(number, np.cumsum([len(one) for one in levels]))[1:-1]
-    objects, first = [], _told(about)
+    of_levels = np.split(number, np.cumsum([len(level) for level in levels]))[1:-1]
+    objects, first = [], _scene_attributes(about)
     for k, group in enumerate(groups):
         floor, roof = of_levels[2 * k : 2 * k + 2]
         for name, kind, attributes, geometry in _objects(group, rings[k], tall[k], floor, roof):
-            told, first = _text(first | attributes), {}
-            found = f'"type":"{kind}","attributes":{told},"geometry":[{{{geometry}}}]'
-            objects.append(f"{_text(name)}:{{{found}}}")
+            listed, first = _text(first | attributes), {}
+            members = f'"type":"{kind}","attributes":{listed},"geometry":[{{{geometry}}}]'
+            objects.append(f"{_text(name)}:{{{members}}}")
     document = {
         "type": "CityJSON",
         "version": "2.0",
@@ -60,27 +60,27 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
 
 def _metadata(groups: Sequence[Group], about: About) -> dict:
     (x, y), (wide, deep) = about.offset, about.size
-    top = max((float(one.heights.max()) for one in groups if len(one)), default=0.0)
-    found = {"title": about.name, "geographicalExtent": [x, y, 0.0, x + wide, y + deep, top]}
+    top = max((float(group.heights.max()) for group in groups if len(group)), default=0.0)
+    metadata = {"title": about.name, "geographicalExtent": [x, y, 0.0, x + wide, y + deep, top]}
     if about.crs and (code := re.fullmatch(r"(\w+):(\w+)", about.crs)):
         authority, number = code.groups()
-        found["referenceSystem"] = f"https://www.opengis.net/def/crs/{authority}/0/{number}"
-    return found
+        metadata["referenceSystem"] = f"https://www.opengis.net/def/crs/{authority}/0/{number}"
+    return metadata
 
 
-def _told(about: About) -> dict:
-    """What the whole scene's attributes are; CityJSON's metadata has no room for them."""
-    found = {"name": about.name, "attribution": about.attribution, PLACE[0]: about.crs}
-    found |= {PLACE[1]: list(about.window[:2]), PLACE[2]: about.window[2]}
+def _scene_attributes(about: About) -> dict:
+    """Collect the whole scene's attributes, for which CityJSON's metadata has no members."""
+    own = {"name": about.name, "attribution": about.attribution, PLACE[0]: about.crs}
+    own |= {PLACE[1]: list(about.window[:2]), PLACE[2]: about.window[2]}
     measures = {name: value for name, value in about.measures.items() if math.isfinite(value)}
-    return {key: value for key, value in found.items() if value} | measures
+    return {key: value for key, value in own.items() if value} | measures
 
 
 def _objects(
     group: Group, rings: Rings, tall: np.ndarray, floor: np.ndarray, roof: np.ndarray
 ) -> Iterator[tuple[str, str, dict, str]]:
-    """Name, type, attributes and geometry of each: of each point of the ``rings`` its vertex on the
-    ground and the one ``tall`` units of `SCALE` above."""
+    """Yield name, type, attributes and geometry of each object. ``floor`` and ``roof``: the vertex
+    of each point of the ``rings`` on the ground, and the vertex ``tall`` units of `SCALE` above."""
     after = rings.after
     ways = (way.tolist() for way in (floor, floor[after], roof[after], roof))
     walls = [f"[[{a},{b},{c},{d}]]" for a, b, c, d in zip(*ways, strict=True)]
@@ -101,12 +101,12 @@ def _objects(
         else:
             surface = _surface(below, spans, 1)
             geometry = f'"type":"MultiSurface","lod":"0","boundaries":[{surface}]'
-        told = ((name, column[k]) for name, column in group.attributes.items())
-        attributes |= {name: value for name, value in told if value is not None}
+        values = ((name, column[k]) for name, column in group.attributes.items())
+        attributes |= {name: value for name, value in values if value is not None}
         yield f"{group.name}-{k + 1}", kind, attributes, geometry
 
 
 def _surface(names: list[str], spans: list[tuple[int, int]], way: int) -> str:
-    """The rings at ``spans`` of ``names``, walked this ``way``, 1 or −1."""
+    """Write the rings at ``spans`` of ``names``, in direction ``way``, 1 or −1."""
     rings = [",".join(names[a:b][::way]) for a, b in spans]
     return f"[[{'],['.join(rings)}]]"

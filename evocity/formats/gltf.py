@@ -1,4 +1,4 @@
-"""glTF 2.0 in one binary file, y up: a mesh a group, and one of each shape of several copies."""
+"""Binary glTF 2.0, y up: a mesh for each group, and for each shape with several copies."""
 
 import json
 import math
@@ -13,17 +13,17 @@ from evocity.formats.solids import About, Copies, Group, Mesh
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
 
-# The last index of 16 bits begins a new strip.
+# 16-bit indices stay below this: it would begin a new strip.
 _MOST = 2**16 - 1
 
 
 def glb(groups: Sequence[Group], about: About) -> bytes:
-    """The bytes of a .glb: a node, a mesh and a material a group, colours linear.
+    """Write the bytes of a .glb: a node, a mesh and a material for each group, colours linear.
 
-    A shape of which a group has two copies or more is a mesh of its own, and each copy a node below
-    the group's. A mirrored one has a scale of x below 0: its triangles are then seen from the other
-    side, by the specification (3.7.4). There are no normals: who shows it makes flat ones, 3.7.2.1,
-    and corners need not be told once for each wall.
+    A shape with two copies or more in a group has its own mesh, and each copy is a node below the
+    group's. A mirrored copy has a scale of x below 0, which reverses its triangles by the
+    specification (3.7.4). There are no normals: viewers make flat ones (3.7.2.1), so walls share
+    corners.
 
     Source: Khronos, glTF 2.0 specification.
     """
@@ -31,7 +31,7 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
     document = {
         "asset": {"version": "2.0", "generator": "evocity", "copyright": about.attribution},
         "scene": 0,
-        # programs that show it, such as Blender, keep the extras of a scene, and no others
+        # viewers such as Blender only keep the extras of a scene
         "scenes": [{"name": about.name, "nodes": [], "extras": place}],
         "nodes": [],
         "meshes": [],
@@ -51,8 +51,8 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
         node: dict = {"name": group.name}
         document["scenes"][0]["nodes"].append(len(document["nodes"]))
         document["nodes"].append(node)
-        single = _single(group)
-        alone = mesh.only(single[mesh.owner])
+        single = _is_single(group)
+        alone = mesh.select(single[mesh.owner])
         if len(alone.triangles):
             node["mesh"] = _mesh(document, parts, group.name, alone, material)
         if not single.all():
@@ -66,8 +66,8 @@ def glb(groups: Sequence[Group], about: About) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _single(group: Group) -> np.ndarray:
-    """Bool ``(n,)``: which solids of a group are no copies, or the only one of their shape."""
+def _is_single(group: Group) -> np.ndarray:
+    """Mark solids of a group that are not copies, or the only copy of a shape, bool ``(n,)``."""
     if group.copies is None:
         return np.ones(len(group), bool)
     of = group.copies.of
@@ -75,11 +75,11 @@ def _single(group: Group) -> np.ndarray:
 
 
 def _copies(document: dict, parts: list[bytes], copies: Copies, chosen, material: int) -> list[int]:
-    """Numbers of the nodes of the copies ``chosen``, bool ``(n,)``."""
+    """Add nodes of the copies ``chosen``, bool ``(n,)``, and return their numbers."""
     shapes, nodes = copies.mesh, document["nodes"]
     meshes = {
         shape: _mesh(
-            document, parts, copies.names[shape], shapes.only(shapes.owner == shape), material
+            document, parts, copies.names[shape], shapes.select(shapes.owner == shape), material
         )
         for shape in np.unique(copies.of[chosen]).tolist()
     }
@@ -88,21 +88,20 @@ def _copies(document: dict, parts: list[bytes], copies: Copies, chosen, material
         (x, y), (along, across, up) = copies.places[k].tolist(), copies.scales[k].tolist()
         half = float(copies.turns[k]) / 2
         shape = int(copies.of[k])
-        found = {"name": copies.names[shape], "mesh": meshes[shape]}
-        found["translation"] = _short(x, 0.0, -y)
-        found["rotation"] = _short(0.0, math.sin(half), 0.0, math.cos(half))
-        found["scale"] = _short(along, up, across)
-        nodes.append(found)
+        node = {"name": copies.names[shape], "mesh": meshes[shape]}
+        node["translation"] = _short(x, 0.0, -y)
+        node["rotation"] = _short(0.0, math.sin(half), 0.0, math.cos(half))
+        node["scale"] = _short(along, up, across)
+        nodes.append(node)
     return list(range(first, len(nodes)))
 
 
 def _short(*numbers: float) -> list[float]:
-    """As many digits as a viewer's numbers have."""
+    """Round to the digits of a viewer's numbers."""
     return [float(f"{number:.9g}") + 0.0 for number in numbers]
 
 
 def _mesh(document: dict, parts: list[bytes], name: str, mesh: Mesh, material: int) -> int:
-    """Number of a new mesh."""
     primitives = [
         {
             "attributes": {"POSITION": _accessor(document, parts, points, "VEC3", _ARRAY)},
@@ -116,22 +115,22 @@ def _mesh(document: dict, parts: list[bytes], name: str, mesh: Mesh, material: i
 
 
 def _parts(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Points, y up, and triangles as indices of them, of whole solids; so few together that their
-    indices are of 16 bits, unless one solid alone has more."""
+    """Yield points, y up, and triangles as indices of them, of whole solids; so few at once that
+    indices have 16 bits, unless a single solid has more."""
     order = np.argsort(mesh.owner, kind="stable")
     triangles, owner = mesh.triangles[order], mesh.owner[order]
     solids = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
-    most = np.diff(np.r_[solids, len(owner)]) + 2  # of points, of whatever is made of triangles
+    most = np.diff(np.r_[solids, len(owner)]) + 2  # points of so many connected triangles
     begin, count = 0, 0
     for solid, own in zip(solids.tolist(), most.tolist(), strict=True):
         if solid > begin and count + own > _MOST:
-            yield _indexed(mesh.points, triangles[begin:solid])
+            yield _index_points(mesh.points, triangles[begin:solid])
             begin, count = solid, 0
         count += own
-    yield _indexed(mesh.points, triangles[begin:])
+    yield _index_points(mesh.points, triangles[begin:])
 
 
-def _indexed(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _index_points(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     used, index = np.unique(triangles, return_inverse=True)
     x, y, z = points[used].T
     return np.stack([x, z, -y + 0.0], axis=1).astype(np.float32), index.ravel()
@@ -161,13 +160,13 @@ def _accessor(document: dict, parts: list[bytes], array, kind: str, target: int)
     document["bufferViews"].append(
         {"buffer": 0, "byteOffset": offset, "byteLength": len(data), "target": target}
     )
-    found = {
+    accessor = {
         "bufferView": len(document["bufferViews"]) - 1,
         "componentType": component,
         "count": len(array),
         "type": kind,
     }
     if target == _ARRAY:
-        found |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-    document["accessors"].append(found)
+        accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+    document["accessors"].append(accessor)
     return len(document["accessors"]) - 1

@@ -1,4 +1,4 @@
-"""Wavefront OBJ, y up, an object a solid: what Rhino and Blender take."""
+"""Wavefront OBJ, y up, an object for each solid, for Rhino and Blender."""
 
 from collections.abc import Sequence
 
@@ -8,17 +8,17 @@ from evocity.formats.solids import WALL, About, Group
 
 
 def obj(groups: Sequence[Group], about: About) -> str:
-    """The text of an .obj. Names and places of the scene are in its comments; colours are those of
-    points, which Rhino, Blender and MeshLab take from behind their coordinates."""
-    told = [f"evocity: {about.name}", about.attribution]
-    told.append(f"offset {about.offset[0]:.3f} {about.offset[1]:.3f} {about.crs or ''}")
-    lines = [f"# {' '.join(one.split())}" for one in told if one.strip()]
+    """Write the text of an .obj. Comments have the name and place of the scene; the colours follow
+    the coordinates of points, where Rhino, Blender and MeshLab read them."""
+    notes = [f"evocity: {about.name}", about.attribution]
+    notes.append(f"offset {about.offset[0]:.3f} {about.offset[1]:.3f} {about.crs or ''}")
+    lines = [f"# {' '.join(note.split())}" for note in notes if note.strip()]
     base = 1
     for group in groups:
         mesh = group.mesh
         lines.append(f"g {group.name}")
         x, y, z = np.round(mesh.points, 3).T
-        colour = " ".join(f"{one:.3g}" for one in group.colour)
+        colour = " ".join(f"{channel:.3g}" for channel in group.colour)
         lines += [
             f"v {a:.9g} {b:.9g} {c:.9g} {colour}"
             for a, b, c in zip(x.tolist(), z.tolist(), (-y + 0.0).tolist(), strict=True)
@@ -29,13 +29,13 @@ def obj(groups: Sequence[Group], about: About) -> str:
 
 
 def _faces(group: Group, base: int) -> list[str]:
-    """Lines of the objects of a group, whose points are numbered from ``base`` on: walls have four
-    corners, floors and roofs are of triangles."""
+    """Write the lines of the objects of a group, whose points have numbers from ``base`` on: walls
+    have four corners, floors and roofs three."""
     mesh = group.mesh
     walls, owner = mesh.quads
     flat = mesh.part != WALL
-    faces = ["f {} {} {} {}".format(*one) for one in (walls + base).tolist()]
-    faces += ["f {} {} {}".format(*one) for one in (mesh.triangles[flat] + base).tolist()]
+    faces = ["f {} {} {} {}".format(*wall) for wall in (walls + base).tolist()]
+    faces += ["f {} {} {}".format(*face) for face in (mesh.triangles[flat] + base).tolist()]
     owners = np.r_[owner, mesh.owner[flat]]
     lines, before = [], -1
     for face in np.argsort(owners, kind="stable").tolist():

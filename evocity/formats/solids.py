@@ -1,4 +1,4 @@
-"""Solids as arrays: prisms that stand on polygons, in metres from a local corner."""
+"""Solids as arrays: prisms on polygons, in metres from a local corner, and their triangles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import shapely
 
-#: What a triangle is part of.
+#: Parts of a solid to which triangles belong.
 FLOOR, WALL, ROOF = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class About:
-    """What is known of a scene besides its solids.
+    """Description of a scene besides its solids.
 
     name, attribution : as of a map.
     crs : its reference system, an authority code or a PROJ string, or None.
-    offset : (x, y) of the local corner in ``crs``; (0, 0) if it lies nowhere on Earth.
+    offset : (x, y) of the local corner in ``crs``; (0, 0) without a place on Earth.
     size : (x, y) of the ground, metres.
-    window : what a map of the scene is read back with: (x, y) of the middle of a square window in
+    window : for reading a map of the scene again: (x, y) of the middle of a square window in
         ``crs``, and metres a pixel.
     measures : values of the map's measures, by name.
     """
@@ -36,14 +36,14 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """Shapes, and which solids of a group are copies of them, scaled, turned and moved.
+    """Shapes, and the solids of a group that are copies of them, scaled, turned and moved.
 
-    names, polygons, heights : of m shapes, m texts, objects ``(m,)`` and float64 ``(m,)``, metres
-        about an origin of their own.
-    of : int ``(n,)``, of each solid its shape; -1 of what is no copy.
+    names, polygons, heights : of m shapes: texts, objects ``(m,)`` and float64 ``(m,)``, metres
+        about their own origin.
+    of : int ``(n,)``, the shape of each solid; -1 for solids that are not copies.
     scales : float64 ``(n, 3)``, along the shape's x, y and z; x below 0 mirrors it.
-    turns : float64 ``(n,)``, radians against the clock, once it is scaled.
-    places : float64 ``(n, 2)``, metres, where the shape's origin comes to lie.
+    turns : float64 ``(n,)``, radians counterclockwise, after scaling.
+    places : float64 ``(n, 2)``, metres, the place of the shape's origin.
     """
 
     names: tuple[str, ...]
@@ -62,16 +62,16 @@ class Copies:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Solids of one kind, which have one colour: prisms on polygons, or, of height 0, surfaces.
+    """Solids of one kind and colour: prisms on polygons, or surfaces of height 0.
 
     name : the kind.
     colour : sRGB, three numbers of 0…1.
     polygons : objects ``(n,)``, valid shapely polygons, metres from the south-west corner, x to the
         east, y to the north.
     heights : float64 ``(n,)``, metres.
-    attributes : by name, a list of n values each: text, whole numbers, numbers, or None.
-    city_object : what CityJSON calls one of them; or a list, what it calls each.
-    copies : which are copies of a shape; None if none is. `polygons` and `heights` hold them too.
+    attributes : lists of n values by name: text, whole numbers, numbers, or None.
+    city_object : CityJSON's type of all of them; or a list of the type of each.
+    copies : the solids that are copies of shapes, also in `polygons` and `heights`; or None.
     """
 
     name: str
@@ -87,18 +87,18 @@ class Group:
 
     @property
     def city_objects(self) -> Sequence[str]:
-        """What CityJSON calls each."""
-        one = self.city_object
-        return [one] * len(self) if isinstance(one, str) else one
+        """CityJSON's type of each."""
+        kind = self.city_object
+        return [kind] * len(self) if isinstance(kind, str) else kind
 
     @property
     def volume(self) -> float:
-        """M³ of all."""
+        """Volume of all, m³."""
         return float(shapely.area(self.polygons) @ self.heights)
 
     @cached_property
     def rings(self) -> "Rings":
-        """What bounds the polygons."""
+        """The rings of the polygons."""
         return rings_of(self.polygons)
 
     @cached_property
@@ -109,11 +109,11 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """What bounds polygons: shells against the clock, holes with it, a polygon's shell first.
+    """Rings of polygons: shells counterclockwise, holes clockwise, a polygon's shell first.
 
-    points : ``(p, 2)``, x and y, no ring's first point again at its end.
+    points : ``(p, 2)``, x and y, without the repeated point at a ring's end.
     starts : int64 ``(r + 1,)``: ring k has ``points[starts[k] : starts[k + 1]]``.
-    of : int64 ``(r,)``, rising: which polygon each bounds.
+    of : int64 ``(r,)``, rising: the polygon of each ring.
     """
 
     points: np.ndarray
@@ -122,23 +122,24 @@ class Rings:
 
     @property
     def owner(self) -> np.ndarray:
-        """Int64 ``(p,)``: which polygon each point is of."""
+        """Int64 ``(p,)``: the polygon of each point."""
         return np.repeat(self.of, np.diff(self.starts))
 
     @property
     def after(self) -> np.ndarray:
         """Int64 ``(p,)``: the next point of the same ring."""
-        found = np.arange(1, len(self.points) + 1)
-        found[self.starts[1:] - 1] = self.starts[:-1]
-        return found
+        following = np.arange(1, len(self.points) + 1)
+        following[self.starts[1:] - 1] = self.starts[:-1]
+        return following
 
     def first(self, polygons: int) -> np.ndarray:
-        """Int64 ``(polygons + 1,)``: from ``first[k]`` to ``first[k + 1] − 1``, polygon k's."""
+        """Index rings, int64 ``(polygons + 1,)``: polygon k has ``first[k]`` to ``first[k + 1] −
+        1``."""
         return np.searchsorted(self.of, np.arange(polygons + 1))
 
     def on_grid(self, grain: float) -> "Rings":
-        """In whole numbers of ``grain``, int64, without points that this lays on the one before,
-        nor rings of which it leaves less than three."""
+        """Round to whole numbers of ``grain``, int64; drop points that then equal the one before,
+        and rings of less than three points."""
         whole = np.round(self.points / grain).astype(np.int64)
         kept = (whole != whole[self.after]).any(axis=1)
         ring = np.repeat(np.arange(len(self.of)), np.diff(self.starts))
@@ -153,9 +154,9 @@ class Mesh:
     """Triangles of solids, each closed and manifold by itself.
 
     points : float64 ``(p, 3)``, x, y, z up, metres.
-    triangles : int32 ``(t, 3)``, against the clock seen from outside; those of walls last their
-        other halves, in the same order.
-    owner : int32 ``(t,)``, which solid each is of. part : uint8 ``(t,)``: `FLOOR`, `WALL`, `ROOF`.
+    triangles : int32 ``(t, 3)``, counterclockwise from outside; the second halves of walls follow
+        all first halves, in the same order.
+    owner : int32 ``(t,)``, the solid of each. part : uint8 ``(t,)``: `FLOOR`, `WALL`, `ROOF`.
     """
 
     points: np.ndarray
@@ -165,14 +166,13 @@ class Mesh:
 
     @property
     def quads(self) -> tuple[np.ndarray, np.ndarray]:
-        """Walls as they are, each of two of the triangles: int32 ``(w, 4)``, as `triangles`; and
-        which solid each is of."""
+        """Walls of four corners, each of two triangles: int32 ``(w, 4)``, and the solid of each."""
         halves, owner = self.triangles[self.part == WALL], self.owner[self.part == WALL]
         count = len(halves) // 2
         return np.column_stack([halves[:count], halves[count:, 2]]), owner[:count]
 
-    def only(self, chosen: np.ndarray) -> "Mesh":
-        """The triangles ``chosen``, bool ``(t,)``."""
+    def select(self, chosen: np.ndarray) -> "Mesh":
+        """Select the triangles ``chosen``, bool ``(t,)``."""
         rows = (self.triangles[chosen], self.owner[chosen], self.part[chosen])
         return Mesh(self.points, *rows)
 
@@ -185,7 +185,7 @@ class Mesh:
 
 
 def rings_of(polygons: np.ndarray) -> Rings:
-    """Of valid shapely ``polygons``, objects ``(n,)``."""
+    """Return the rings of valid shapely ``polygons``, objects ``(n,)``."""
     turned = shapely.orient_polygons(shapely.remove_repeated_points(polygons))
     rings, of = shapely.get_rings(turned, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -194,8 +194,8 @@ def rings_of(polygons: np.ndarray) -> Rings:
     return Rings(points[~last], np.concatenate([[0], np.cumsum(counts)]), of)
 
 
-def numbered(rows: np.ndarray) -> np.ndarray:
-    """Int64 ``(n,)``: a number from 0 on for each of the ``rows``, the same for the same."""
+def number_rows(rows: np.ndarray) -> np.ndarray:
+    """Number the ``rows`` from 0 on, int64 ``(n,)``: equal rows have equal numbers."""
     order = np.lexsort(rows.T[::-1])
     found = np.zeros(len(rows), np.int64)
     found[order[1:]] = np.cumsum((rows[order[1:]] != rows[order[:-1]]).any(axis=1))
@@ -230,8 +230,8 @@ def _mesh(polygons: np.ndarray, rings: Rings, heights: np.ndarray) -> Mesh:
 def _triangles(
     polygons: np.ndarray, points: np.ndarray, owner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of the polygons, as indices of their own ``points``, against the clock, and which
-    polygon each is of."""
+    """Triangulate the polygons: counterclockwise indices of their own ``points``, and the polygon
+    of each triangle."""
     if not len(polygons):
         return np.empty((0, 3), np.int64), np.empty(0, np.int64)
     found = shapely.constrained_delaunay_triangles(polygons)
@@ -240,9 +240,9 @@ def _triangles(
     (ax, ay), (bx, by) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
     clockwise = ax * by < ay * bx
     corners[clockwise] = corners[clockwise, ::-1]
-    asked = np.column_stack([np.repeat(of, 3), corners.reshape(-1, 2)])
-    number = numbered(np.concatenate([np.column_stack([owner, points]), asked]))
-    own, asked = number[: len(points)], number[len(points) :]
+    ends = np.column_stack([np.repeat(of, 3), corners.reshape(-1, 2)])
+    number = number_rows(np.concatenate([np.column_stack([owner, points]), ends]))
+    own, ends = number[: len(points)], number[len(points) :]
     first = np.empty(number.max() + 1, np.int64)
     first[own[::-1]] = np.arange(len(own))[::-1]
-    return first[asked].reshape(-1, 3), of
+    return first[ends].reshape(-1, 3), of

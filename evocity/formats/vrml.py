@@ -1,9 +1,9 @@
-"""VRML97, which the papers write (Marsault 2002 §5.6), and X3D, which came after it; y up.
+"""VRML97, the format of the papers (Marsault 2002 §5.6), and its successor X3D; y up.
 
-A Group a group, in it a Shape a solid. One without courtyards is an Extrusion, which tells each
-corner once; all else is an IndexedFaceSet, whose faces are numbers of its own few points. Lengths
-are whole millimetres from the north-west corner, short numbers without points and signs; about all
-a Transform makes metres from the south-west corner of them.
+Each group is a Group, each solid a Shape in it. A solid without courtyards is an Extrusion, which
+has each corner once; other solids are an IndexedFaceSet, whose faces index its own few points.
+Lengths are whole millimetres from the north-west corner, which makes short numbers; a Transform
+about all converts them to metres from the south-west corner.
 """
 
 import math
@@ -15,7 +15,7 @@ import shapely
 
 from evocity.formats.solids import WALL, About, Group
 
-#: What lengths are whole numbers of, metres.
+#: The unit of lengths, metres.
 GRAIN = 1e-3
 _SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
 
@@ -31,15 +31,15 @@ _X3D = (
 
 
 def vrml97(groups: Sequence[Group], about: About) -> str:
-    """The text of a .wrl. Source: ISO/IEC 14772-1:1997."""
-    told = [f"offset {x:.3f}" for x in about.offset] + [about.crs or "", about.attribution]
-    shown = ", ".join(_quoted(line) for line in told if line)
-    parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quoted(about.name)} info [ {shown} ] }}"]
+    """Write the text of a .wrl. Source: ISO/IEC 14772-1:1997."""
+    notes = [f"offset {x:.3f}" for x in about.offset] + [about.crs or "", about.attribution]
+    info = ", ".join(_quote(line) for line in notes if line)
+    parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quote(about.name)} info [ {info} ] }}"]
     parts.append('NavigationInfo { type [ "EXAMINE", "WALK", "ANY" ] }')
     parts.append(_viewpoint(about))
-    deep = _deep(about)
+    deep = _ground_depth(about)
     parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
-    for name, colour, geometries in _filled(groups, deep, _VRML97):
+    for name, colour, geometries in _fill_templates(groups, deep, _VRML97):
         look = f"DEF {name}-look Appearance {{ material Material {{ diffuseColor {colour} }} }}"
         parts.append(f"DEF {name} Group {{ children [")
         for geometry in geometries:
@@ -50,8 +50,8 @@ def vrml97(groups: Sequence[Group], about: About) -> str:
 
 
 def x3d(groups: Sequence[Group], about: About) -> str:
-    """The text of an .x3d, XML: the profile Interchange, with the level of Geometry3D that has
-    extrusions. Source: ISO/IEC 19776-1, X3D 3.3."""
+    """Write the text of an .x3d, XML: the profile Interchange, with the level of Geometry3D that
+    has extrusions. Source: ISO/IEC 19776-1, X3D 3.3."""
     metas = {
         "title": about.name,
         "rights": about.attribution,
@@ -74,9 +74,9 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         "</head>",
         "<Scene>",
     ]
-    deep = _deep(about)
+    deep = _ground_depth(about)
     parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
-    for name, colour, geometries in _filled(groups, deep, _X3D):
+    for name, colour, geometries in _fill_templates(groups, deep, _X3D):
         material = f'<Material diffuseColor="{colour}"/>'
         look = f'<Appearance DEF="{name}-look">{material}</Appearance>'
         parts.append(f'<Group DEF="{name}">')
@@ -87,10 +87,9 @@ def x3d(groups: Sequence[Group], about: About) -> str:
     return "\n".join([*parts, "</Transform>", "</Scene>", "</X3D>", ""])
 
 
-def _filled(
+def _fill_templates(
     groups: Sequence[Group], deep: int, templates: tuple[str, str]
 ) -> Iterator[tuple[str, str, list[str]]]:
-    """Name, colour and geometries of each group that has any."""
     for group in groups:
         if len(group):
             colour = " ".join(f"{c:.4g}" for c in group.colour)
@@ -106,44 +105,43 @@ def _viewpoint(about: About) -> str:
     )
 
 
-def _deep(about: About) -> int:
-    """How far to the south the ground goes, in units of `GRAIN`."""
+def _ground_depth(about: About) -> int:
+    """Return the length of the ground from north to south, in units of `GRAIN`."""
     return math.ceil(about.size[1] / GRAIN)
 
 
 def _geometries(group: Group, deep: int, prism: str, faced: str) -> list[str]:
-    """Of each solid or surface the one template or the other, filled."""
     plain = (group.heights > 0) & (shapely.get_num_interior_rings(group.polygons) == 0)
     tall = np.round(group.heights / GRAIN).astype(np.int64).tolist()
-    found = [""] * len(group)
+    texts = [""] * len(group)
     rings = group.rings.on_grid(GRAIN)
     at = rings.starts[rings.first(len(group))].tolist()
     corners = _corners(rings.points, deep, "{} {}")
     for k in np.flatnonzero(plain).tolist():
         section = corners[at[k] : at[k + 1]]
-        found[k] = prism.format(" ".join([*section, section[0]]), tall[k])
+        texts[k] = prism.format(" ".join([*section, section[0]]), tall[k])
     if plain.all():
-        return found
+        return texts
     at = group.rings.starts[group.rings.first(len(group))].tolist()
     corners = _corners(group.rings.points / GRAIN, deep, "{} %d {}")
     faces = _faces(group, ~plain)
     for k in np.flatnonzero(~plain).tolist():
         level = " ".join(corners[at[k] : at[k + 1]])
         points = [level.replace("%d", str(high)) for high in dict.fromkeys((0, tall[k]))]
-        found[k] = faced.format(" ".join(points), faces[k])
-    return found
+        texts[k] = faced.format(" ".join(points), faces[k])
+    return texts
 
 
 def _corners(points: np.ndarray, deep: int, template: str) -> list[str]:
-    """Text of each of the ``points``: units of `GRAIN` to the east and, from the north, south."""
+    """Write each of the ``points``: units of `GRAIN` to the east and, from the north, south."""
     x, y = np.round(points).astype(np.int64).T
     return list(map(template.format, x.tolist(), (deep - y).tolist()))
 
 
 def _faces(group: Group, chosen: np.ndarray) -> list[str]:
-    """Of each solid, if it is ``chosen``, its faces: walls of four corners, floors and roofs of
-    three. Numbers are those of its own points, all on the ground before all on top."""
-    mesh = group.mesh.only(chosen[group.mesh.owner])
+    """Write the faces of each ``chosen`` solid: walls of four corners, floors and roofs of three.
+    Indices are those of its own points, all on the ground before all on top."""
+    mesh = group.mesh.select(chosen[group.mesh.owner])
     flat = mesh.part != WALL
     start = group.rings.starts[group.rings.first(len(group))]
     count = start[-1]
@@ -160,7 +158,7 @@ def _faces(group: Group, chosen: np.ndarray) -> list[str]:
     return [" ".join(texts[a:b]) for a, b in zip([0, *ends], ends, strict=False)]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 

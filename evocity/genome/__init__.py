@@ -1,15 +1,11 @@
-"""A city as an iterated function system: one gene, a lifs, a range block.
+"""Genomes: a city as an iterated function system with one gene, a lifs, for each range block.
 
-- `nucleotides`: the one table of what a gene holds
-- `genome`: `Genome`; `checks`: what its parts may be
-- `descent`: what a child has of its parents besides their lifs
-- `refining`: lifs split and merged without change, genomes laid of pieces of others
-- `files`, `reading`: genome files, written and read
+- `genome`, `nucleotides`, `checks`: the chromosome, the fields of a gene, their bounds
+- `split_merge`: lifs split and merged without change of the decoded map
+- `reader`, `writer`: genome files
 """
 
-from evocity.genome.descent import descended, joined, merged_cities
-from evocity.genome.files import SCHEMA_VERSIONS
-from evocity.genome.genome import Genome
+from evocity.genome.genome import Genome, descended, joined, merged_cities
 from evocity.genome.nucleotides import (
     DOMAIN,
     FIELDS,
@@ -22,8 +18,9 @@ from evocity.genome.nucleotides import (
     packed,
     unpacked,
 )
-from evocity.genome.reading import read_genome
-from evocity.genome.refining import Pieces, laid, merged, refined, split
+from evocity.genome.reader import read_genome
+from evocity.genome.split_merge import Pieces, laid, merged, refined, split
+from evocity.genome.writer import SCHEMA_VERSIONS
 
 __all__ = [
     "DOMAIN",

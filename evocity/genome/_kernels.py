@@ -8,16 +8,16 @@ from evocity.accelerate import kernel
 @kernel
 def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index, top, left, side,
                affine, found):  # fmt: skip
-    """Tile a map with the largest squares, from ``root`` px down by halves, that show a part of
-    one range block each.
+    """Tile a map with the largest squares, from ``root`` px down by halves, that show a part of a
+    single range block each.
 
     Each cell of ``cell`` px, of a grid ``(R, C)``, shows cell (row, column) of the genome
     ``whose`` under the isometry ``iso``. The range blocks of genome g are starts[g] : starts[g +
     1] of ``top``, ``left`` and ``side``, numbered by index[g] (H, W) from 0 in each.
 
     ``found`` (8, n) gets, for each square: its top, left and side; the genome; its range block; the
-    square's place (down, along) in that; the isometry. Returns their number, which may be above
-    the room in ``found``, or -1 where no halving leads to a part of one range block.
+    square's place (down, along) in that; the isometry. Returns their number, which may exceed the
+    room in ``found``, or -1 where no halving leads to a part of a single range block.
     """
     room = found.shape[1]
     count = 0
@@ -90,9 +90,9 @@ def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index
 
 @kernel
 def merge_siblings(top, left, side, index, most, same, numbers, affine, alive):
-    """Merge four range blocks that make up one of twice the side and continue each other, from the
+    """Merge four range blocks that form one of twice the side and continue each other, from the
     finest up, to the side ``most``. In place: the north-west one becomes the whole, the others
-    are no more ``alive``. Returns how many merges were made.
+    are no longer ``alive``. Returns the number of merges.
 
     ``same`` (m, n) are values, as bits, that must be equal; ``numbers`` (8, n): x, y, dx, dy of the
     domain block, iso, row and column of the source, turn.
@@ -166,10 +166,10 @@ def part_places(
     lifs, down, along, side, whole, iso, turn, source, y, x, dy, dx, affine,
     sources, tops, lefts, talls, wides,
 ):  # fmt: skip
-    """Where the squares of ``side`` px at (down, along) of the range blocks ``lifs``, of ``whole``
-    px each, come from: what part of their domain blocks they read (``tops``, ``lefts``, ``talls``,
-    ``wides``), and of their stones (``sources``). All that is of lifs is told one a lifs, all that
-    is of squares one a square."""
+    """Compute the sources of squares of ``side`` px at (down, along) of the range blocks ``lifs``,
+    of ``whole`` px each: the part of their domain blocks (``tops``, ``lefts``, ``talls``,
+    ``wides``), and of their origins (``sources``). Arrays of lifs have a value for each lifs,
+    arrays of squares a value for each square."""
     for k in range(lifs.size):
         i, s = lifs[k], np.int64(side[k])
         last = s - 1
@@ -190,7 +190,7 @@ def in_bounds(
     height, width, side, steepest, cities, sigma, beta, x, y, dx, dy, iso, parent, source, turn,
     other, part,
 ):  # fmt: skip
-    """Whether all nucleotides are within the bounds of `evocity.genome.NUCLEOTIDES`."""
+    """Tell whether all nucleotides are within the bounds of `evocity.genome.NUCLEOTIDES`."""
     for i in range(side.size):
         if not (abs(sigma[i]) <= steepest and np.isfinite(beta[i])):
             return False

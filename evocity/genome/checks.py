@@ -1,4 +1,4 @@
-"""What a genome's parts may be; told all at once."""
+"""Validation of genomes: types of the arrays, description, bounds of the nucleotides."""
 
 import math
 
@@ -9,16 +9,16 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError
 from evocity.genome._kernels import in_bounds
 from evocity.genome.nucleotides import FIELDS, Nucleotide
-from evocity.pavement import Pavement
 
 
-def typed(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
-    """``values`` as a read-only array ``(count,)`` of the nucleotide's type, or `GenomeError`."""
+def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
+    """Convert ``values`` to a read-only array ``(count,)`` of the nucleotide's type. Raises
+    `GenomeError` for another shape, or for values that do not fit the type."""
     array = np.asarray(values)
     if array.shape != (count,):
         raise GenomeError(
-            f"{name} of shape {array.shape}",
-            f"({count},), one value a range block",
+            f"{name} has the shape {array.shape}",
+            f"the shape ({count},), with one value per range block",
             "build the arrays from the genome's own pavement",
         )
     if nucleotide.dtype.kind in "iu" and array.dtype != nucleotide.dtype:
@@ -27,51 +27,49 @@ def typed(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
             array.size and (array.min() < limits.min or array.max() > limits.max)
         ):
             raise GenomeError(
-                f"{name} of type {array.dtype} with values beyond {nucleotide.dtype}",
-                f"whole numbers {limits.min}…{limits.max}",
-                "round to legal values first",
+                f"{name} of type {array.dtype} has values that {nucleotide.dtype} cannot hold",
+                f"whole numbers from {limits.min} to {limits.max}",
+                "round and limit the values first",
             )
-    ours = array.base is None and not array.flags.writeable  # else somebody may still write
+    ours = array.base is None and not array.flags.writeable  # else a caller may still write to it
     if array.dtype != nucleotide.dtype or not ours or not array.flags.c_contiguous:
         array = np.array(array, dtype=nucleotide.dtype, order="C")
         if array.dtype.kind == "f":
-            array += nucleotide.dtype.type(0)  # no −0, which is another number to a digest
+            array += nucleotide.dtype.type(0)  # −0 would change the digest
         array.setflags(write=False)
     return array
 
 
 def check_description(genome) -> None:
-    """Raise one `GenomeError` for all that is wrong with what describes a genome."""
+    """Raise one `GenomeError` that lists every fault of a genome's description."""
 
     def number(value) -> bool:
         return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
-    pixel, origin = genome.metres_per_pixel, genome.origin
+    pixel, origin, layer, p = (
+        genome.metres_per_pixel, genome.origin, genome.condensation, genome.pavement
+    )  # fmt: skip
     low, high = PIXEL_SIDES
     faults = {
         f"metres_per_pixel = {pixel!r}": number(pixel) and low <= pixel <= high,
         f"sigma_max = {genome.sigma_max!r}": number(genome.sigma_max) and genome.sigma_max > 0,
-        "cities that are no names": 0 < len(genome.cities) <= 256
+        "cities that are not names": 0 < len(genome.cities) <= 256
         and all(isinstance(city, str) for city in genome.cities),
         f"attribution = {genome.attribution!r}": isinstance(genome.attribution, str),
         f"crs = {genome.crs!r}": genome.crs is None or isinstance(genome.crs, str),
         f"origin = {origin!r}": origin is None
-        or (len(origin) == 2 and all(number(one) and math.isfinite(one) for one in origin)),
-        f"condensation = {genome.condensation!r}": genome.condensation is None
-        or _fits(genome.condensation, genome.pavement),
+        or (len(origin) == 2 and all(number(at) and math.isfinite(at) for at in origin)),
+        f"condensation = {layer!r}": layer is None
+        or (isinstance(layer, Condensation) and layer.shape == (p.height, p.width)),
     }
-    found = [fault for fault, right in faults.items() if not right]
-    if found:
+    wrong = [fault for fault, right in faults.items() if not right]
+    if wrong:
         raise GenomeError(
-            "; ".join(found),
+            "; ".join(wrong),
             f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text, (x, y) or None, "
             "a Condensation of the map's size or None",
             "correct them, or encode the map again",
         )
-
-
-def _fits(layer, pavement: Pavement) -> bool:
-    return isinstance(layer, Condensation) and layer.shape == (pavement.height, pavement.width)
 
 
 def check_bounds(genome) -> None:
@@ -81,46 +79,31 @@ def check_bounds(genome) -> None:
     steepest, cities = np.float32(genome.sigma_max), len(genome.cities)
     if in_bounds(p.height, p.width, side, steepest, cities, *fields):
         return
-    told = f"{p.block} above {p.block}" if p.uniform else "the range block's side above it"
-    none = genome.dx == 0
-    extent_x, extent_y = genome.dx.astype(np.int32), genome.dy.astype(np.int32)
-    right, bottom = genome.x + extent_x, genome.y + extent_y
+    extent = f"{p.block} above {p.block}" if p.uniform else "the range block's side above it"
+    x, y, sigma, iso, part = genome.x, genome.y, genome.sigma, genome.iso, genome.part
+    tall, wide = genome.dy.astype(np.int32), genome.dx.astype(np.int32)
+    bare, right, bottom = wide == 0, x + wide, y + tall
+    legal = (tall > side) & (wide > side) & (tall % side == 0) & (wide % side == 0)
+    void = (sigma == 0) & (tall == 0) & (iso == 0) & (right == 0) & (bottom == 0)
+    inside = (x >= 0) & (y >= 0) & (right <= p.width) & (bottom <= p.height)
     with np.errstate(invalid="ignore"):
         faults = {
-            f"σ beyond ±{genome.sigma_max:g}": ~(
-                np.abs(genome.sigma) <= np.float32(genome.sigma_max)
-            ),
+            f"σ beyond ±{genome.sigma_max:g}": ~(np.abs(sigma) <= steepest),
             "β not finite": ~np.isfinite(genome.beta),
-            "domain outside the map": (genome.x < 0)
-            | (genome.y < 0)
-            | (right > p.width)
-            | (bottom > p.height),
-            f"extent not a multiple of {told}": ~none
-            & (
-                (extent_x <= side)
-                | (extent_y <= side)
-                | (extent_x % side != 0)
-                | (extent_y % side != 0)
-            ),
-            "no domain, yet σ, x, y, dy or iso not 0": none
-            & (
-                (genome.sigma != 0)
-                | (extent_y != 0)
-                | (genome.iso != 0)
-                | (right != 0)
-                | (bottom != 0)
-            ),
-            "iso above 7": genome.iso > 7,
+            "domain outside the map": ~inside,
+            f"extent not a multiple of {extent}": ~bare & ~legal,
+            "no domain, yet σ, x, y, dy or iso not 0": bare & ~void,
+            "iso above 7": iso > 7,
             "turn above 7": genome.turn > 7,
             "parent or other not among the cities": np.maximum(genome.parent, genome.other)
-            >= len(genome.cities),
-            "part not in 0…1": ~((genome.part >= 0) & (genome.part <= 1)),
+            >= cities,
+            "part not in 0…1": ~((part >= 0) & (part <= 1)),
             "source below 0": genome.source < 0,
         }
-    found = [f"{np.count_nonzero(bad)} lifs: {what}" for what, bad in faults.items() if bad.any()]
-    if found:
+    wrong = [f"{np.count_nonzero(bad)} lifs: {what}" for what, bad in faults.items() if bad.any()]
+    if wrong:
         raise GenomeError(
-            "; ".join(found),
+            "; ".join(wrong),
             "nucleotides within the bounds of evocity.genome.NUCLEOTIDES",
             "round and clip before building a genome",
         )

@@ -1,11 +1,12 @@
-"""Growth: genomes become a fabric without end (Marsault 2005 §4.2).
+"""Growth of an endless fabric from genomes (Marsault 2005 §4.2).
 
-- `grow`: lay groups of fabric beyond the original extent, of one city or of several
-- `Growth`: the fabric, by windows, as a map, as a genome
+- `setup`, `fabric`: the function `grow` and its result
+- `plane`, `lattice`: the endless plane, and the places of groups on it
+- `repetition`, `shares`: windows that must not repeat, and shares of the originals
 """
 
 from evocity.growth._kernels import WINDOW
 from evocity.growth.fabric import Growth
-from evocity.growth.laying import grow
+from evocity.growth.setup import grow
 
 __all__ = ["WINDOW", "Growth", "grow"]

@@ -1,49 +1,49 @@
 """Compiled loops of growth, in one file, since those that lay call all others. Slow twins stand in
 tests/naive.py.
 
-Fabric and originals are cut into square *cells* of ``cell`` px. A fabric is an array of *stones*,
-int32, one a cell: 8·index + isometry of the original's cell laid there, −1 where nothing stands
-yet; the cells of all originals are counted through, row by row, one original after the other. So
-are their heights, ``brought``. A *place* is a rectangle of cells, a *candidate* a rectangle of an
+Fabric and originals consist of square *cells* of ``cell`` px. A fabric is an array of *stones*,
+int32, one for each cell: 8·index + isometry of the original's cell laid there, −1 where the cell is
+bare. Indices run through the cells of all originals, row by row, original after original; so do
+their heights, ``brought``. A *place* is a rectangle of cells, a *candidate* a rectangle of an
 original's cells of that size under an isometry: (original, isometry, row, column of its north-west
 cell). ``sides``, int64 ``(originals, 3)``, holds rows, columns and first cell of each original;
-``lays`` is `evocity.growth.LAYS`.
+``lays`` is `evocity.growth.plane.LAYS`.
 """
 
 import numpy as np
 
 from evocity.accelerate import kernel
 
-#: No two windows of this side, pixels, are to be identical.
+#: Side of the windows that must not be identical, pixels.
 WINDOW = 64
-#: What is remembered of the fabric are the windows `ANCHORED` px wide at every eighth pixel: each
-#: window of `WINDOW` holds one of them, wherever it lies.
+#: The tables note windows `ANCHORED` px wide at every eighth pixel: at any place, each window of
+#: `WINDOW` contains one of them.
 APART = 8
 ANCHORED = WINDOW - APART + 1
 
-#: Anchors are numbered row by row, so many a row.
+#: Anchors in a row, for their numbers row by row.
 ACROSS = 1 << 31
 
 
-# Entries of the table of windows: nothing, gone again, at several anchors.
+# Entries of the table of windows: free, forgotten, at several anchors.
 FREE, GONE, MANY = -1, -2, -3
 
 _ROW, _COLUMN = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xD1342543DE82EF95)
 _MIX = np.uint64(0xBF58476D1CE4E5B9)
 _HALF, _LESS = np.uint64(32), np.uint64(29)
 
-# Flow is counted in whole units, so many a metre; an edge costs one more, so that of equal cuts
-# the shortest is taken.
+# Units of flow per metre, whole numbers; an edge costs one more, so that the shortest of equal
+# cuts wins.
 _UNITS = 1024
 _NEVER = 1 << 40
 
-# Puts candidates behind all others, metres.
+# Penalty that puts candidates after all others, metres.
 _AKIN = 1e12
 
 
 @kernel
 def origin(stone, sides):
-    """Where a stone comes from, as the candidate of one cell."""
+    """Find the source of a stone, as the candidate of a single cell."""
     index, one = stone >> 3, 0
     while one + 1 < sides.shape[0] and index >= sides[one + 1, 2]:
         one += 1
@@ -53,7 +53,7 @@ def origin(stone, sides):
 
 @kernel
 def fabric_window(stones, brought, sides, lays, cell, top, left, out):
-    """out = the fabric's heights from pixel (top, left) on; −1 where nothing stands."""
+    """out = the fabric's heights from pixel (top, left) on; −1 on bare cells."""
     high, wide = out.shape
     for row in range(top // cell, (top + high + cell - 1) // cell):
         y, i0 = row * cell - top, max(top - row * cell, 0)
@@ -73,8 +73,8 @@ def fabric_window(stones, brought, sides, lays, cell, top, left, out):
 
 @kernel
 def candidate(draw, one, isos, tall, wide, sides, lays):
-    """The candidate of original ``one`` that a random whole ``draw`` means for a place of
-    tall × wide cells."""
+    """Decode a random whole ``draw``: a candidate of original ``one`` for a place of tall × wide
+    cells."""
     iso = isos[(draw & 7) % isos.size]
     if lays[iso, 2] == 0:  # it lays rows of the original as columns
         tall, wide = wide, tall
@@ -85,8 +85,8 @@ def candidate(draw, one, isos, tall, wide, sides, lays):
 
 @kernel
 def strides(chosen, tall, wide, cell, sides, lays):
-    """Where a candidate's pixel (y, x) lies in what is ``brought``: at first + y·down + x·along.
-    With ``cell`` 1, the same of its cells in their count."""
+    """Compute the strides of a candidate's pixel (y, x) in ``brought``: first + y·down + x·along.
+    With ``cell`` 1, the same for its cells."""
     one, iso, row, column = chosen
     lay = lays[iso]
     if lay[2] == 0:
@@ -99,16 +99,16 @@ def strides(chosen, tall, wide, cell, sides, lays):
 
 @kernel
 def overlap_cost(stand, standing, brought, at, cell, limit):
-    """Σ |brought − stand| over the pixels of the cells ``standing``; given up above ``limit``.
+    """Sum |brought − stand| over the pixels of the cells ``standing``; stops above ``limit``.
 
-    at : `strides` of what is brought."""
+    at : `strides` of the candidate."""
     first, down, along = at
     total = 0.0
     for i in range(standing.shape[0]):
         for j in range(standing.shape[1]):
             if standing[i, j]:
                 for y in range(i * cell, (i + 1) * cell):
-                    line = 0.0  # a sum of its own, so that lines need not wait for each other
+                    line = 0.0  # a separate sum, so that lines do not wait for each other
                     for x in range(j * cell, (j + 1) * cell):
                         line += abs(brought[first + y * down + x * along] - stand[y, x])
                     total += line
@@ -119,7 +119,8 @@ def overlap_cost(stand, standing, brought, at, cell, limit):
 
 @kernel
 def edge_steps(stand, standing, brought, at, cell):
-    """Σ |brought − stand| along the north, south, west and east edge of each cell ``standing``."""
+    """Sum |brought − stand| along the north, south, west and east edge of each cell
+    ``standing``."""
     first, down, along = at
     tall, wide = standing.shape
     steps = np.zeros((tall, wide, 4))
@@ -142,12 +143,12 @@ def edge_steps(stand, standing, brought, at, cell):
 
 @kernel
 def between(steps, standing, i, j, p, q, side):
-    """Step across the edge ``side`` of cell (i, j), which cell (p, q) shares: the mean of what
-    is known of both."""
+    """Compute the step across the edge ``side`` of cell (i, j), which cell (p, q) shares: the mean
+    of the known steps of both."""
     other = side ^ 1
     if standing[i, j] and standing[p, q]:
         return (steps[i, j, side] + steps[p, q, other]) / 2
-    return steps[i, j, side] + steps[p, q, other]  # 0 for what does not stand
+    return steps[i, j, side] + steps[p, q, other]  # 0 for bare cells
 
 
 @kernel
@@ -155,12 +156,12 @@ def least_cut(costs, rims, must, never, laid):
     """Cut a place in cells that are laid and cells that stay, at the least cost.
 
     costs[i, j, s] : of a cut along the south (s = 0) or east (s = 1) edge of cell (i, j).
-    rims[i, j] : of laying cell (i, j) beside what stands outside the place.
-    must, never : cells that are laid, cells that stay, whatever it costs.
-    laid : filled with the cells to lay, as many as equal cost allows.
+    rims[i, j] : of laying cell (i, j) next to cells outside the place.
+    must, never : cells that are laid, cells that stay, at any cost.
+    laid : becomes the cells to lay, as many as equal cost allows.
 
-    The least cut is the largest flow from what stays to what is laid (Ford & Fulkerson 1956), in
-    whole units: a search finds shortest ways to all ends at once, and each is filled up.
+    The least cut is the largest flow from cells that stay to cells that are laid (Ford & Fulkerson
+    1956), in whole units: a search finds shortest paths to all ends at once, and fills each.
     """
     tall, wide = must.shape
     count = tall * wide
@@ -180,7 +181,7 @@ def least_cut(costs, rims, must, never, laid):
     filled = True
     while filled:
         filled = False
-        came[:] = -2  # not reached; −1: from outside, else by which step
+        came[:] = -2  # not reached; −1: from outside, else the step that leads here
         head, tail = 0, 0
         for k in range(count):
             if inward[k] > 0:
@@ -204,7 +205,7 @@ def least_cut(costs, rims, must, never, laid):
                 k -= step[d]
                 flow = min(flow, room[k, d])
             flow = min(flow, inward[k])
-            if flow == 0:  # an earlier way filled a part of this one
+            if flow == 0:  # an earlier path filled a part of this one
                 continue
             filled = True
             inward[k] -= flow
@@ -222,7 +223,8 @@ def least_cut(costs, rims, must, never, laid):
 @kernel
 def outline(stones, place, standing, never, steps, cell, laid):
     """Choose the cells of a group to lay, by the least cut, and return the mean step along its
-    outline, metres a pixel; 0 if it has none. ``steps`` as of `edge_steps`; ``laid`` is filled."""
+    outline, metres per pixel; 0 without an outline. ``steps`` come from `edge_steps`; fills
+    ``laid``."""
     top, left, tall, wide = place
     costs, rims = np.zeros((tall, wide, 2)), np.zeros((tall, wide))
     touching = np.zeros((tall, wide), np.int64)
@@ -232,7 +234,7 @@ def outline(stones, place, standing, never, steps, cell, laid):
                 costs[i, j, 0] = between(steps, standing, i, j, i + 1, j, 1)
             if j + 1 < wide:
                 costs[i, j, 1] = between(steps, standing, i, j, i, j + 1, 3)
-            for d in range(4):  # the place's own rim, where something stands beyond
+            for d in range(4):  # the place's rim, where cells beyond are not bare
                 p, q = i + (d == 1) - (d == 0), j + (d == 3) - (d == 2)
                 if 0 <= p < tall and 0 <= q < wide:
                     continue
@@ -256,14 +258,14 @@ def outline(stones, place, standing, never, steps, cell, laid):
     return total / (edges * cell) if edges else 0.0
 
 
-# -- windows that must not come twice ---------------------------------------------------------
+# -- windows that must not repeat -------------------------------------------------------------
 
 
 @kernel
 def window_keys(values, side):
-    """Key of every side × side window of float32 ``values``, 0 where some pixel of it is −1.
+    """Compute the key of every side × side window of float32 ``values``, 0 where a pixel is −1.
 
-    Equal windows have equal keys; two others, one in 2⁶⁴.
+    Equal windows have equal keys; unequal ones agree once in 2⁶⁴.
     """
     high, wide = values.shape
     rows, columns = high - side + 1, wide - side + 1
@@ -300,7 +302,7 @@ def window_keys(values, side):
 
 @kernel
 def mixed(bits):
-    """64 bits that look random, for 32."""
+    """Spread 32 bits to 64 that look random."""
     value = (np.uint64(bits) + _ROW) * _MIX
     value = (value ^ (value >> _HALF)) * _COLUMN
     return value ^ (value >> _LESS)
@@ -308,7 +310,7 @@ def mixed(bits):
 
 @kernel
 def slot_of(keys, key):
-    """Where ``key`` stands in the table, or would stand."""
+    """Find the slot of ``key`` in the table, or its free slot."""
     mask = keys.size - 1
     slot = np.int64(key >> np.uint64(20)) & mask
     while keys[slot] != 0 and keys[slot] != key:
@@ -318,7 +320,7 @@ def slot_of(keys, key):
 
 @kernel
 def remember(keys, anchors, key, anchor):
-    """Note that the window of ``key`` stands at ``anchor``; returns 1 if the table grew."""
+    """Note the window of ``key`` at ``anchor``; returns 1 if the table grew."""
     slot = slot_of(keys, key)
     new = keys[slot] == 0
     if new or anchors[slot] == GONE:
@@ -330,9 +332,9 @@ def remember(keys, anchors, key, anchor):
 
 @kernel
 def remember_all(keys, anchors, found, top, left, apart, across):
-    """Note the windows ``found``, `window_keys` from pixel (top, left) on, at the anchors: every
-    pixel whose row and column are multiples of ``apart``; ``across`` anchors make a row of the
-    fabric. Returns by how much the table grew."""
+    """Note the windows ``found``, `window_keys` from pixel (top, left) on, at the anchors: pixels
+    whose row and column are multiples of ``apart``, ``across`` in a row of the fabric. Returns the
+    number of new entries."""
     grown = 0
     for y in range(-top % apart, found.shape[0], apart):
         for x in range(-left % apart, found.shape[1], apart):
@@ -344,7 +346,7 @@ def remember_all(keys, anchors, found, top, left, apart, across):
 
 @kernel
 def forget(keys, anchors, found, now, top, left, apart, across):
-    """Strike out the windows ``found`` at anchors where another stands ``now``."""
+    """Forget the windows ``found`` at anchors where another stands ``now``."""
     for y in range(-top % apart, found.shape[0], apart):
         for x in range(-left % apart, found.shape[1], apart):
             if found[y, x] and found[y, x] != now[y, x]:
@@ -355,7 +357,8 @@ def forget(keys, anchors, found, now, top, left, apart, across):
 
 @kernel
 def rehashed(keys, anchors, size):
-    """The table in one of ``size`` places, a power of two, without what is gone; its filling."""
+    """Rebuild the table with ``size`` slots, a power of two, without forgotten entries; returns
+    also the number of entries."""
     larger, places = np.zeros(size, np.uint64), np.full(size, FREE, anchors.dtype)
     kept = 0
     for old in range(keys.size):
@@ -368,24 +371,24 @@ def rehashed(keys, anchors, size):
 
 @kernel
 def stands_elsewhere(keys, anchors, key, anchor):
-    """Whether the window of ``key`` is known, at another anchor than ``anchor``."""
+    """Tell whether the table has the window of ``key`` at another anchor than ``anchor``."""
     slot = slot_of(keys, key)
     return keys[slot] != 0 and anchors[slot] != GONE and anchors[slot] != anchor
 
 
 @kernel
 def is_among(some, key):
-    """Whether ``key`` is one of ``some`` sorted keys."""
+    """Tell whether ``key`` is among the sorted keys ``some``."""
     at = np.searchsorted(some, key)
     return at < some.size and some[at] == key
 
 
 @kernel
 def comes_twice(keys, anchors, found, exempt, side, top, left, apart, across, box):
-    """Whether any of the windows ``found`` that touch ``box`` (top, left, bottom, right, pixels)
-    stands at an anchor elsewhere, in the table or among themselves, and is not ``exempt``.
+    """Tell whether any of the windows ``found`` that touch ``box`` (top, left, bottom, right,
+    pixels) repeats, in the table or among themselves, and is not ``exempt``.
 
-    found : `window_keys` of that ``side`` from pixel (top, left) on, as they would be.
+    found : `window_keys` of that ``side`` from pixel (top, left) on, with the candidate laid.
     exempt : sorted keys.
     """
     count = np.count_nonzero(found[-top % apart :: apart, -left % apart :: apart])
@@ -413,8 +416,8 @@ def comes_twice(keys, anchors, found, exempt, side, top, left, apart, across, bo
 
 @kernel
 def common_windows(values, found, common, allowed):
-    """`window_keys` of side `WINDOW` of ``values``, 0 for those that hold none of the ``common``
-    windows of side `ANCHORED`, ``found`` being all these, and for those ``allowed``."""
+    """Compute `window_keys` of side `WINDOW` of ``values``, 0 for ``allowed`` windows and for those
+    without a ``common`` window of side `ANCHORED`; ``found`` are the keys of all of that side."""
     if common.size == 0:
         return np.zeros((0, 0), np.uint64)
     rows, columns = max(found.shape[0] - APART + 1, 0), max(found.shape[1] - APART + 1, 0)
@@ -445,30 +448,30 @@ def lay_groups(
     """Lay one group at each place (top, left, tall, wide, in cells), in this order.
 
     stones : int32 ``(rows, columns)``, changed in place.
-    original : (top, left, bottom, right), cells, of what stays as it is; it may lie outside.
-    isos : the isometries groups may be laid under.
-    owners : int64 ``(places,)``, which original each group comes from.
+    original : (top, left, bottom, right), cells that stay; they may lie outside.
+    isos : the isometries of groups.
+    owners : int64 ``(places,)``, the original of each group.
     draws : int64 ``(places, n)``, 0 or more: the candidates, see `candidate`.
     tolerance : S, metres.
-    kept : outlines are cut for so many candidates at a time, the best by their overlap first.
-    uses : int64, how often each cell of the originals stands in the fabric; changed in place.
-    surplus : float64, by how much the built share of each cell exceeds its original's. Of what
-        stands in ``stones`` its sum is kept small.
-    common, allowed : sorted keys of the windows that the originals themselves repeat, of side
-        `ANCHORED` and of side `WINDOW`.
+    kept : candidates whose outlines are cut in one go, the best by their overlap first.
+    uses : int64, number of uses of each cell of the originals in the fabric; changed in place.
+    surplus : float64, excess of each cell's built share over its original's. Laying keeps the sum
+        over ``stones`` small.
+    common, allowed : sorted keys of the windows that the originals repeat, of side `ANCHORED` and
+        of side `WINDOW`.
     coarse : keys and anchors of the windows of side `ANCHORED`, at every `APART` pixels.
-    fine : the same of windows of side `WINDOW` that hold a common one, at every pixel. Both
-        tables are changed in place, and must have room.
+    fine : the same of windows of side `WINDOW` that contain a common one, at every pixel. Both
+        tables change in place, and must have room.
     corner : (row, column) of the north-west pixel of ``stones``, multiples of `APART`: anchors
-        are counted from there.
-    steps : filled with the mean step along each outline; NaN where nothing was bare.
-    twice : filled with whether each group makes a window come twice.
+        count from there.
+    steps : becomes the mean step along each outline; NaN where nothing was bare.
+    twice : becomes whether each group repeats a window.
 
-    A window that is not common may not come twice; one of side `WINDOW` that holds a common one
-    neither, unless it is allowed. So none comes twice but those allowed: of two that are alike,
-    the first holds a window of side `ANCHORED` at an anchor.
+    A window that is not common may not repeat; nor may a window of side `WINDOW` that contains a
+    common one, unless it is allowed. So only allowed windows repeat: of two equal windows, the
+    first contains a window of side `ANCHORED` at an anchor.
 
-    Returns by how many entries the tables grew.
+    Returns the numbers of new entries of the tables.
     """
     grown, fine_grown = 0, 0
     owed = 0.0
@@ -493,7 +496,7 @@ def lay_groups(
         order = by_overlap(
             stones, places[n], stand, standing, brought, one, draws[n], isos, cell, sides, lays
         )
-        # what stands around: windows that touch the place reach so far
+        # the surroundings: windows that touch the place reach so far
         box = (top * cell, left * cell, (top + tall) * cell, (left + wide) * cell)
         y0, x0 = max(box[0] - WINDOW + 1, 0), max(box[1] - WINDOW + 1, 0)
         y1 = min(box[2] + WINDOW - 1, stones.shape[0] * cell)
@@ -532,10 +535,10 @@ def lay_groups(
                         scores[c] = np.inf
                 trial = first + np.argsort(scores[first:last], kind="mergesort")
                 tried = last
-            elif not unseamed:  # none admissible may be laid: the least step that may
+            elif not unseamed:  # no admissible candidate may be laid: the least step that may
                 trial = np.argsort(outlines, kind="mergesort")
                 scores[:], unseamed = outlines, True
-            else:  # every one makes a window come twice
+            else:  # every candidate repeats a window
                 found, twice[n] = np.argmin(outlines), True
                 trial = np.full(1, found)
             for c in trial:
@@ -565,8 +568,8 @@ def lay_groups(
 
 @kernel
 def by_overlap(stones, place, stand, standing, brought, one, draws, isos, cell, sides, lays):
-    """The candidates (indices) by what they differ, in sum, from all that stands. Those akin to
-    a stone of the place come after the others, those that go on where one comes from last."""
+    """Sort the candidates (indices) by their total difference to the standing cells. Those akin to
+    a stone of the place come after the others, those that continue its source last."""
     tall, wide = place[2:]
     costs, least = np.empty(draws.size), np.inf
     for k in range(draws.size):
@@ -583,8 +586,8 @@ def by_overlap(stones, place, stand, standing, brought, one, draws, isos, cell, 
 
 @kernel
 def kinship(stones, place, chosen, sides, lays):
-    """2 if a candidate goes on where a stone of the place comes from, bringing that very stone;
-    1 if it brings a stone that stands in the place otherwise, mirrored or moved; else 0."""
+    """Return 2 if a candidate continues the source of a stone of the place, with the same stone at
+    its place; 1 if it brings a stone of the place mirrored or moved; else 0."""
     top, left, tall, wide = place
     first, down, along = strides(chosen, tall, wide, 1, sides, lays)
     one, iso, row, column = chosen
@@ -612,8 +615,8 @@ def kinship(stones, place, chosen, sides, lays):
 
 @kernel
 def laid_use(stones, place, uses, surplus, laid, chosen, sides, lays):
-    """How often the cells that a candidate would lay stand in the fabric, on average; and by how
-    much it would change the sum of what stands in ``surplus``."""
+    """Compute the mean number of uses of the cells that a candidate would lay; and the change of
+    the sum of ``surplus``."""
     first, down, along = strides(chosen, laid.shape[0], laid.shape[1], 1, sides, lays)
     total, count, change = 0, 0, 0.0
     for i in range(laid.shape[0]):
@@ -631,7 +634,7 @@ def laid_use(stones, place, uses, surplus, laid, chosen, sides, lays):
 
 @kernel
 def lay_pixels(target, stand, laid, brought, at, cell):
-    """target = what is ``brought`` where ``laid``, else what stands."""
+    """target = ``brought`` where ``laid``, else ``stand``."""
     first, down, along = at
     for y in range(target.shape[0]):
         for x in range(target.shape[1]):

@@ -1,4 +1,4 @@
-"""`Growth`: what was grown, as heights of any window, as a map, as a genome."""
+"""The endless fabric `Growth`: heights of any window, maps, genomes."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -8,30 +8,30 @@ import numpy as np
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.condensation import Condensation
-from evocity.errors import OperatorError, setting
-from evocity.genome import Genome, merged_cities
+from evocity.errors import GenomeError, OperatorError, keyword, setting
+from evocity.genome import Genome, Pieces, laid, merged, merged_cities
 from evocity.growth._kernels import WINDOW, window_keys
-from evocity.growth.lifs import lifs_laid
 from evocity.growth.plane import Plane
 from evocity.operators.repair import collage_repair
 
-#: Rows and columns of an endless fabric are counted so far, pixels.
+#: The largest row or column of an endless fabric, pixels.
 FARTHEST = 1 << 50
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """An endless fabric grown from one or several originals, as `grow` returns it.
+    """Endless fabric that `grow` grows from one or several original genomes.
 
-    What stands at a place is a function of the seed and of the place alone. A window is laid
-    when it is asked for, in any order and in any process; what was laid last is kept.
+    The seed and the place determine the content of every place. So you may compute windows in any
+    order and in any process. A cache keeps the last ones.
 
-    originals : the genomes it grows from. The first stands in it; of all, groups are laid.
-    plane : what stands where.
-    shape : (H, W) in pixels of the map it is written as: a rectangle of the fabric.
-    place : (row, column) of the first original's north-west pixel, counted, as all rows and
-        columns are, from the north-west pixel of that rectangle.
-    made : how it came about: parameters.
+    originals : genomes that the fabric grows from. The first original appears in the fabric; groups
+        come from all.
+    plane : content of every place.
+    shape : size ``(H, W)`` of the map to be written, px. This map is a rectangle of the fabric.
+    place : (row, column) of the first original's north-west pixel. All rows and columns count from
+        the north-west pixel of the map to be written.
+    made : parameters of the growth.
     """
 
     originals: tuple[Genome, ...]
@@ -42,7 +42,7 @@ class Growth:
 
     @property
     def cell(self) -> int:
-        """Side of the squares that are laid, pixels."""
+        """Side of a cell, px. A cell is the square that groups consist of."""
         return self.plane.cell
 
     @property
@@ -67,27 +67,28 @@ class Growth:
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """North-west corner of the map: such that the first original lies where it lay."""
+        """Coordinates of the map's north-west corner. The first original keeps its place on
+        Earth."""
         return self._origin_of(0, 0)
 
     def at(self, top: int, left: int, height: int, width: int) -> "Growth":
-        """The same fabric with another rectangle to be written; rows and columns are counted
-        from its north-west pixel (top, left)."""
+        """Return the same fabric with another rectangle to be written. Rows and columns then count
+        from its north-west pixel (``top``, ``left``)."""
         top, left, height, width = _rectangle(top, left, height, width, whole=True)
         place = self.place[0] - top, self.place[1] - left
         return dataclasses.replace(self, shape=(height, width), place=place)
 
     def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
-        """Float32 ``(height, width)`` heights, metres, from pixel (top, left) on, wherever that
-        lies; rows and columns may be negative."""
+        """Compute heights from the pixel (``top``, ``left``) on, float32 ``(height, width)``,
+        metres. Rows and columns may be negative."""
         top, left, height, width = _rectangle(top, left, height, width)
         return self.plane.window(top - self.place[0], left - self.place[1], height, width)
 
     def city(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> CityMap:
-        """A rectangle as a map: four bytes a pixel, and as much again for each view. The whole
-        map, if nothing is given."""
+        """Make a map of a rectangle, by default of the whole map to be written. The map takes four
+        bytes per pixel, and each view takes as much again."""
         top, left, height, width = self._rectangle(top, left, height, width, whole=True)
         return CityMap(
             self.window(top, left, height, width),
@@ -101,18 +102,18 @@ class Growth:
     def sources(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> dict[str, np.ndarray]:
-        """What stands where: of each cell of a rectangle, which ``original``, which ``row`` and
-        ``column`` of its cells, and under which isometry ``iso``; int64 ``(rows, columns)`` each.
+        """List the source of each cell of a rectangle: the number of its original, the cell's row
+        and column there, and the isometry. Each is int64 ``(rows, columns)``.
 
-        Raises `OperatorError` for a rectangle that does not begin and end between two cells.
+        Raises `OperatorError` if the borders of the rectangle cut cells.
         """
         rectangle = self._rectangle(top, left, height, width)
         first, west, bottom, right = self._cells(*rectangle)
         stones = self.plane.stones(first, west, bottom, right).astype(np.int64)
         sides, index = self.plane.sides, stones >> 3
-        one = np.searchsorted(sides[:, 2], index, side="right") - 1
-        row, column = np.divmod(index - sides[one, 2], sides[one, 1])
-        return {"original": one, "row": row, "column": column, "iso": stones & 7}
+        original = np.searchsorted(sides[:, 2], index, side="right") - 1
+        row, column = np.divmod(index - sides[original, 2], sides[original, 1])
+        return {"original": original, "row": row, "column": column, "iso": stones & 7}
 
     def account(
         self,
@@ -123,11 +124,14 @@ class Growth:
         *,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict:
-        """How well it was laid, over the tiles that a rectangle touches: ``groups``, their number;
-        ``step``, the mean step along their outlines, metres; ``forced``, how many were laid
-        without an admissible candidate (the least step was taken); ``repeated``, how many make
-        a window of 64 px come twice among those known (every candidate did). ``progress`` is
-        called with (done, total), counted in tiles."""
+        """Report the quality of the growth, over the tiles that a rectangle touches.
+
+        The report has these entries. The entry ``groups`` is the number of groups. The entry
+        ``step`` is the mean step along their outlines, metres. The entry ``forced`` counts groups
+        without an admissible candidate; the candidate with the least step was used. The entry
+        ``repeated`` counts groups that repeat a known window of 64 px, because every candidate did.
+        The function ``progress`` is called with (done, total) tiles.
+        """
         top, left, height, width = self._rectangle(top, left, height, width)
         top, left = top - self.place[0], left - self.place[1]
         ends = -(-(top + height) // self.cell), -(-(left + width) // self.cell)
@@ -136,8 +140,9 @@ class Growth:
     def repeats(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> int:
-        """How many windows of 64 × 64 px stand in a rectangle more than once, counted once each,
-        and those left out that the originals repeat themselves. It takes some 24 bytes a pixel."""
+        """Count the windows of 64 × 64 px that appear more than once in a rectangle, each window
+        once. Windows that the originals repeat do not count. The count takes some 24 bytes per
+        pixel."""
         top, left, height, width = self._rectangle(top, left, height, width)
         keys = window_keys(self.window(top, left, height, width), WINDOW).ravel()
         keys.sort()
@@ -155,36 +160,33 @@ class Growth:
         reach: int | None = 24,
         domains: Sequence[int] = (2,),
     ) -> Genome:
-        """A rectangle as a genome: its lifs stand in their groups, domain blocks carried along.
+        """Make a genome of a rectangle. Each lifs keeps its place in its group, and its domain
+        block.
 
-        A domain block keeps its place beside its range block, turned with the group; where
-        the group's border or the rectangle's cuts it off, what it covers is another city than it
-        was, and the block crumbles. Collage repair then brings the blocks that decode further
-        than ``repair`` metres (root mean square) from `window` back to it, searching in
-        ``domains`` within ``reach``, as for every operator; None leaves them.
+        A domain block keeps its place relative to its range block, and turns with the group. If a
+        border of the group or of the rectangle cuts the domain block, it covers other fabric, and
+        the range block crumbles. Collage repair therefore matches some range blocks again: those
+        that differ from `window` by more than ``repair`` metres (root mean square) after decoding.
+        It searches domain blocks within ``reach``, as for every operator. None skips the repair.
 
-        ``parent`` and ``source`` are those of the originals' lifs. What the first original
-        condenses is condensed in its place alone. The rectangle is decoded and searched whole:
-        some 170 bytes a pixel.
+        The lifs keep the ``parent`` and ``source`` of the originals' lifs. The first original keeps
+        its condensation. Decoding and searching the rectangle take some 170 bytes per pixel.
 
-        Raises `OperatorError` for a rectangle that does not begin and end between two cells, and
-        for originals whose range blocks are not of one side that divides the cell.
+        Raises `OperatorError` if the borders of the rectangle cut cells, or if halving the
+        originals' range blocks does not lead to the cells.
         """
         rectangle = self._rectangle(top, left, height, width, whole=True)
-        stands = self.sources(*rectangle)
         made = {**self.made, **self.account(*rectangle)}
         made["corner"] = [
             (at - by) // self.cell for at, by in zip(self.place, rectangle, strict=False)
         ]
-        genome = lifs_laid(
-            self.originals, self.cell,
-            stands["original"], stands["row"], stands["column"], stands["iso"],
-        ).replace(
+        sources = self.sources(*rectangle).values()
+        genome = lay_lifs(self.originals, self.cell, *sources).replace(
             origin=self._origin_of(*rectangle[:2]),
             crs=self.crs,
             made=made,
             condensation=self._condensation(*rectangle),
-        )  # fmt: skip
+        )
         if repair is None:
             return genome
         intended = self.window(*rectangle)
@@ -199,21 +201,21 @@ class Growth:
         return _rectangle(top, left, height, width, whole)
 
     def _cells(self, top: int, left: int, height: int, width: int) -> tuple[int, int, int, int]:
-        """The cells of a rectangle, from the first original's on: top, left, bottom, right."""
+        """Convert a rectangle to cells of the first original: top, left, bottom, right."""
         cell, (y, x) = self.cell, self.place
         if (top - y) % cell or (left - x) % cell or height % cell or width % cell:
             rows, columns = (f"{at % cell} + n · {cell}" for at in (y, x))
             raise OperatorError(
-                f"growth: a rectangle of {height} × {width} px at row {top}, column {left}",
-                f"one of whole cells: sides that are multiples of {cell} px, row {rows}, "
-                f"column {columns}",
-                "choose such sides and such a place",
+                f"growth: a rectangle of {height} × {width} px at row {top}, column {left} "
+                "does not consist of whole cells",
+                f"sides that are multiples of {cell} px, row {rows}, column {columns}",
+                "choose these sides, row and column",
             )
         top, left = (top - y) // cell, (left - x) // cell
         return top, left, top + height // cell, left + width // cell
 
     def _origin_of(self, top: int, left: int) -> tuple[float, float] | None:
-        """The place on Earth of a pixel's north-west corner."""
+        """Compute the place on Earth of a pixel's north-west corner."""
         if self.originals[0].origin is None:
             return None
         x, y = self.originals[0].origin
@@ -224,7 +226,7 @@ class Growth:
         return x - along, y + down
 
     def _condensation(self, top: int, left: int, height: int, width: int) -> Condensation | None:
-        """What of the first original's layer lies in a rectangle, in its place."""
+        """Cut the first original's condensation to a rectangle."""
         layer = self.originals[0].condensation
         if layer is None:
             return None
@@ -241,7 +243,7 @@ class Growth:
 
 
 def _rectangle(top, left, height, width, whole=False) -> tuple[int, int, int, int]:
-    """A rectangle of the plane, or `OperatorError`; ``whole``: it becomes a map."""
+    """Check a rectangle of the plane, or raise `OperatorError`; ``whole``: it becomes a map."""
     faults = {}
     for name, at in {"top": top, "left": left}.items():
         if not is_whole(at) or abs(at) > FARTHEST:
@@ -253,16 +255,55 @@ def _rectangle(top, left, height, width, whole=False) -> tuple[int, int, int, in
         raise OperatorError(
             f"growth: {', '.join(faults)}",
             f"pixels: {', '.join(faults.values())}",
-            "ask for another rectangle; several that meet fit each other",
+            "choose another rectangle; rectangles that meet fit each other",
         )
     if height * width > MAX_PIXELS:
         raise OperatorError(
             f"growth: {setting('height', height)}, {setting('width', width)}: "
-            f"{height * width / 1e6:.0f} million px",
-            f"at most {MAX_PIXELS // 10**6} million, about 11 500 × 11 500",
-            "ask for several rectangles that meet: they fit each other",
+            f"{height * width / 1e6:.0f} million px are too many",
+            f"at most {MAX_PIXELS // 10**6} million px, about 11 500 × 11 500",
+            "choose several rectangles that meet: they fit each other",
         )
     return int(top), int(left), int(height), int(width)
+
+
+def lay_lifs(
+    parents: Sequence[Genome],
+    cell: int,
+    which: np.ndarray,
+    row: np.ndarray,
+    column: np.ndarray,
+    iso: np.ndarray,
+) -> Genome:
+    """Lay a genome from the parents' lifs, cell by cell of ``cell`` px.
+
+    which, row, column, iso : int ``(rows, columns)`` each: the parent at each cell, the cell of
+        that parent, the isometry. Parents have one pixel size.
+
+    A domain block keeps its place relative to its range block and turns with it; one that would
+    leave the map moves inside. Leaves split where a group's border crosses them.
+
+    Raises `OperatorError` for range blocks that do not halve to the cells, and for a map smaller
+    than a domain block.
+    """
+    bare = [parent.replace(condensation=None) for parent in parents]
+    largest = max(int(max(parent.dx.max(), parent.dy.max())) for parent in parents)
+    if largest > min(which.shape) * cell:
+        raise OperatorError(
+            f"growth: the genome has only {which.shape[0] * cell} × {which.shape[1] * cell} px",
+            f"sides of at least {largest} px, the side of its largest domain block",
+            "choose a larger height and width",
+        )
+    try:
+        child = laid(bare, Pieces(cell, which, row, column, iso), carried=True).genome
+    except GenomeError as error:
+        sides = " and ".join(str(p.pavement.finest) for p in parents)
+        raise OperatorError(
+            f"growth: {error.found}, in cells of {cell} px",
+            "range blocks whose sides are halves of each other, in cells of whole range blocks",
+            f"grow with {keyword('cell')} a multiple of {sides} px, or encode the maps again",
+        ) from None
+    return merged(child, max(parent.pavement.coarsest for parent in parents))
 
 
 def is_whole(value) -> bool:

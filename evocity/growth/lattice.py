@@ -1,10 +1,10 @@
-"""Where groups lie: an endless lattice of tiles, each laid from what stands around it alone.
+"""Lattice of tiles on an endless plane: places of groups, and what each tile depends on.
 
-No order of laying can go through an endless plane and be the same wherever one begins. So the
-plane is cut along lines into *tiles*, and laid in three phases, each of which knows a bounded
-neighbourhood: a group on every crossing of two lines; then along each line a *strip* of groups from
-crossing to crossing; then the inside of each tile, between its four strips. Groups stand astride
-the lines, so that no seam runs along them.
+An endless plane has no order of laying that is the same from every start. So lines cut the plane
+into *tiles*, and growth has three phases, each with a bounded neighbourhood. First it lays a group
+on every crossing of two lines; then along each line a *strip* of groups between crossings; then
+the inside of each tile, between its four strips. Groups stand astride the lines, so no seam
+follows them.
 """
 
 import itertools
@@ -16,14 +16,14 @@ from evocity.growth._kernels import ANCHORED
 
 #: Side of a tile outside the original, pixels.
 TILE = 128
-#: Largest side of a group, pixels: what a group repeats is smaller than a window of `WINDOW`.
+#: Largest side of a group, pixels: a group never repeats a whole window of `WINDOW`.
 MAX_GROUP = ANCHORED - 1
-#: Smallest side of a group, cells: a rim on either side to be cut in, and a core. The largest are
-#: to be of `LEAST_LARGEST`, so that a strip of them is wider than the laps of both its sides.
+#: Smallest side of a group, cells: a core between two rims, in which cuts run. The largest groups
+#: have at least `LEAST_LARGEST`, so that a strip of them is wider than the laps of both its sides.
 MIN_GROUP, LEAST_LARGEST = 3, 5
 #: Bounds of a cell's side, pixels.
 MIN_CELL, MAX_CELL = 2, MAX_GROUP // LEAST_LARGEST
-#: What is laid: a group on a crossing, the strip east or south of it, the tile south-east of it.
+#: Kinds of regions: the group on a crossing, the strip east or south of it, the tile south-east.
 CROSSING, EAST, SOUTH, INSIDE = range(4)
 
 
@@ -31,8 +31,8 @@ CROSSING, EAST, SOUTH, INSIDE = range(4)
 class Lattice:
     """The lines of an endless plane, in cells; the original's north-west cell is (0, 0).
 
-    Lines run along the original's borders, and where it is large also through it. So what is laid
-    beside it laps over it by half a strip.
+    Lines follow the original's borders, and cross a large original. So regions beside it lap over
+    it by half a strip.
 
     rows, columns : of the original.
     tile : side of the tiles, cells.
@@ -47,29 +47,29 @@ class Lattice:
 
     @property
     def rim(self) -> int:
-        """By so many cells groups lap over each other. A strip is wider than two rims, so that
-        what both its sides leave of it stays between them."""
+        """Width of the lap of two groups, cells. A strip is wider than two rims, so a part of it
+        stays between the laps of both its sides."""
         return max(1, min((self.size_min + 1) // 4, (self.size_max - 1) // 4))
 
     @property
-    def before(self) -> int:
+    def offset(self) -> int:
         """Cells of a crossing's group before its lines."""
         return self.size_max // 2
 
     @property
     def strip(self) -> tuple[int, int]:
-        """First cell of a strip across its line, and the first one behind it."""
-        return self.rim - self.before, self.size_max - self.rim - self.before
+        """First cell of a strip across its line, and the first cell after it."""
+        return self.rim - self.offset, self.size_max - self.rim - self.offset
 
     def line(self, axis: int, k: int) -> int:
-        """First row (axis 0) or column (1) behind line ``k``."""
+        """Compute the first row (axis 0) or column (1) after line ``k``."""
         side, parts = self._parts(axis)
         if k < 0:
             return k * self.tile
         return k * side // parts if k <= parts else side + (k - parts) * self.tile
 
     def tile_of(self, axis: int, at: int) -> int:
-        """The tile that holds row (axis 0) or column (1) ``at``."""
+        """Find the tile that contains row (axis 0) or column (1) ``at``."""
         side, parts = self._parts(axis)
         if at < 0:
             return at // self.tile
@@ -81,8 +81,8 @@ class Lattice:
         side = (self.rows, self.columns)[axis]
         return side, max(1, round(side / self.tile))
 
-    def needs(self, kind: int, i: int, j: int) -> list[tuple[int, int, int]]:
-        """What must stand before, in the order in which one covers the other."""
+    def prerequisites(self, kind: int, i: int, j: int) -> list[tuple[int, int, int]]:
+        """List the regions that must stand first; later ones cover earlier ones."""
         if kind == CROSSING:
             return []
         if kind == EAST:
@@ -92,65 +92,61 @@ class Lattice:
         crossings = [(CROSSING, i + di, j + dj) for di in (0, 1) for dj in (0, 1)]
         return [*crossings, (EAST, i, j), (EAST, i + 1, j), (SOUTH, i, j), (SOUTH, i, j + 1)]
 
-    def laid(self, kind: int, i: int, j: int) -> tuple[int, int, int, int]:
-        """The rectangle (top, left, bottom, right) that may be laid, laps included."""
-        first, behind = self.strip
-        lap = (first + self.rim, behind - self.rim) if kind == INSIDE else (first, behind)
+    def extent(self, kind: int, i: int, j: int) -> tuple[int, int, int, int]:
+        """Compute the rectangle (top, left, bottom, right) of a region, laps included."""
+        first, end = self.strip
+        lap = (first + self.rim, end - self.rim) if kind == INSIDE else (first, end)
         sides = []
         for axis, k in enumerate((i, j)):
             here, there = self.line(axis, k), self.line(axis, k + 1)
             if kind == CROSSING:
-                sides.append((here - self.before, here - self.before + self.size_max))
+                sides.append((here - self.offset, here - self.offset + self.size_max))
             elif kind == (SOUTH, EAST)[axis] or kind == INSIDE:
                 sides.append((here + lap[1], there + lap[0]))
             else:
-                sides.append((here + first, here + behind))
+                sides.append((here + first, here + end))
         (top, bottom), (left, right) = sides
         return top, left, bottom, right
 
-    def seen(self, kind: int, i: int, j: int) -> tuple[int, int, int, int]:
-        """The rectangle that is known when it is laid, and final as far as it is not laid."""
-        first, behind = self.strip
+    def context(self, kind: int, i: int, j: int) -> tuple[int, int, int, int]:
+        """Compute the rectangle known to a region when it is laid; it is final outside of it."""
+        first, end = self.strip
         sides = []
         for axis, k in enumerate((i, j)):
             here, there = self.line(axis, k), self.line(axis, k + 1)
             if kind == INSIDE:
-                sides.append((here + first, there + behind))
+                sides.append((here + first, there + end))
             else:
                 last = there if kind == (SOUTH, EAST)[axis] else here
-                sides.append((here - self.before, last - self.before + self.size_max))
+                sides.append((here - self.offset, last - self.offset + self.size_max))
         (top, bottom), (left, right) = sides
         return top, left, bottom, right
 
     def places(self, kind: int, i: int, j: int, rng: np.random.Generator) -> np.ndarray:
-        """Places of groups, int64 ``(n, 4)``: top, left, tall, wide, in order of laying.
+        """Draw the places of groups in order of laying, int64 ``(n, 4)``: top, left, tall, wide.
 
-        Cores of drawn sides tile what is bare, row by row to the south-east, each lapped over its
-        neighbours by a rim."""
-        top, left, bottom, right = self.laid(kind, i, j)
+        Cores of drawn sides tile the bare cells, row by row to the south-east. Each group laps over
+        its neighbours by a rim."""
+        top, left, bottom, right = self.extent(kind, i, j)
         if kind == CROSSING:
             return np.array([(top, left, bottom - top, right - left)], np.int64)
         rim = self.rim
         bands = self._spans(top, bottom, rng) if kind != EAST else [(top, bottom)]
         places = []
-        for first, last in bands:
+        down, along = rim * (kind != EAST), rim * (kind != SOUTH)
+        for north, south in bands:
             cores = self._spans(left, right, rng) if kind != SOUTH else [(left, right)]
-            for west, east in cores:
-                if kind != EAST:
-                    north, south = first - rim, last + rim
-                else:
-                    north, south = first, last
-                if kind != SOUTH:
-                    west, east = west - rim, east + rim
-                places.append((north, west, south - north, east - west))
+            places += [
+                (north - down, west - along, south - north + 2 * down, east - west + 2 * along)
+                for west, east in cores
+            ]
         return np.array(places, np.int64).reshape(-1, 4)
 
     def _spans(self, first: int, last: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-        """Cores of drawn lengths between the rims of [first, last).
+        """Draw lengths of cores between the rims of [first, last).
 
-        The last is longer than two rims, if it is not the only one: what is left in front of a
-        strip would else be covered by its neighbour's rim, up to where the strip or a crossing
-        begins, and no step be measured there."""
+        The last of several is longer than two rims. A shorter one would vanish under its
+        neighbour's rim, up to a strip or a crossing, and no step would be measured there."""
         shortest, longest = (max(1, side - 2 * self.rim) for side in (self.size_min, self.size_max))
         ends, last = [first + self.rim], last - self.rim
         while ends[-1] < last:

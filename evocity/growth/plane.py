@@ -1,4 +1,4 @@
-"""`Plane`: what stands at any place of an endless plane, laid when it is asked for."""
+"""The endless plane `Plane`: lays the regions of a requested window and caches them."""
 
 import contextlib
 from collections import OrderedDict
@@ -11,15 +11,15 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.growth._kernels import fabric_window, lay_groups
 from evocity.growth.lattice import INSIDE, Lattice
+from evocity.growth.repetition import Windows
 from evocity.growth.shares import Shares
-from evocity.growth.windows import Windows
 
-# Outlines are cut for so many of the candidates at a time; places are laid so many at a time.
-_KEPT, _BATCH = 20, 8
-#: So many regions are kept: all of the largest map there can be, some 80 MB.
-_KEPT_REGIONS = 1 << 14
-# Where the original's north-west pixel is counted, and how far beyond it other places are: no
-# anchor is negative, and none comes twice near the original.
+# Candidates whose outlines are cut in one go; places laid in one call.
+_CANDIDATES, _BATCH = 20, 8
+#: Regions in the cache: all of the largest possible map, some 80 MB.
+_REGIONS = 1 << 14
+# Coordinate of the original's north-west pixel, and the largest distance from it: no anchor is
+# negative, and near the original each is unique.
 _BASE, _FAR = 1 << 28, 1 << 27
 
 
@@ -32,19 +32,20 @@ def _lays() -> np.ndarray:
     return table
 
 
-#: How each isometry lays a rectangle: int64 ``(8, 6)``. Its target's north-west pixel comes from
-#: the source's first (0) or last (1) row and column; then (rows, columns) to go in the source for
-#: a step south in the target, and for one east.
+#: Walks of the isometries through a rectangle, int64 ``(8, 6)``: the first (0) or last (1) row and
+#: column of the source that the target's north-west pixel comes from; then the moves (rows,
+#: columns) in the source for a step south in the target, and for a step east.
 LAYS = _lays()
 
 
 @dataclass(frozen=True)
 class Region:
-    """A crossing, a strip or a tile, laid.
+    """A laid crossing, strip or tile.
 
-    corner : (row, column) of its north-west cell; stones : int32, what stands there; steps :
-    float64, mean step along the outline of each group, metres; repeated : how many groups make
-    a window come twice.
+    corner : (row, column) of its north-west cell.
+    stones : int32, the original's cell at each of its cells, see `evocity.growth._kernels`.
+    steps : float64, mean step along the outline of each group, metres.
+    repeated : number of groups that repeat a window.
     """
 
     corner: tuple[int, int]
@@ -54,18 +55,18 @@ class Region:
 
 
 class Plane:
-    """An endless fabric, a function of the seed and of the place.
+    """An endless fabric, a function of seed and place.
 
     Parameters
     ----------
     heights : float32 maps of the originals, sides whole cells; the first stands at (0, 0).
     cell : side of a cell, px.
     lattice : the tiles, for the first original.
-    shares : which original is laid where.
-    seed : of all that is drawn.
-    tolerance, candidates, turned : as of `grow`.
+    shares : the shares of the originals at each place.
+    seed : the seed of all draws.
+    tolerance, candidates, turned : as in `grow`.
 
-    Attributes: ``brought`` and ``sides``, what kernels take of the originals.
+    Attributes: ``brought`` and ``sides``, the originals' heights and sizes, for kernels.
     """
 
     def __init__(
@@ -82,17 +83,28 @@ class Plane:
     ):
         self.cell, self.lattice, self.shares, self.seed = cell, lattice, shares, seed
         self.tolerance, self.candidates = tolerance, candidates
-        self.isos = np.arange(isometries.COUNT if turned else 1)
-        heights = [one + np.float32(0) for one in heights]  # no −0: it would not be like 0
-        self.brought = np.concatenate([one.ravel() for one in heights])
-        counts = np.array([np.array(one.shape) // cell for one in heights])
+        isos = np.arange(isometries.COUNT if turned else 1)
+        heights = [raster + np.float32(0) for raster in heights]  # −0 would differ from 0
+        self.brought = np.concatenate([raster.ravel() for raster in heights])
+        counts = np.array([np.array(raster.shape) // cell for raster in heights])
         self.sides = np.column_stack([counts, np.cumsum([0, *counts.prod(axis=1)])[:-1]])
-        self.surplus = np.concatenate([_surplus(one, cell) for one in heights])
-        self.windows = Windows(heights, self.isos, _BASE)
+        self.windows = Windows(heights, isos, _BASE)
+        self._fixed = {  # arguments of `lay_groups` that no region changes
+            "brought": self.brought,
+            "sides": self.sides,
+            "lays": LAYS,
+            "isos": isos,
+            "cell": cell,
+            "tolerance": tolerance,
+            "kept": _CANDIDATES,
+            "surplus": np.concatenate([_surplus(raster, cell) for raster in heights]),
+            "common": self.windows.common,
+            "allowed": self.windows.allowed,
+        }
         self._regions: OrderedDict[tuple[int, int, int], Region] = OrderedDict()
 
     def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
-        """Float32 ``(height, width)`` heights from pixel (top, left) on."""
+        """Compute float32 ``(height, width)`` heights from pixel (top, left) on."""
         cell = self.cell
         first, west = top // cell, left // cell
         stones = self.stones(first, west, -(-(top + height) // cell), -(-(left + width) // cell))
@@ -102,14 +114,14 @@ class Plane:
         return out
 
     def stones(self, top: int, left: int, bottom: int, right: int) -> np.ndarray:
-        """Int32 stones of a rectangle of cells."""
+        """Compute the int32 stones of a rectangle of cells."""
         out = np.empty((bottom - top, right - left), np.int32)
         for i, j in self.tiles(top, left, bottom, right):
             self._paste(out, (top, left), self.region(INSIDE, i, j))
         return out
 
     def tiles(self, top: int, left: int, bottom: int, right: int) -> list[tuple[int, int]]:
-        """The tiles that a rectangle of cells touches, row by row."""
+        """List the tiles that a rectangle of cells touches, row by row."""
         if bottom <= top or right <= left:
             return []
         rows, columns = (
@@ -126,11 +138,11 @@ class Plane:
         right: int,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict:
-        """What it took to lay the tiles that a rectangle of cells touches: see `Growth.account`."""
+        """Report on the tiles that a rectangle of cells touches, see `Growth.account`."""
         tiles = self.tiles(top, left, bottom, right)
         keys = {}
         for done, (i, j) in enumerate(tiles):
-            for key in ((INSIDE, i, j), *self.lattice.needs(INSIDE, i, j)):
+            for key in ((INSIDE, i, j), *self.lattice.prerequisites(INSIDE, i, j)):
                 keys[key] = self.region(*key)
             if progress is not None:
                 progress(done + 1, len(tiles))
@@ -143,43 +155,44 @@ class Plane:
         }
 
     def region(self, kind: int, i: int, j: int) -> Region:
-        """A crossing, strip or tile, laid now unless it is known."""
+        """Return a crossing, strip or tile from the cache, or lay it now."""
         key = (kind, i, j)
-        found = self._regions.get(key)
-        if found is None:
-            found = self._laid(*key)
-            self._regions[key] = found
-            while len(self._regions) > _KEPT_REGIONS:
+        region = self._regions.get(key)
+        if region is None:
+            region = self._lay_region(*key)
+            self._regions[key] = region
+            while len(self._regions) > _REGIONS:
                 self._regions.popitem(last=False)
         with contextlib.suppress(KeyError):  # another thread may have dropped it
             self._regions.move_to_end(key)
-        return found
+        return region
 
-    def _laid(self, kind: int, i: int, j: int) -> Region:
-        seen = self.lattice.seen(kind, i, j)
+    def _lay_region(self, kind: int, i: int, j: int) -> Region:
+        context = self.lattice.context(kind, i, j)
         # its corner on an anchor, whatever the cell
-        corner = seen[0] // 8 * 8, seen[1] // 8 * 8
-        stones = np.full((seen[2] - corner[0], seen[3] - corner[1]), -1, np.int32)
-        known = stones[seen[0] - corner[0] :, seen[1] - corner[1] :]
-        original = self._original()
-        self._paste(known, seen[:2], original)
-        for key in self.lattice.needs(kind, i, j):
-            self._paste(known, seen[:2], self.region(*key))
-        top, left, bottom, right = self.lattice.laid(kind, i, j)
+        corner = context[0] // 8 * 8, context[1] // 8 * 8
+        stones = np.full((context[2] - corner[0], context[3] - corner[1]), -1, np.int32)
+        known = stones[context[0] - corner[0] :, context[1] - corner[1] :]
+        rows, columns, _ = self.sides[0]
+        original = 8 * np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        self._paste(known, context[:2], Region((0, 0), original, np.empty(0), 0))
+        for key in self.lattice.prerequisites(kind, i, j):
+            self._paste(known, context[:2], self.region(*key))
+        top, left, bottom, right = self.lattice.extent(kind, i, j)
         if kind == INSIDE:  # the whole tile, with the halves of its strips
             top, bottom = (self.lattice.line(0, k) for k in (i, i + 1))
             left, right = (self.lattice.line(1, k) for k in (j, j + 1))
-        own = stones[top - corner[0] : bottom - corner[0], left - corner[1] : right - corner[1]]
+        cells = stones[top - corner[0] : bottom - corner[0], left - corner[1] : right - corner[1]]
         steps, repeated = np.empty(0), 0
-        if (own < 0).any():
+        if (cells < 0).any():
             steps, repeated = self._lay(stones, corner, kind, i, j)
-        own = own.copy()
-        own.setflags(write=False)
-        return Region((top, left), own, steps, repeated)
+        cells = cells.copy()
+        cells.setflags(write=False)
+        return Region((top, left), cells, steps, repeated)
 
     def _lay(self, stones: np.ndarray, corner, kind: int, i: int, j: int):
         """Lay the groups of a region into ``stones``, from cell ``corner`` on."""
-        which = (2 * k if k >= 0 else -2 * k - 1 for k in (i, j))  # no entropy is negative
+        which = (2 * k if k >= 0 else -2 * k - 1 for k in (i, j))  # entropy cannot be negative
         rng = np.random.default_rng([self.seed, kind, *which])
         places = self.lattice.places(kind, i, j, rng)
         middles = (places[:, :2] + places[:, 2:] / 2) * self.cell
@@ -198,22 +211,25 @@ class Plane:
             draws = rng.integers(0, 1 << 62, (count, self.candidates))
             table.make_room(count)
             grown = lay_groups(
-                stones, original, self.brought, self.sides, LAYS, self.isos, self.cell,
-                places[some], owners[some], draws, self.tolerance, _KEPT, uses, self.surplus,
-                self.windows.common, self.windows.allowed, table.coarse, table.fine, at,
-                steps[some], twice[some],
-            )  # fmt: skip
+                **self._fixed,
+                stones=stones,
+                original=original,
+                places=places[some],
+                owners=owners[some],
+                draws=draws,
+                uses=uses,
+                coarse=table.coarse,
+                fine=table.fine,
+                corner=at,
+                steps=steps[some],
+                twice=twice[some],
+            )
             table.filled = [old + new for old, new in zip(table.filled, grown, strict=True)]
         return steps[np.isfinite(steps)], int(twice.sum())
 
-    def _original(self) -> Region:
-        rows, columns, _ = self.sides[0]
-        own = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-        return Region((0, 0), 8 * own, np.empty(0), 0)
-
     @staticmethod
     def _paste(out: np.ndarray, corner: tuple[int, int], region: Region) -> None:
-        """Put what of a region lies in ``out``, from cell ``corner`` on, there."""
+        """Copy the overlap of a region into ``out``, which begins at cell ``corner``."""
         top, left = (there - here for there, here in zip(region.corner, corner, strict=True))
         bottom, right = top + region.stones.shape[0], left + region.stones.shape[1]
         within = out[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
@@ -222,7 +238,7 @@ class Plane:
 
 
 def _surplus(heights: np.ndarray, cell: int) -> np.ndarray:
-    """By how much the built share of each cell, row by row, exceeds that of the whole map."""
+    """Compute the excess of each cell's built share, row by row, over the whole map's."""
     built = CityMap(heights, 1.0).built
     shares = built.reshape(built.shape[0] // cell, cell, -1, cell).mean(axis=(1, 3)).ravel()
     return shares - shares.mean()

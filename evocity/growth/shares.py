@@ -1,11 +1,11 @@
-"""Which original is laid where: a painted share, or a ramp."""
+"""Shares of the originals over a fabric: constants, ramps, painted arrays, functions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.errors import OperatorError, set_to, shown
+from evocity.errors import OperatorError, spell, text_setting
 
 Share = float | Sequence[float] | np.ndarray | Callable[[float, float], float | Sequence[float]]
 
@@ -14,15 +14,15 @@ Share = float | Sequence[float] | np.ndarray | Callable[[float, float], float | 
 class Shares:
     """The shares of ``count`` originals at each pixel.
 
-    share : None for a ramp from west to east, from the first original to the last; a number, the
-        share of the second of two, or one number an original; an array ``(h, w)`` of the
-        second's or ``(count, h, w)`` of all, laid over the rectangle, whose edges go on beyond
-        it; or a function of (row, column) that returns a number, or one an original. Several
-        are taken by their ratio.
-    shape : (height, width) of the rectangle that the ramp or the array lies over, px.
+    share : None for a ramp from west to east, from the first original to the last. A number, the
+        share of the second of two, or a number for each original. An array ``(h, w)`` of the
+        second's or ``(count, h, w)`` of all, laid over the rectangle, whose edges continue beyond
+        it. Or a function of (row, column) that returns such numbers. Only the ratio of several
+        numbers counts.
+    shape : (height, width) of the rectangle under the ramp or the array, px.
     corner : (row, column) of the first original's north-west pixel in that rectangle.
 
-    Raises `OperatorError` for a share that is none.
+    Raises `OperatorError` for an illegal share.
     """
 
     count: int
@@ -36,9 +36,9 @@ class Shares:
             return
         if self.count == 1:
             raise OperatorError(
-                "growth: a share, and one genome alone",
-                "two genomes or more with a share",
-                "leave share out, or name the other genome too",
+                "growth: a share is given for a single genome",
+                "at least two genomes if there is a share",
+                "leave share out, or name a second genome",
             )
         try:
             share = np.asarray(share, float)
@@ -51,19 +51,19 @@ class Shares:
         if not (
             good and (share >= 0).all() and np.isfinite(share).all() and (share.sum(0) > 0).all()
         ):
-            raise self._fault(shown(self.share))
+            raise self._fault(spell(self.share))
         object.__setattr__(self, "share", share / share.sum(0))
 
     @property
-    def told(self) -> str | list:
-        """What is written of it: numbers as they are."""
+    def label(self) -> str | list:
+        """The share as ``made`` notes it: constants, or a word for all else."""
         if self.share is None or callable(self.share):
             return "a ramp" if self.share is None else "a function"
         return self.share.tolist() if self.share.ndim == 1 else "an array"
 
     def owners(self, middles: np.ndarray, chances: np.ndarray) -> np.ndarray:
-        """Int64 ``(n,)``, whose group is laid: ``middles`` float ``(n, 2)``, pixels from the first
-        original's corner; ``chances`` ``(n,)``, numbers from 0 to below 1, by which it is drawn."""
+        """Choose the original of each group, int64 ``(n,)``, by ``chances`` ``(n,)``, draws from 0
+        to below 1; ``middles`` are float ``(n, 2)``, pixels from the first original's corner."""
         if self.count == 1:
             return np.zeros(len(middles), np.int64)
         parts = np.array([self.at(y, x) for y, x in middles + self.corner])
@@ -71,36 +71,36 @@ class Shares:
         return (chances[:, None] >= ends).sum(axis=1)
 
     def at(self, y: float, x: float) -> np.ndarray:
-        """Float ``(count,)`` shares at a pixel of the rectangle or beyond; their sum is 1."""
+        """Compute shares, float ``(count,)`` of sum 1, at a pixel of the rectangle or beyond."""
         share, (height, width) = self.share, self.shape
         if share is None:
             along = min(max(x / width, 0.0), 1.0) * (self.count - 1)
             return np.maximum(0.0, 1 - abs(np.arange(self.count) - along))
         if callable(share):
-            return self._told(share(float(y), float(x)), y, x)
+            return self._check_parts(share(float(y), float(x)), y, x)
         if share.ndim == 1:
             return share
         _, tall, wide = share.shape
         i = min(max(int(y * tall // height), 0), tall - 1)
         return share[:, i, min(max(int(x * wide // width), 0), wide - 1)]
 
-    def _told(self, told, y: float, x: float) -> np.ndarray:
-        """What a function said of a pixel."""
+    def _check_parts(self, value, y: float, x: float) -> np.ndarray:
+        """Convert a function's value at a pixel to shares, or raise `OperatorError`."""
         try:
-            parts = np.asarray(told, float)
+            parts = np.asarray(value, float)
         except (TypeError, ValueError):
             parts = np.empty(0)
         if parts.ndim == 0 and self.count == 2:
             parts = np.array([1 - parts, parts])
         if not (parts.shape == (self.count,) and (parts >= 0).all() and 0 < parts.sum() < np.inf):
-            raise self._fault(f"{shown(told)} at row {y:g}, column {x:g}")
+            raise self._fault(f"{spell(value)} at row {y:g}, column {x:g}")
         return parts / parts.sum()
 
     def _fault(self, found: str) -> OperatorError:
-        several = f"{self.count} numbers of 0 or more, not all of them 0"
-        one = "a number from 0 to 1, the share of the second, or " if self.count == 2 else ""
+        several = f"{self.count} numbers of 0 or more, at least one above 0"
+        single = "a number from 0 to 1, the share of the second, or " if self.count == 2 else ""
         return OperatorError(
-            f"growth: {set_to('share', found)}",
-            f"{one}{several}; or an array of such, or a function of row and column",
-            "paint another share, or leave it out for a ramp from west to east",
+            f"growth: {text_setting('share', found)}",
+            f"{single}{several}; or an array of such numbers, or a function of row and column",
+            "give another share, or leave it out for a ramp from west to east",
         )

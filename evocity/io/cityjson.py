@@ -1,8 +1,8 @@
 """CityJSON (1.0 to 2.0): footprints from ground surfaces, or from the shadow of a solid.
 
 A building's footprint is, in this order: its surfaces that say ``GroundSurface``; its LoD 0
-geometry; all faces of its lowest level of detail, seen from above. A building's parts count
-as buildings of their own and inherit its attributes.
+geometry; all faces of its lowest level of detail, seen from above. Each part of a building counts
+as a building and inherits the attributes.
 """
 
 import math
@@ -15,15 +15,15 @@ from pyproj import CRS
 
 from evocity.errors import MapError
 from evocity.formats.cityjson import PLACE
-from evocity.io.mending import MOST, crossings
-from evocity.io.projection import WGS84, crs_named, is_metric, moved, plane
-from evocity.io.sources import Footprints
+from evocity.io.polygon_repair import MOST, crossings
+from evocity.io.projection import WGS84, is_metric, parse_crs, plane, transform_points
+from evocity.io.reader_types import Footprints
 
 _KINDS = ("Building", "BuildingPart", "BuildingUnit")
-#: What else stands on a map in evocity's own scenes.
+#: Other objects that stand on a map in evocity's own scenes.
 _BESIDE = ("CityFurniture", "SolitaryVegetationObject", "OtherConstruction")
 
-# how many lists lie around one surface (a list of rings) in `boundaries`
+# how deep surfaces (lists of rings) lie in `boundaries`
 _DEPTH = {
     "MultiSurface": 0,
     "CompositeSurface": 0,
@@ -34,25 +34,25 @@ _DEPTH = {
 
 
 def read_cityjson(path: Path, document: dict) -> Footprints:
-    """The buildings of a CityJSON document, each with ``solid_height`` among its tags."""
+    """Read the buildings of a CityJSON document, each with ``solid_height`` among its tags."""
     try:
-        told = _own(document.get("CityObjects") or {})
-        crs = _crs(path, document, told)
-        window = _window(told, crs)
-        kinds = _KINDS + _BESIDE if told else _KINDS
+        own = _scene_attributes(document.get("CityObjects") or {})
+        crs = _crs(path, document, own)
+        window = _window(own, crs)
+        kinds = _KINDS + _BESIDE if own else _KINDS
         vertices = _vertices(document)
         objects = document["CityObjects"]
         polygons, tags = [], []
-        for found in objects.values():
-            if found["type"] not in kinds:
+        for item in objects.values():
+            if item["type"] not in kinds:
                 continue
-            geometries = [g for g in found.get("geometry", []) if g["type"] in _DEPTH]
+            geometries = [g for g in item.get("geometry", []) if g["type"] in _DEPTH]
             footprint = _footprint(geometries, vertices)
             if footprint is None:
                 continue
             polygons.append(footprint)
             height = _extent(geometries, vertices)
-            tags.append({"solid_height": height} | _attributes(found, objects))
+            tags.append({"solid_height": height} | _attributes(item, objects))
     except (
         *(TypeError, KeyError, IndexError, ValueError, AttributeError, OverflowError),
         shapely.errors.GEOSException,
@@ -60,41 +60,41 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
         raise MapError(
             f"{path.name}: its CityJSON cannot be read ({type(error).__name__}: {error})",
             "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
-            "check it with a CityJSON validator, or export it again",
+            "check the file with a CityJSON validator, or export it again",
         ) from error
-    bare = bool(told) and not polygons
+    bare = bool(own) and not polygons
     return Footprints(np.array(polygons, dtype=object), tags, crs, **window, bare=bare)
 
 
-def _own(objects: dict) -> dict:
-    """The attributes by which evocity finds the map of a scene again, {} if it is not its own."""
-    for found in objects.values():  # the first has them
-        attributes = found.get("attributes") or {}
+def _scene_attributes(objects: dict) -> dict:
+    """Find the attributes with which evocity writes the place of a scene; {} in other files."""
+    for first in objects.values():
+        attributes = first.get("attributes") or {}
         return attributes if PLACE[1] in attributes else {}
     return {}
 
 
-def _crs(path: Path, document: dict, told: dict):
-    """The system it names; else metres that lie nowhere on Earth, as 3D models often are in."""
+def _crs(path: Path, document: dict, own: dict):
+    """Parse the document's reference system; without one, metres without a place on Earth."""
     named = document.get("metadata", {}).get("referenceSystem")
     if named is not None:
-        return crs_named(named, f"{path.name}, metadata.referenceSystem")
-    if PLACE[0] in told:
-        return crs_named(told[PLACE[0]], f"{path.name}, {PLACE[0]}")
+        return parse_crs(named, f"{path.name}, metadata.referenceSystem")
+    if PLACE[0] in own:
+        return parse_crs(own[PLACE[0]], f"{path.name}, {PLACE[0]}")
     return plane()
 
 
-def _window(told: dict, crs: CRS) -> dict:
-    """What `Footprints` says of the window of evocity's own scene."""
-    if not told:
+def _window(own: dict, crs: CRS) -> dict:
+    """Read the window of evocity's own scene, as fields of `Footprints`."""
+    if not own:
         return {}
-    x, y = (float(number) for number in told[PLACE[1]])
+    x, y = (float(number) for number in own[PLACE[1]])
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"{PLACE[1]} is not finite")
     if not crs.is_engineering:
-        x, y = moved(x, y, crs, WGS84)
+        x, y = transform_points(x, y, crs, WGS84)
     placed = {"projection": crs} if is_metric(crs) else {}
-    attribution = told.get("attribution", "")
+    attribution = own.get("attribution", "")
     return {
         "center": (float(x), float(y)),
         "attribution": attribution if isinstance(attribution, str) else "",
@@ -102,7 +102,7 @@ def _window(told: dict, crs: CRS) -> dict:
 
 
 def _vertices(document: dict) -> np.ndarray:
-    """Float64 ``(n, 3)``: the vertices, unpacked by ``transform``."""
+    """Unpack the vertices by ``transform``: float64 ``(n, 3)``."""
     vertices = np.array(document["vertices"], dtype=float).reshape(-1, 3)
     if packing := document.get("transform"):
         vertices = vertices * packing["scale"] + packing["translate"]
@@ -111,15 +111,15 @@ def _vertices(document: dict) -> np.ndarray:
     return vertices
 
 
-def _attributes(found: dict, objects: dict) -> dict:
+def _attributes(item: dict, objects: dict) -> dict:
     inherited = {}
-    for parent in found.get("parents", [])[:1]:
+    for parent in item.get("parents", [])[:1]:
         inherited = objects.get(parent, {}).get("attributes", {})
-    return inherited | found.get("attributes", {})
+    return inherited | item.get("attributes", {})
 
 
 def _surfaces(geometry: dict) -> Iterator[tuple[list, str | None]]:
-    """Each surface (a list of rings of vertex indices) with the type its semantics give."""
+    """Yield each surface (a list of rings of vertex indices) with its semantic type."""
     semantics = geometry.get("semantics") or {}
     types = [surface["type"] for surface in semantics.get("surfaces", [])]
     pairs = [(geometry["boundaries"], semantics.get("values"))]
@@ -139,11 +139,11 @@ def _footprint(geometries: list[dict], vertices: np.ndarray) -> shapely.Geometry
     by_lod = sorted(geometries, key=lambda geometry: str(geometry.get("lod", "")))
     ground = [s for g in by_lod[-1:] for s, kind in _surfaces(g) if kind == "GroundSurface"]
     surfaces = ground or [s for g in by_lod[:1] for s, _ in _surfaces(g)]
-    areas = [area for surface in surfaces if (area := _seen_from_above(surface, vertices))]
+    areas = [area for surface in surfaces if (area := _project_down(surface, vertices))]
     return shapely.union_all(areas) if areas else None
 
 
-def _seen_from_above(surface: list, vertices: np.ndarray) -> shapely.Geometry | None:
+def _project_down(surface: list, vertices: np.ndarray) -> shapely.Geometry | None:
     rings = [vertices[np.asarray(ring, dtype=np.intp), :2] for ring in surface]
     if not rings or any(len(ring) < 3 for ring in rings):
         return None
@@ -158,9 +158,6 @@ def _seen_from_above(surface: list, vertices: np.ndarray) -> shapely.Geometry | 
 
 
 def _extent(geometries: list[dict], vertices: np.ndarray) -> float:
-    """Metres from the lowest to the highest point, 0 for a flat footprint."""
+    """Measure metres from the lowest to the highest point, 0 for a flat footprint."""
     used = [i for g in geometries for s, _ in _surfaces(g) for ring in s for i in ring]
     return float(np.ptp(vertices[used, 2])) if used else 0.0
-
-
-__all__ = ["read_cityjson"]

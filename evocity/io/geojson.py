@@ -1,10 +1,9 @@
-"""GeoJSON, after RFC 7946 or of the older kind with a ``crs`` member; and which JSON it is.
+"""GeoJSON footprints, after RFC 7946 or the older kind with a ``crs`` member; CityJSON by its type.
 
-Members beside the features that are understood: ``attribution``, and ``window`` with its
+The reader knows these members beside the features: ``attribution``, and ``window`` with its
 ``center`` [lon, lat], ``projection`` (a PROJ string in metres) and ``side_m`` (metres).
 """
 
-import json
 import math
 from pathlib import Path
 
@@ -12,17 +11,15 @@ import numpy as np
 import shapely
 
 from evocity.errors import MapError
+from evocity.formats.geojson_lines import read_document
 from evocity.io.cityjson import read_cityjson
-from evocity.io.projection import WGS84, crs_named, is_metric
-from evocity.io.sources import Footprints, Request
-
-#: Bytes that a document may take once it is read.
-MOST = 1_200_000_000
+from evocity.io.projection import WGS84, is_metric, parse_crs
+from evocity.io.reader_types import Footprints, Request
 
 
 def read_json(path: Path, request: Request) -> Footprints:
-    """Read a GeoJSON or CityJSON file; which of the two it is, it says itself."""
-    document = document_of(path)
+    """Read a GeoJSON or CityJSON file, by the document's own ``type``."""
+    document = read_document(path)
     kind = document.get("type")
     if kind == "CityJSON":
         return read_cityjson(path, document)
@@ -33,52 +30,24 @@ def read_json(path: Path, request: Request) -> Footprints:
     if kind in ("Polygon", "MultiPolygon", "GeometryCollection"):
         return _footprints(path, {}, [{"geometry": document, "properties": {}}])
     raise MapError(
-        f"{path.name}: JSON with type {kind!r}",
+        f"{path.name}: its JSON has the type {kind!r}",
         "a GeoJSON FeatureCollection of polygons, or CityJSON",
         "export the building footprints as GeoJSON or CityJSON",
     )
 
 
-def document_of(path: Path) -> dict:
-    """The JSON object of a file, empty for other JSON. Raises `MapError` for what is none, or too
-    large."""
-    try:
-        content = path.read_bytes()
-        if _unpacked(content) > MOST:
-            raise MapError(
-                f"{path.name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
-                f"{len(content) / 1e6:.0f} MB of JSON, too much to be held at once",
-                f"what takes at most {MOST / 1e9:g} GB once read, some 100 MB of footprints",
-                "cut it to the district and what lies around it, for example in QGIS",
-            )
-        document = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise MapError(
-            f"{path.name} is not whole JSON: {error}",
-            "a GeoJSON or CityJSON file",
-            "download or export it again; it may have been cut off",
-        ) from error
-    return document if isinstance(document, dict) else {}
-
-
-def _unpacked(content: bytes) -> int:
-    """Bytes that JSON takes once it is read, about: of lists, objects, numbers and texts."""
-    lists, objects, values = (content.count(sign) for sign in (b"[", b"{", b","))
-    return 2 * len(content) + 100 * lists + 250 * objects + 40 * values
-
-
 def _footprints(path: Path, document: dict, features: object) -> Footprints:
     if not isinstance(features, list):
         raise MapError(
-            f"{path.name}: its member 'features' is no list",
+            f"{path.name}: its member 'features' is not a list",
             "a GeoJSON FeatureCollection",
-            "export it again as GeoJSON",
+            "export the file again as GeoJSON",
         )
     polygons, tags = [], []
     for number, feature in enumerate(features):
         where = f"{path.name}, feature {number}"
         if not isinstance(feature, dict):
-            raise _broken(where, "it is no object")
+            raise _geometry_error(where, "it is not an object")
         geometry = feature.get("geometry")
         properties = feature.get("properties")
         for polygon in _polygons(geometry, where):
@@ -89,7 +58,7 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
     return Footprints(
         polygons=np.array(polygons, dtype=object),
         tags=tags,
-        crs=crs_in(path, document.get("crs")),
+        crs=parse_crs_member(path, document.get("crs")),
         attribution=attribution if isinstance(attribution, str) else "",
         center=center,
         projection=projection,
@@ -99,7 +68,7 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
 
 
 def _polygons(geometry: object, where: str) -> list[shapely.Geometry]:
-    """The area of a GeoJSON geometry, in one piece if it is a polygon or many."""
+    """List the areas of a GeoJSON geometry: one for a Polygon or MultiPolygon."""
     if geometry is None:
         return []
     try:
@@ -112,8 +81,8 @@ def _polygons(geometry: object, where: str) -> list[shapely.Geometry]:
             parts = [_polygon(rings, where) for rings in geometry["coordinates"]]
             return [shapely.MultiPolygon(parts)] if parts else []
     except (TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
-        raise _broken(where, f"its geometry cannot be read ({error})") from error
-    return []  # points and lines are no buildings
+        raise _geometry_error(where, f"its geometry cannot be read ({error})") from error
+    return []  # points and lines are not buildings
 
 
 def _polygon(rings: list, where: str) -> shapely.Polygon:
@@ -124,13 +93,13 @@ def _polygon(rings: list, where: str) -> shapely.Polygon:
 def _ring(ring: list, where: str) -> list[tuple[float, float]]:
     points = [(float(point[0]), float(point[1])) for point in ring]
     if len(set(points)) < 3:
-        raise _broken(where, f"a ring of {len(set(points))} different points")
+        raise _geometry_error(where, f"a ring of {len(set(points))} different points")
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
-        raise _broken(where, "a coordinate is NaN or infinite")
+        raise _geometry_error(where, "a coordinate is NaN or infinite")
     return points
 
 
-def _broken(where: str, found: str) -> MapError:
+def _geometry_error(where: str, found: str) -> MapError:
     return MapError(
         f"{where}: {found}",
         "polygons whose rings have at least three different points of two or three numbers",
@@ -138,14 +107,15 @@ def _broken(where: str, found: str) -> MapError:
     )
 
 
-def crs_in(path: Path, member: object):
+def parse_crs_member(path: Path, member: object):
+    """Parse the ``crs`` member of GeoJSON; WGS84 without one. Raises `MapError`."""
     if member is None:
         return WGS84
     try:
         name = member["properties"]["name"]
     except (TypeError, KeyError):
         name = member
-    return crs_named(name, f"{path.name}, member 'crs'")
+    return parse_crs(name, f"{path.name}, member 'crs'")
 
 
 def _window(path: Path, window: object):
@@ -161,17 +131,17 @@ def _window(path: Path, window: object):
     except (TypeError, KeyError, ValueError, OverflowError, AttributeError) as error:
         raise MapError(
             f"{where} cannot be read ({error})",
-            '{"center": [longitude, latitude]}, and "projection" if need be',
-            "correct the member or take it out",
+            '{"center": [longitude, latitude]}, and optionally "projection"',
+            "correct the member or remove it",
         ) from error
     if named is None:
         return center, None
-    projection = crs_named(named, f"{where}, 'projection'")
+    projection = parse_crs(named, f"{where}, 'projection'")
     if not is_metric(projection):
         raise MapError(
-            f"{where}: projection {named!r}",
+            f"{where}: projection {named!r} is invalid",
             "a projection in metres",
-            "correct it or take it out: a local one is then chosen",
+            "correct the projection, or remove it to use a local projection",
         )
     return center, projection
 
@@ -180,6 +150,3 @@ def _side(window: object) -> float | None:
     side = window.get("side_m") if isinstance(window, dict) else None
     number = isinstance(side, int | float) and not isinstance(side, bool)
     return float(side) if number and 0 < side < 1e9 else None
-
-
-__all__ = ["crs_in", "document_of", "read_json"]

@@ -1,4 +1,4 @@
-"""How high is a building? The rules, in the order in which they are tried.
+"""Rules for the height of a building, in the order in which they are tried.
 
 1. ``height``: metres, or an OpenStreetMap text ("12 m", "12,5", "40'", "40 ft").
 2. ``HAUTEUR`` of BD TOPO: metres from the ground to the eaves.
@@ -7,14 +7,14 @@
 5. ``levels``: storeys above ground × 3 m, from ``building:levels``, ``NB_ETAGES`` or
    ``levels``. ``roof:levels`` are not added: they lie under the slope of the roof, and the
    heights of rule 2 end at the eaves too.
-6. ``default``: the height the caller names for the unknown.
+6. ``default``: the height that the caller gives for missing ones.
 
-No building is 0 m high: BD TOPO and others write 0 for "unknown", so 0, negative numbers,
-NaN, heights over 1000 m and what cannot be read make a rule pass on to the next. Names are
-compared without case, ``:`` and ``_`` alike, and as Shapefile cuts them after 10 letters.
+No building is 0 m high: BD TOPO and others write 0 for "unknown". So a rule does not apply to 0,
+negative numbers, NaN, heights over 1000 m and unreadable text. Names are compared without case,
+``:`` and ``_`` alike, and as Shapefile cuts them after 10 letters.
 
-A ``building:part`` that starts at a ``min_height`` stands on the ground here, as all does on a
-map of heights; where part and building overlap, the highest wins.
+A ``building:part`` that starts at a ``min_height`` stands on the ground here, as everything does on
+a map of heights; where part and building overlap, the highest wins.
 """
 
 import math
@@ -23,7 +23,7 @@ from collections.abc import Mapping
 
 from evocity.citymap import STOREY
 
-#: No building is higher, metres; what claims to be is taken as unknown.
+#: The greatest height of a building, metres; greater ones count as missing.
 TALLEST = 1000.0
 
 _FOOT = 0.3048
@@ -55,7 +55,7 @@ BUILDING_FIELDS = frozenset(
 
 
 def height_of(tags: Mapping[str, object], default_height: float) -> tuple[float, str]:
-    """The height of one building, metres, and the rule that gave it."""
+    """Find the height of a building, metres, and the rule that gave it."""
     known = {plain_name(name): value for name, value in tags.items()}
     for rule, (names, unit) in _RULES.items():
         for name in names:
@@ -66,7 +66,7 @@ def height_of(tags: Mapping[str, object], default_height: float) -> tuple[float,
 
 
 def metres(value: object) -> float | None:
-    """``value`` as a positive number of metres, or None where it says nothing."""
+    """Parse ``value`` as a positive number of metres; None for any other value."""
     if isinstance(value, str):
         number = _metres_in(value.strip().lstrip("~").lstrip())
     else:
@@ -93,23 +93,11 @@ def _number(text: str) -> float:
 
 
 def plain_name(name: str) -> str:
-    """An attribute's name as it is compared: lower case, ``_`` for ``:``."""
+    """Normalise an attribute's name: lower case, ``_`` for ``:``."""
     return str(name).lower().replace(":", "_")
 
 
 def is_building(tags: Mapping[str, object]) -> bool:
-    """Whether the OpenStreetMap tags say that this is a building or a part of one."""
-    said = (tags.get("building"), tags.get("building:part"))
-    return any(value not in (None, "", "no", False) and value == value for value in said)
-
-
-__all__ = [
-    "BUILDING_FIELDS",
-    "RULES",
-    "STOREY",
-    "TALLEST",
-    "height_of",
-    "is_building",
-    "metres",
-    "plain_name",
-]
+    """Tell whether OpenStreetMap tags describe a building or a part of a building."""
+    values = (tags.get("building"), tags.get("building:part"))
+    return any(value not in (None, "", "no", False) and value == value for value in values)

@@ -1,10 +1,10 @@
 """OpenStreetMap extracts, XML or PBF: areas of buildings and of their parts.
 
-pyosmium reads the elements, in three passes, so that they may come in any order; shapely
-assembles the areas. GDAL's driver and osmium's own assembler are not used: both want nodes
-before ways, which neither Overpass nor every tool that cuts extracts keeps to. GDAL takes
-areas that are only a ``building:part`` for lines; osmium loses nodes with the negative ids
-of what is not uploaded yet, and fills the courts of multipolygons tagged on the outer way.
+pyosmium reads the elements in three passes, so that they may come in any order; shapely assembles
+the areas. GDAL's driver and osmium's own assembler need nodes before ways, an order that Overpass
+and some tools for extracts do not keep. GDAL also takes areas with only a ``building:part`` for
+lines. osmium loses nodes with negative ids, which are not uploaded yet, and fills the courts of
+multipolygons tagged on the outer way.
 """
 
 import bz2
@@ -20,22 +20,22 @@ import shapely
 from evocity.errors import MapError
 from evocity.io.heights import is_building
 from evocity.io.projection import WGS84
-from evocity.io.sources import Footprints, Request
+from evocity.io.reader_types import Footprints, Request
 
 ATTRIBUTION = "© OpenStreetMap contributors"
 
-# A multipolygon with no tags but these has those of its outer way: the custom of before 2017.
+# A multipolygon with only these tags has those of its outer way: the custom before 2017.
 _SILENT_TAGS = {"type", "source", "created_by", "note", "fixme"}
 
 _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")
 
-# Times that a packed file may grow, and how large it then is before anybody minds, bytes.
+# A packed file may grow by this factor, and always up to so many bytes.
 _DENSEST, _LEAST_BOMB = 100, 1 << 26
 
-# Ways of buildings, and nodes of them, that are held at once: of some 2 GB.
+# The most ways of buildings, and nodes of these, in memory: about 2 GB.
 _MOST_WAYS, _MOST_NODES = 1_000_000, 6_000_000
 
-# what libosmium has for x where a node has no place, as in a deletion
+# libosmium's x of a node without a place, as in a deletion
 _NOWHERE = 2**31 - 1
 
 Places = dict[int, tuple[float, float]]  # lon, lat of node ids
@@ -44,7 +44,7 @@ Relation = tuple[list[tuple[int, str]], dict[str, str]]  # (way id, role) of mem
 
 
 def read_osm(path: Path, request: Request) -> Footprints:
-    """Read the buildings of an extract; the suffix of its name tells how it is packed."""
+    """Read the buildings of an extract; the suffix of its name is its packing."""
     packing = next(known for known in _FORMATS if path.name.lower().endswith(known))
     try:
         _check_unpacked(path, packing)
@@ -56,14 +56,14 @@ def read_osm(path: Path, request: Request) -> Footprints:
     ) as error:
         raise MapError(
             f"{path.name} cannot be read as OpenStreetMap data: {str(error)[:200]}",
-            "a whole extract, as XML (.osm) or PBF (.osm.pbf)",
-            "download it again; it may have been cut off",
+            "a complete extract, as XML (.osm) or PBF (.osm.pbf)",
+            "download the file again; it may be cut off",
         ) from error
-    return _assembled(relations, ways, places)
+    return _assemble(relations, ways, places)
 
 
 def _check_unpacked(path: Path, packing: str) -> None:
-    """Raise ValueError for a packed file that is a bomb: XML of OpenStreetMap packs to a tenth."""
+    """Raise ValueError for a decompression bomb: XML of OpenStreetMap packs to a tenth."""
     opened = {"osm.gz": gzip.open, "osm.bz2": bz2.open}.get(packing)
     if opened is None:
         return
@@ -76,13 +76,13 @@ def _check_unpacked(path: Path, packing: str) -> None:
 
 
 def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Places]:
-    """What may belong to buildings: relations, ways by id, the places of the ways' nodes."""
+    """Read what may belong to buildings: relations, ways by id, the places of the ways' nodes."""
     relations, ways, places = [], {}, {}
     count = _Count()
     for relation in osmium.FileProcessor(file, osmium.osm.RELATION):
         tags = dict(relation.tags)
-        telling = is_building(tags) or _SILENT_TAGS.issuperset(tags)
-        if telling and tags.get("type") == "multipolygon":
+        relevant = is_building(tags) or _SILENT_TAGS.issuperset(tags)
+        if relevant and tags.get("type") == "multipolygon":
             members = [(way.ref, way.role) for way in relation.members if way.type == "w"]
             relations.append((members, tags))
             count.add(0, len(members))
@@ -105,7 +105,7 @@ def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Pla
 
 
 class _Count:
-    """How much of an extract is held; raises ValueError beyond what memory is meant for."""
+    """A count of the ways and nodes in memory, which raises ValueError beyond its bounds."""
 
     def __init__(self):
         self._ways = self._nodes = 0
@@ -120,16 +120,15 @@ class _Count:
             )
 
 
-def _assembled(relations: list[Relation], ways: dict[int, Way], places: Places) -> Footprints:
-    """Assemble areas: closed ways, and multipolygons of ways."""
-    polygons, tags, outers_told = [], [], set()
-    for members, told in relations:
+def _assemble(relations: list[Relation], ways: dict[int, Way], places: Places) -> Footprints:
+    polygons, tags, tagged_outers = [], [], set()
+    for members, own in relations:
         known = [(way, role) for way, role in members if way in ways]
-        if not is_building(told):
+        if not is_building(own):
             outer = [way for way, role in known if role != "inner"]
-            told = next((t for w in outer if is_building(t := ways[w][1])), told)
-            outers_told.update(outer if is_building(told) else ())
-        if is_building(told):
+            own = next((t for w in outer if is_building(t := ways[w][1])), own)
+            tagged_outers.update(outer if is_building(own) else ())
+        if is_building(own):
             lines = (_line(ways[way][0], places) for way, _ in known)
             # the even-odd rule makes holes of the inner rings
             area = shapely.build_area(
@@ -137,20 +136,16 @@ def _assembled(relations: list[Relation], ways: dict[int, Way], places: Places) 
             )
             if not area.is_empty:
                 polygons.append(area)
-                tags.append(told)
-    for way, (nodes, told) in ways.items():
-        if is_building(told) and way not in outers_told and nodes and nodes[0] == nodes[-1]:
+                tags.append(own)
+    for way, (nodes, own) in ways.items():
+        if is_building(own) and way not in tagged_outers and nodes and nodes[0] == nodes[-1]:
             line = _line(nodes, places)
             if line is not None and len(line.coords) > 2:
                 polygons.append(shapely.Polygon(line))
-                tags.append(told)
+                tags.append(own)
     return Footprints(np.array(polygons, dtype=object), tags, WGS84, ATTRIBUTION)
 
 
 def _line(nodes: list[int], places: Places) -> shapely.LineString | None:
-    """A way's line through those of its nodes that are there."""
     points = [place for place, _ in itertools.groupby(places[n] for n in nodes if n in places)]
     return shapely.LineString(points) if len(points) > 1 else None
-
-
-__all__ = ["ATTRIBUTION", "read_osm"]

@@ -1,4 +1,4 @@
-"""Rasters of heights: GeoTIFF, grey PNG, NPY."""
+"""Readers of rasters of heights: GeoTIFF, grey PNG, NPY."""
 
 import contextlib
 import sys
@@ -19,33 +19,33 @@ from rasterio.windows import Window
 
 from evocity.errors import MapError, keyword
 from evocity.io.projection import flat
-from evocity.io.sources import Grid, Request, check_size
+from evocity.io.reader_types import Grid, Request, check_size
 
-#: Tag under which a GeoTIFF without a reference system keeps its pixel size.
+#: Tag with the pixel size of a GeoTIFF without a reference system.
 PIXEL_TAG = "METRES_PER_PIXEL"
 
-# No sidecar files: they may point anywhere. Blocks are read once, and need no cache, bytes.
+# No sidecar files: they may point anywhere. Each block is read once, so the cache is small (bytes).
 _ENVIRONMENT = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
     "GDAL_PAM_ENABLED": "NO",
     "GDAL_CACHEMAX": 1 << 26,
 }
 
-# Pixels that are read at once.
+# Pixels per read.
 _AT_ONCE = 1 << 22
 
 _FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937}
 
 
 def read_geotiff(path: Path, request: Request) -> Grid:
-    """Read the one band of heights of a GeoTIFF; nodata, NaN and what is below 0 are ground.
+    """Read the one band of heights of a GeoTIFF; nodata, NaN and negative values are ground.
 
-    The band's own scale, offset and feet are applied; ``height_scale`` multiplies.
+    It applies the band's own scale, offset and feet, and multiplies by ``height_scale``.
     """
     try:
         with (
             warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
-            _gdal_kept_quiet(),
+            _silence_gdal(),
             rasterio.Env(**_ENVIRONMENT),
             rasterio.open(path, driver="GTiff") as source,
         ):
@@ -64,8 +64,8 @@ def read_geotiff(path: Path, request: Request) -> Grid:
     except (RasterioError, CPLE_BaseError, OSError, ValueError, ProjError) as error:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
-            "a whole GeoTIFF",
-            "download or export it again; it may have been cut off",
+            "a complete GeoTIFF",
+            "download or export the file again; it may be cut off",
         ) from error
     return Grid(
         heights=ground,
@@ -78,8 +78,8 @@ def read_geotiff(path: Path, request: Request) -> Grid:
 
 
 def _ground(source: rasterio.DatasetReader, band: int, factor: float, offset: float) -> np.ndarray:
-    """Float32 ``(H, W)``: metres of a ``band``, read some rows at a time, for the largest that are
-    read fill gigabytes in float64."""
+    """Read metres of a ``band``, float32 ``(H, W)``, some rows at a time: in float64 large rasters
+    would fill gigabytes."""
     height, width = source.shape
     ground = np.empty((height, width), np.float32)
     deep = source.block_shapes[band - 1][0]
@@ -97,7 +97,7 @@ def _ground(source: rasterio.DatasetReader, band: int, factor: float, offset: fl
 
 
 def _check_transform(path: Path, transform: Affine) -> None:
-    """Raise unless pixels have a place and a size with which coordinates can be computed."""
+    """Raise unless the transform gives pixels a finite place and size."""
     numbers = np.array(transform[:6], float)
     with np.errstate(all="ignore"):
         steps = np.hypot(numbers[[0, 1]], numbers[[3, 4]])
@@ -105,16 +105,16 @@ def _check_transform(path: Path, transform: Affine) -> None:
         right = np.isfinite(numbers).all() and (np.abs(numbers) < 1e12).all()
         right &= (steps > 1e-12).all() and area > 1e-6 * steps.prod()
     if not right:
-        told = ", ".join(f"{number:.6g}" for number in numbers)
+        listed = ", ".join(f"{number:.6g}" for number in numbers)
         raise MapError(
-            f"{path.name}: pixels laid by the transform ({told})",
+            f"{path.name}: its transform of pixels is invalid ({listed})",
             "finite numbers that give each pixel a side and an area",
-            "repair its georeference, for example with gdal_edit -a_ullr",
+            "repair the file's georeference, for example with gdal_edit -a_ullr",
         )
 
 
 def read_png(path: Path, request: Request) -> Grid:
-    """Read a grey PNG of 1, 8 or 16 bits; its levels times a height scale are metres."""
+    """Read a grey PNG of 1, 8 or 16 bits; metres are its levels times a height scale."""
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["PNG"]) as image:
             check_size(path.name, image.height, image.width)
@@ -122,39 +122,40 @@ def read_png(path: Path, request: Request) -> Grid:
                 raise MapError(
                     f"{path.name} is a picture in colour ({image.mode})",
                     "a grey PNG of 8 or 16 bits whose levels are heights",
-                    "convert it to grey levels; a picture made by evocity holds no heights, "
-                    "its .tif or .npy does",
+                    "convert it to grey levels; or use the .tif or .npy, since pictures that "
+                    "evocity "
+                    "draws hold no heights",
                 )
             levels = np.asarray(image)
     except MapError:
         raise
-    except Exception as error:  # bombs of pixels and of text, and what a damaged chunk raises
+    except Exception as error:  # bombs of pixels and of text, and errors of damaged chunks
         raise MapError(
             f"{path.name} cannot be read as PNG: {str(error)[:200] or type(error).__name__}",
-            "a whole PNG of at most 170 million pixels, with little text in it",
-            "export it again; it may have been cut off",
+            "a complete PNG of at most 170 million pixels, with little text in it",
+            "export the file again; it may be cut off",
         ) from error
     if request.height_scale is None:
         scale = float(f"{50 / max(1, int(levels.max())):.4g}")
         raise MapError(
-            f"{path.name}: grey levels 0 to {levels.max()} without a height scale",
-            f"{keyword('height_scale')}, the metres of one grey level",
-            f"pass it, for example {keyword('height_scale', scale)} if the "
+            f"{path.name}: its grey levels 0 to {levels.max()} have no height scale",
+            f"{keyword('height_scale')}, the metres per grey level",
+            f"give the height scale, for example {keyword('height_scale', scale)} if the "
             "highest level means 50 m",
         )
     return Grid(levels.astype(np.float32) * np.float32(request.height_scale))
 
 
 def read_npy(path: Path, request: Request) -> Grid:
-    """Read a two-dimensional array of numbers, metres; pickled objects are refused."""
+    """Read a two-dimensional array of numbers, metres; it refuses pickled objects."""
     try:
         with warnings.catch_warnings(action="ignore"):
             stored = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # a damaged header raises whatever Python's parser does
+    except Exception as error:  # a damaged header raises any error of Python's parser
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise MapError(
             f"{path.name} cannot be read as NPY: {reason}",
-            "a whole file of numpy.save with numbers in it",
+            "a complete file of numbers written by numpy.save",
             "save the heights again with numpy.save(path, heights)",
         ) from error
     if stored.ndim != 2 or stored.dtype.kind not in "biuf":
@@ -165,9 +166,9 @@ def read_npy(path: Path, request: Request) -> Grid:
 
 
 @contextlib.contextmanager
-def _gdal_kept_quiet() -> Iterator[None]:
-    """rasterio logs what GDAL says, and fails on a message that is no UTF-8: of that, which comes
-    from a tag of a stranger's file, nothing is printed."""
+def _silence_gdal() -> Iterator[None]:
+    """Print nothing where rasterio fails to log a message of GDAL that is not UTF-8, as tags of
+    files may cause."""
     hook = sys.unraisablehook
     sys.unraisablehook = lambda failed: None
     try:
@@ -194,8 +195,8 @@ def _kinds(source: rasterio.DatasetReader) -> str:
 def _no_heights(path: Path, found: str) -> MapError:
     return MapError(
         f"{path.name} holds {found}",
-        "one band, or one array of two axes, of heights above ground in metres",
-        "extract the heights into a file of their own",
+        "one band of heights above ground in metres, or one array of two axes",
+        "extract the heights into a separate file",
     )
 
 
@@ -209,6 +210,3 @@ def _number(text: str | None) -> float | None:
         return None if text is None else float(text)
     except ValueError:
         return None
-
-
-__all__ = ["PIXEL_TAG", "read_geotiff", "read_npy", "read_png"]

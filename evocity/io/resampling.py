@@ -1,8 +1,7 @@
-"""`Grid` -> `CityMap`: square pixels in metres, and the window asked for.
+"""Resampling of a `Grid` to a `CityMap`: square pixels in metres, and the requested window.
 
-Pixels are kept as they are wherever they can be: if they are square, in metres that are
-true, with north up, and no other size is asked for. Otherwise each new pixel takes the old
-one its centre lies in, so that heights are never mixed.
+Pixels stay as they are if they are square, in true metres, with north up, and of the requested
+size. Otherwise each new pixel takes the old pixel at its centre, so that heights never mix.
 """
 
 import math
@@ -28,50 +27,50 @@ from evocity.io.projection import (
     is_metric,
     is_true_to_scale,
     local_metres,
-    moved,
+    transform_points,
 )
-from evocity.io.sources import Grid, Request, check_size, north_up
+from evocity.io.reader_types import Grid, Request, check_size, north_up
 
 
-def gridded(grid: Grid, request: Request, name: str) -> CityMap:
-    """The window of ``request``, or the whole raster, on square pixels in metres.
+def map_of_grid(grid: Grid, request: Request, name: str) -> CityMap:
+    """Lay the window of ``request``, or the whole raster, on square pixels in metres.
 
-    Raises `MapError` where it lies nowhere that its reference system knows.
+    Raises `MapError` where it lies beyond its reference system.
     """
     if grid.crs is None:
-        return _unplaced(grid, request, name)
-    with placing_trouble(name):
-        return _placed(grid, request, name)
+        return _map_in_metres(grid, request, name)
+    with placement_errors(name):
+        return _map_on_earth(grid, request, name)
 
 
 @contextmanager
-def placing_trouble(name: str) -> Iterator[None]:
-    """Turn what PROJ and GDAL raise of the place of the raster ``name`` into a `MapError`."""
+def placement_errors(name: str) -> Iterator[None]:
+    """Turn errors of PROJ and GDAL about the place of the raster ``name`` into a `MapError`."""
     try:
         with np.errstate(all="ignore"):
             yield
     except (CPLE_BaseError, RasterioError, ProjError, ArithmeticError, ValueError) as error:
         raise MapError(
-            f"{name}: its pixels cannot be laid on the ground ({str(error)[:200]})",
-            "a transform and a reference system that belong together",
-            "repair its georeference, for example with gdal_edit",
+            f"{name}: its pixels cannot be placed on the ground ({str(error)[:200]})",
+            "a transform and a reference system that fit each other",
+            "repair the file's georeference, for example with gdal_edit",
         ) from error
 
 
-def _placed(grid: Grid, request: Request, name: str) -> CityMap:
+def _map_on_earth(grid: Grid, request: Request, name: str) -> CityMap:
     center = request.center or _middle(grid, name)
     true = is_metric(grid.crs) and is_true_to_scale(grid.crs, *center)
     crs = grid.crs if true else local_metres(*center)
     native = _pixel_side(grid, center, crs)
     side = request.metres_per_pixel or native
     if true and _is_square(grid) and math.isclose(side, native, rel_tol=1e-9):
-        heights, origin = _cut(grid, request, center, name)
-        side, taken = native, _taken(grid, heights)
+        heights, origin = _cut_window(grid, request, center, name)
+        side, taken = native, _describe_window(grid, heights)
     else:
-        heights, origin = _resampled(grid, request, center, crs, side, name)
+        heights, origin = _resample(grid, request, center, crs, side, name)
         (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
         taken = (
-            f"{wide * side:g} × {tall * side:g} m at {side:g} m a pixel, out of a raster of "
+            f"{wide * side:g} × {tall * side:g} m at {side:g} m a pixel, from a raster of "
             f"{columns} × {rows} px of about {native:.4g} m"
         )
     return CityMap(
@@ -85,27 +84,27 @@ def _placed(grid: Grid, request: Request, name: str) -> CityMap:
     )
 
 
-def _taken(grid: Grid, heights: np.ndarray) -> str:
-    """In words, what of the ``grid`` was kept, pixel for pixel."""
+def _describe_window(grid: Grid, heights: np.ndarray) -> str:
+    """Describe the part of the ``grid`` that the map has, pixel for pixel."""
     (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
     if (tall, wide) == (rows, columns):
-        return f"the file's raster as it is, {columns} × {rows} px"
+        return f"the whole raster of the file, {columns} × {rows} px"
     return f"a window of {wide} × {tall} px of the file's {columns} × {rows} px"
 
 
-def _unplaced(grid: Grid, request: Request, name: str) -> CityMap:
+def _map_in_metres(grid: Grid, request: Request, name: str) -> CityMap:
     side = request.metres_per_pixel or grid.metres_per_pixel
     if side is None:
         raise MapError(
-            f"{name} does not say how large its pixels are",
-            f"{keyword('metres_per_pixel')}, the side of one pixel in metres",
-            f"pass it, for example {keyword('metres_per_pixel', 2.0)}",
+            f"{name} does not record the size of its pixels",
+            f"{keyword('metres_per_pixel')}, the side of a pixel in metres",
+            f"give the size, for example {keyword('metres_per_pixel', 2.0)}",
         )
     if request.center is not None:
         raise MapError(
-            f"{name} has no place on Earth, yet {keyword('center', request.center)} is asked for",
-            f"a file with a reference system, or no {keyword('center')}",
-            f"leave {keyword('center')} out: {keyword('pixels')} then cuts around the middle",
+            f"{name} has no place on Earth, so {keyword('center', request.center)} cannot apply",
+            f"a file with a reference system; otherwise no {keyword('center')}",
+            f"leave {keyword('center')} out: {keyword('pixels')} cuts around the middle",
         )
     rows, columns = grid.heights.shape
     pixels = request.pixels
@@ -115,51 +114,51 @@ def _unplaced(grid: Grid, request: Request, name: str) -> CityMap:
             raise _too_large(name, f"{pixels} × {pixels} px", f"{rows} × {columns} px")
         top, left = (rows - pixels) // 2, (columns - pixels) // 2
         heights = heights[top : top + pixels, left : left + pixels]
-    taken = _taken(grid, heights)
+    taken = _describe_window(grid, heights)
     return CityMap(heights, side, name=name, attribution=grid.attribution, taken=taken)
 
 
 def _middle(grid: Grid, name: str) -> tuple[float, float]:
     rows, columns = grid.heights.shape
-    lon, lat = moved(*_at(grid.transform, columns / 2, rows / 2), grid.crs, WGS84)
+    lon, lat = transform_points(*_at(grid.transform, columns / 2, rows / 2), grid.crs, WGS84)
     if not (abs(lon) <= 180 and abs(lat) <= 90):
         raise MapError(
-            f"{name}: its middle lies nowhere on Earth in {grid.crs.name}",
-            "coordinates that belong to the reference system of the file",
-            "repair its georeference, for example with gdal_edit",
+            f"{name}: its middle has no place on Earth in {grid.crs.name}",
+            "coordinates that are valid in the reference system of the file",
+            "repair the file's georeference, for example with gdal_edit",
         )
     return round(lon, 7), round(lat, 7)
 
 
 def _pixel_side(grid: Grid, center: tuple[float, float], crs: CRS) -> float:
-    """Side of the square with a pixel's area, metres of ``crs``, at the center."""
+    """Compute the side of the square with a pixel's area, metres of ``crs``, at the center."""
     step = grid.transform
     if crs == grid.crs and step.a == -step.e and step.b == step.d == 0:
         return step.a
-    x, y = moved(*center, WGS84, grid.crs)
+    x, y = transform_points(*center, WGS84, grid.crs)
     corners = np.array([(x, y), (x + step.a, y + step.d), (x + step.b, y + step.e)])
-    here, right, down = np.column_stack(moved(*corners.T, grid.crs, crs))
+    here, right, down = np.column_stack(transform_points(*corners.T, grid.crs, crs))
     (ax, ay), (bx, by) = right - here, down - here
     return math.sqrt(abs(ax * by - ay * bx))
 
 
 def _is_square(grid: Grid) -> bool:
-    """North up, and sides so equal that no corner drifts by half a pixel."""
+    """Tell whether north is up, and sides are so equal that no corner drifts by half a pixel."""
     t = grid.transform
     if t.b or t.d or t.a <= 0 or t.e >= 0:
         return False
     return abs(t.a + t.e) * max(grid.heights.shape) <= 0.5 * min(t.a, -t.e)
 
 
-def _cut(grid: Grid, request: Request, center: tuple[float, float], name: str):
-    """A window on the grid's own pixels: its heights and north-west corner."""
+def _cut_window(grid: Grid, request: Request, center: tuple[float, float], name: str):
+    """Cut a window on the grid's own pixels: its heights and north-west corner."""
     rows, columns = grid.heights.shape
     if request.pixels is None:
         return grid.heights, _at(grid.transform, 0, 0)
     pixels = request.pixels
     x, y = (columns / 2, rows / 2)
     if request.center is not None:
-        x, y = _at(~grid.transform, *moved(*center, WGS84, grid.crs))
+        x, y = _at(~grid.transform, *transform_points(*center, WGS84, grid.crs))
     left, top = round(x - pixels / 2), round(y - pixels / 2)
     if left < 0 or top < 0 or left + pixels > columns or top + pixels > rows:
         raise _too_large(name, _window(pixels, center), f"{rows} × {columns} px")
@@ -167,10 +166,10 @@ def _cut(grid: Grid, request: Request, center: tuple[float, float], name: str):
     return heights, _at(grid.transform, left, top)
 
 
-def _resampled(
+def _resample(
     grid: Grid, request: Request, center: tuple[float, float], crs: CRS, side: float, name: str
 ):
-    """The same on new pixels of ``side`` metres in ``crs``."""
+    """Lay the window on new pixels of ``side`` metres in ``crs``: its heights and corner."""
     source_crs, target_crs = (rasterio.crs.CRS.from_wkt(c.to_wkt()) for c in (grid.crs, crs))
     edges = array_bounds(*grid.heights.shape, grid.transform)
     west, south, east, north = transform_bounds(source_crs, target_crs, *edges)
@@ -181,7 +180,7 @@ def _resampled(
         rows = columns = request.pixels
         x, y = ((west + east) / 2, (south + north) / 2)
         if request.center is not None:
-            x, y = moved(*center, WGS84, crs)
+            x, y = transform_points(*center, WGS84, crs)
         left, top = x - columns * side / 2, y + rows * side / 2
         spill = max(
             west - left, top - north, left + columns * side - east, south - top + rows * side
@@ -215,13 +214,10 @@ def _window(pixels: int, center: tuple[float, float]) -> str:
     return f"{pixels} × {pixels} px about {center[0]:g}, {center[1]:g}"
 
 
-def _too_large(name: str, asked: str, there: str) -> MapError:
+def _too_large(name: str, window: str, raster: str) -> MapError:
     return MapError(
-        f"{name}: a window of {asked} reaches beyond the raster",
-        f"a window inside it; the raster has {there}",
-        f"pass fewer {keyword('pixels')}, a smaller {keyword('metres_per_pixel')}, or a "
+        f"{name}: a window of {window} reaches beyond the raster",
+        f"a window inside the raster, which has {raster}",
+        f"use fewer {keyword('pixels')}, a smaller {keyword('metres_per_pixel')}, or a "
         f"{keyword('center')} further inside",
     )
-
-
-__all__ = ["gridded", "placing_trouble"]

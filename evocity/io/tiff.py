@@ -1,9 +1,9 @@
-"""Rasters become GeoTIFF files."""
+"""Writers of GeoTIFF: maps, fields, and maps by windows."""
 
 import contextlib
 import unicodedata
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,11 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
 from evocity.io.raster import PIXEL_TAG
-from evocity.io.sources import north_up
-from evocity.io.windows import Windowed
+from evocity.io.raster_bands import WindowSource, bands
+from evocity.io.reader_types import north_up
 from evocity.pictures.field import Field
 
-# Side of the tiles of a file that is written by windows, px, and bytes GDAL may keep of it.
+# Side of the tiles of a file that is written by windows, px, and GDAL's cache, bytes.
 _TILE, _CACHE = 256, 64 << 20
 
 
@@ -33,25 +33,25 @@ def write_field_geotiff(field: Field, path: Path) -> None:
 
 
 def write_windows_geotiff(
-    what: Windowed, path: Path, bands: Iterator[tuple[int, np.ndarray]]
+    what: WindowSource, path: Path, progress: Callable[[int, int], None] | None = None
 ) -> None:
-    """The map in ``bands``, each with its first row."""
+    """Write a map band by band, as tiles; ``progress`` as of `bands`."""
     layout = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "bigtiff": "if_safer"}
     with (
         rasterio.Env(GDAL_CACHEMAX=_CACHE),
         _band(what, "height above ground", "metre", path, **layout) as target,
     ):
-        for top, heights in bands:
+        for top, heights in bands(what, progress):
             window = rasterio.windows.Window(0, top, heights.shape[1], heights.shape[0])
             target.write(heights, 1, window=window)
 
 
 @contextlib.contextmanager
 def _band(
-    about: CityMap | Windowed, title: str, unit: str, path: Path, **layout
+    about: CityMap | WindowSource, title: str, unit: str, path: Path, **layout
 ) -> Iterator[rasterio.io.DatasetWriter]:
-    """A GeoTIFF of one float32 band, with all that is known of a map, open to be written. Raises
-    OSError where the library cannot."""
+    """Open a GeoTIFF of one float32 band, with the description of a map, for writing. Raises
+    OSError where the library cannot write."""
     side = about.metres_per_pixel
     left, top = about.origin or (0.0, about.shape[0] * side)
     try:
@@ -87,7 +87,7 @@ def _band(
 
 
 def _ascii(text: str) -> str:
-    """``text`` for the tags of TIFF, which are ASCII: © as (c), é as e."""
+    """Spell ``text`` in ASCII, as tags of TIFF are: © as (c), é as e."""
     for sign, letters in {"©": "(c)", "®": "(R)", "–": "-", "—": "-", "’": "'"}.items():
         text = text.replace(sign, letters)
     plain = unicodedata.normalize("NFKD", text)
@@ -96,6 +96,3 @@ def _ascii(text: str) -> str:
         .encode("ascii", "replace")
         .decode()
     )
-
-
-__all__ = ["write_field_geotiff", "write_geotiff", "write_windows_geotiff"]

@@ -1,7 +1,7 @@
-"""Footprints from GeoPackage and Shapefile, read by GDAL.
+"""Reader of footprints in GeoPackage and Shapefile, by GDAL.
 
-The kind of content is checked before GDAL sees a file (`sources.content_of`), so that a
-virtual format under another name, which may point to the network, is never opened.
+`reader_types.content_of` checks the kind of content before GDAL opens a file, so that GDAL never
+opens a virtual format under another name, which may point to the network.
 """
 
 import math
@@ -19,13 +19,13 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError as BadCRS
 
 from evocity.errors import MapError, keyword
-from evocity.io.computed import check_views
+from evocity.io.footprint_files import CENTER_TAG
+from evocity.io.geopackage_sql import check_views
 from evocity.io.heights import BUILDING_FIELDS, plain_name
-from evocity.io.polygons import CENTER_TAG
-from evocity.io.projection import crs_named, flat, is_metric
-from evocity.io.sources import Footprints, Request
+from evocity.io.projection import flat, is_metric, parse_crs
+from evocity.io.reader_types import Footprints, Request
 
-# names of layers of buildings, in some of the languages that publish them
+# names of layers of buildings in several languages
 _BUILDING_NAME = re.compile(
     r"build|footprint|b[aâ]ti|geb(ae|ä)ude|edific|edifíc|pand|edifici|budov|budyn|здан", re.I
 )
@@ -43,16 +43,16 @@ _GDAL_ERRORS = (
 
 
 def read_layers(path: Path, request: Request) -> Footprints:
-    """Read the buildings of a GeoPackage or Shapefile, of the layer that is named or found."""
+    """Read the buildings of a GeoPackage or Shapefile: the named layer, or the only fitting one."""
     _check_whole(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)
-    polygons, tags, crs, metadata, count = _read(path, _chosen_layer(path, request.layer))
+    polygons, tags, crs, metadata, count = _read(path, _choose_layer(path, request.layer))
     if crs is None:
         raise MapError(
-            f"{path.name} names no reference system",
-            "a layer with one (a .prj file beside a Shapefile)",
-            "assign it, for example with ogr2ogr -a_srs EPSG:…",
+            f"{path.name} has no reference system",
+            "a layer with a reference system (for a Shapefile a .prj file)",
+            "assign a reference system, for example with ogr2ogr -a_srs EPSG:…",
         )
     crs = _crs(path, crs)
     center = _center(path, metadata)
@@ -62,24 +62,24 @@ def read_layers(path: Path, request: Request) -> Footprints:
 
 
 def _check_whole(path: Path) -> None:
-    """GDAL reads what is left of a Shapefile that was cut off; its header tells its length."""
+    """Raise `MapError` for a Shapefile shorter than its header says: GDAL reads the rest of it."""
     if path.suffix.lower() != ".shp":
         return
     with open(path, "rb") as file:
         head = file.read(28)
-    told, there = 2 * int.from_bytes(head[24:28]), path.stat().st_size
-    if len(head) < 28 or told > there:
+    whole, size = 2 * int.from_bytes(head[24:28]), path.stat().st_size
+    if len(head) < 28 or whole > size:
         raise MapError(
-            f"{path.name} is cut off: {there} bytes",
-            f"the {told} bytes its header tells of",
-            "copy or download it again",
+            f"{path.name} is cut off: it has {size} bytes",
+            f"{whole} bytes, as its header says",
+            "copy or download the file again",
         )
 
 
 def _read(path: Path, layer: str):
-    """Polygons, their tags, the reference system and the metadata of one layer, and how many
-    features it has of any kind."""
-    with _gdal_trouble(path):
+    """Read polygons, their tags, the reference system and the metadata of a layer, and its number
+    of features of any kind."""
+    with _gdal_errors(path):
         info = pyogrio.read_info(path, layer=layer)
         meta, _, shapes, columns = pyogrio.raw.read(path, layer=layer, force_2d=True)
         polygons = shapely.from_wkb(shapes)
@@ -94,14 +94,14 @@ def _read(path: Path, layer: str):
     return polygons[kept], tags, meta["crs"], metadata, len(shapes)
 
 
-def _chosen_layer(path: Path, wanted: str | None) -> str:
-    with _gdal_trouble(path):
+def _choose_layer(path: Path, requested: str | None) -> str:
+    with _gdal_errors(path):
         layers = [(str(name), str(kind)) for name, kind in pyogrio.list_layers(path)]
     names = [name for name, _ in layers]
-    if wanted is not None:
-        if wanted in names:
-            return wanted
-        raise _which_layer(path, f"no layer {wanted!r}", names)
+    if requested is not None:
+        if requested in names:
+            return requested
+        raise _layer_error(path, f"no layer {requested!r}", names)
     with_areas = [name for name, kind in layers if "Polygon" in kind or "Unknown" in kind]
     for candidates in (
         [name for name in with_areas if _BUILDING_NAME.search(name)],
@@ -111,46 +111,45 @@ def _chosen_layer(path: Path, wanted: str | None) -> str:
         if len(candidates) == 1:
             return candidates[0]
         if candidates:
-            raise _which_layer(path, f"{len(candidates)} layers that may be meant", candidates)
-    raise _which_layer(path, "no layer of polygons", names)
+            raise _layer_error(path, f"{len(candidates)} layers that may have them", candidates)
+    raise _layer_error(path, "no layer of polygons", names)
 
 
 def _has_building_fields(path: Path, layer: str) -> bool:
-    with _gdal_trouble(path):
+    with _gdal_errors(path):
         fields = pyogrio.read_info(path, layer=layer)["fields"]
     return not BUILDING_FIELDS.isdisjoint(plain_name(name) for name in fields)
 
 
-def _which_layer(path: Path, found: str, names: list[str]) -> MapError:
+def _layer_error(path: Path, problem: str, names: list[str]) -> MapError:
     return MapError(
-        f"{path.name} has {found}",
-        f"one layer of building footprints; there are: {', '.join(names) or 'none'}",
+        f"{path.name} has {problem}",
+        f"one layer of building footprints; the file has the layers: {', '.join(names) or 'none'}",
         f"name the layer with {keyword('layer')}",
     )
 
 
 def _crs(path: Path, text: str):
-    """GDAL gives a code or, where there is none, its own WKT."""
     if text.startswith(("EPSG:", "OGC:", "ESRI:")):
-        return crs_named(text, path.name)
-    with _gdal_trouble(path):
+        return parse_crs(text, path.name)
+    with _gdal_errors(path):
         return flat(CRS.from_wkt(text))
 
 
 def _center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | None:
-    """The middle of the window that evocity wrote the layer for, if it was evocity."""
-    told = metadata.get(CENTER_TAG)
-    if told is None:
+    """Read the middle of the window from a layer that evocity wrote; None for other layers."""
+    text = metadata.get(CENTER_TAG)
+    if text is None:
         return None
     try:
-        x, y = (float(number) for number in told.split())
+        x, y = (float(number) for number in text.split())
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         raise MapError(
-            f"{path.name}: {CENTER_TAG} {told[:80]!r} in the metadata",
+            f"{path.name}: {CENTER_TAG} {text[:80]!r} in the metadata is invalid",
             "two numbers, longitude and latitude",
-            "correct it, or take it out: the middle of the buildings is then taken",
+            "correct this entry, or remove it to use the middle of the buildings",
         )
     return x, y
 
@@ -163,8 +162,8 @@ def _attribution(metadata: Mapping[str, str]) -> str:
 
 
 @contextmanager
-def _gdal_trouble(path: Path) -> Iterator[None]:
-    """Turn GDAL's errors about ``path`` into a `MapError`, and keep its warnings quiet."""
+def _gdal_errors(path: Path) -> Iterator[None]:
+    """Turn GDAL's errors about ``path`` into a `MapError`, and hide its warnings."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -172,9 +171,6 @@ def _gdal_trouble(path: Path) -> Iterator[None]:
     except _GDAL_ERRORS as error:
         raise MapError(
             f"{path.name} cannot be read: {(str(error).splitlines() or ['damaged'])[0][:200]}",
-            "a whole file of the format its name says",
-            "download or export it again; it may have been cut off or be incomplete",
+            "a complete file of the format that its suffix names",
+            "download or export the file again; it may be cut off or incomplete",
         ) from error
-
-
-__all__ = ["read_layers"]

@@ -1,4 +1,4 @@
-"""Fabric: a city as an iterated function system, a `Genome`."""
+"""The kind of fabrics: a city as an iterated function system, a `Genome`."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,25 +10,25 @@ import pyarrow as pa
 from evocity.citymap import CityMap
 from evocity.columns import array_of
 from evocity.condensation import Condensation
-from evocity.errors import EvocityError, shown
+from evocity.errors import EvocityError, spell
 from evocity.genome import FIELDS, NEWER, PROVENANCE, Genome, packed, read_genome, unpacked
-from evocity.kinds.kind import Expressed, Window, lists
+from evocity.kinds.kind import Expressed, Kind, Window, lists
 from evocity.pavement import Pavement
 
 #: The column of the range blocks' sides, px, in the order of `Pavement.side`.
 SIDE = "side"
-#: What versions of the log before leaves hold: lists of one length, no turns, lifs for places.
+#: Columns of logs without leaves: lists of one length, no turns, lifs for places.
 _OLDER = [name for name in FIELDS if name not in NEWER]
 
 
-class Fabric:
-    """The kind of `Genome`. One list a nucleotide and a birth, and one of the sides of the range
-    blocks. A run of an older release, whose header tells one ``block``, is read, and goes on, as
-    it was written."""
+class Fabric(Kind):
+    """The kind of `Genome`. A birth has a list for each field of nucleotides, and a list of the
+    sides of the range blocks. Runs of older releases, whose header has a ``block``, keep their
+    format."""
 
     name = "fabric"
-    first = ("quarter_fusion", "pavement_fusion"), ("quarter_refill", "mutation")
-    usual: ClassVar = {
+    first_operators = ("quarter_fusion", "pavement_fusion"), ("quarter_refill", "mutation")
+    default_operators: ClassVar = {
         "quarter_fusion": {"weight": 2, "fill": {"from": 0.05, "to": 0.6}},
         "height_scaling": {"weight": 2},
         "relocation": {"weight": 1.5},
@@ -37,7 +37,7 @@ class Fabric:
     subjects = ("city",)
     factors = ("fabric",)
     sources = ("map",)
-    stones = tuple(PROVENANCE)
+    ancestry_columns = tuple(PROVENANCE)
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         if header.block is not None:
@@ -47,18 +47,19 @@ class Fabric:
 
     def columns(self, genomes: Sequence[Genome | None], header) -> dict[str, pa.Array]:
         def column(name: str, of, size=None) -> pa.Array:
-            rows = [None if one is None else of(one) for one in genomes]
+            rows = [None if genome is None else of(genome) for genome in genomes]
             return lists(rows, FIELDS[name].dtype if name in FIELDS else np.dtype(np.int16), size)
 
         if header.block is None:
             columns = {
-                name: column(name, lambda one, name=name: getattr(one, name)) for name in FIELDS
+                name: column(name, lambda genome, name=name: getattr(genome, name))
+                for name in FIELDS
             }
-            return columns | {SIDE: column(SIDE, lambda one: one.pavement.side)}
+            return columns | {SIDE: column(SIDE, lambda genome: genome.pavement.side)}
         count = len(Pavement(header.height, header.width, header.block))
-        told = {name: lambda one, name=name: getattr(one, name) for name in _OLDER}
-        told["source"] = lambda one: _lifs(one.source, header)
-        return {name: column(name, of, count) for name, of in told.items()}
+        getters = {name: lambda genome, name=name: getattr(genome, name) for name in _OLDER}
+        getters["source"] = lambda genome: _lifs(genome.source, header)
+        return {name: column(name, of, count) for name, of in getters.items()}
 
     def genome(self, row, header, locked: Condensation | None, made: Mapping) -> Genome:
         older = header.block is not None
@@ -70,7 +71,7 @@ class Fabric:
             sides = array_of(row[SIDE].values)
             pavement = Pavement(header.height, header.width, sides)
         if "source" not in arrays:
-            arrays |= _own(pavement)
+            arrays |= _own_ancestry(pavement)
         elif older:
             line, place = np.divmod(arrays["source"].astype(np.int64), pavement.columns)
             arrays["source"] = packed(line * header.block, place * header.block)
@@ -95,7 +96,7 @@ class Fabric:
 
     def faults(self, child, header) -> dict[str, str]:
         if not isinstance(child, Genome):
-            return {f"a child that is {shown(child)}": "a Genome"}
+            return {f"a child that is {spell(child)}": "a Genome"}
         faults = {}
         size = child.pavement.height, child.pavement.width
         if size != (header.height, header.width):
@@ -113,7 +114,7 @@ class Fabric:
             faults[found] = f"|σ| ≤ {header.sigma_max:g}, the run's genome.sigma_max"
         strange = [city for city in child.cities if city not in header.cities]
         if strange:
-            found = f"cities {', '.join(map(shown, strange))}"
+            found = f"cities {', '.join(map(spell, strange))}"
             faults[found] = f"cities of the run: {', '.join(header.cities)}"
         return faults
 
@@ -122,27 +123,18 @@ class Fabric:
 
         return encode(city, condensation=locked, **how).genome
 
-    def begun(self, parent, folder: Path, window: Window, name: str) -> Genome:
-        raise NotImplementedError("its parents are maps")
-
-    def called(self, genome: Genome, name: str) -> Genome:
+    def rename(self, genome: Genome, name: str) -> Genome:
         return genome.replace(cities=(name,))
-
-    def completed(self, genome: Genome, city: CityMap, recipe) -> Genome:
-        return genome
 
     def read(self, path: Path) -> Genome:
         return read_genome(path)
 
-    def unsuited(self, genome: Genome, window: Window) -> tuple[str, str] | None:
+    def window_mismatch(self, genome: Genome, window: Window) -> tuple[str, str] | None:
         pavement, pixel = genome.pavement, genome.metres_per_pixel
         size = pavement.height, pavement.width
         if (*size, pixel) == (window.pixels, window.pixels, window.metres_per_pixel):
             return None
         return f"{size[0]} × {size[1]} px of {pixel:g} m", str(window)
-
-    def bred(self, operator, parents: Sequence[Genome], rng: np.random.Generator):
-        return operator(parents, rng)
 
     def fabric(self, genome: Genome) -> Genome:
         return genome
@@ -150,7 +142,7 @@ class Fabric:
     def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
         return genome.replace(
             cities=(name,),
-            **_own(genome.pavement),
+            **_own_ancestry(genome.pavement),
             **dict.fromkeys(("turn", "other", "part")),
             condensation=None,
             settle=settle,
@@ -158,7 +150,7 @@ class Fabric:
         )
 
     def express(self, genome: Genome) -> Expressed:
-        from evocity.coding.decoded import decoded  # who reads a run need not decode it
+        from evocity.coding.decoding_cache import decoded  # reading a run does not need it
 
         try:
             decoding = decoded(genome)
@@ -170,13 +162,13 @@ class Fabric:
 
 
 def _common(header, locked: Condensation | None) -> dict:
-    """What all genomes of a run have alike."""
-    told = ("cities", "sigma_max", "attribution", "origin", "crs", "settle")
-    return {name: getattr(header, name) for name in told} | {"condensation": locked}
+    names = ("cities", "sigma_max", "attribution", "origin", "crs", "settle")
+    return {name: getattr(header, name) for name in names} | {"condensation": locked}
 
 
-def _own(pavement: Pavement) -> dict[str, np.ndarray]:
-    """The stones of a city that has none but its own, the first of those that there are."""
+def _own_ancestry(pavement: Pavement) -> dict[str, np.ndarray]:
+    """Return the ancestry of a code of a single city, the first: each lifs comes from its own
+    place."""
     return {"parent": np.zeros(len(pavement), np.uint8), "source": packed(*pavement.corners)}
 
 
@@ -185,6 +177,6 @@ def _type(name: str) -> pa.DataType:
 
 
 def _lifs(source: np.ndarray, header) -> np.ndarray:
-    """The numbers of the lifs that stand at the places ``source``, as older releases told them."""
+    """Convert the places ``source`` to numbers of lifs, as in older releases."""
     row, column = unpacked(source)
     return row // header.block * (header.width // header.block) + column // header.block

@@ -1,4 +1,4 @@
-"""`Kind`: what every kind of chromosome must be able to do."""
+"""`Kind`: the protocol of every kind of chromosome; and the results of its methods."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,12 +15,11 @@ from evocity.genome import Genome
 
 @dataclass(frozen=True, eq=False)
 class Expressed:
-    """What a genome stands for: its map, or why it has none.
+    """The expression of a genome: its map, or the reason that it has none.
 
-    city : the map that is measured, None without one.
-    problem : in words, why there is none.
-    form : what measures of other things than maps see, by the names of these: "shape", "curve",
-        "site".
+    city : the map for measures, or None.
+    problem : the reason, in words, that there is no map.
+    form : the subjects of measures other than maps, by name: "shape", "curve", "site".
     """
 
     city: CityMap | None
@@ -28,13 +27,13 @@ class Expressed:
     form: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, subject: str) -> Any:
-        """What a measure of a ``subject`` sees: the map, or a form."""
+        """Return the map or form that a measure of a ``subject`` takes."""
         return self.city if subject == "city" else self.form[subject]
 
 
 @dataclass(frozen=True)
 class Window:
-    """The square that every genome of a run is laid in, as ``[map]`` tells it."""
+    """The square window of every genome of a run, from ``[map]``."""
 
     pixels: int
     metres_per_pixel: float
@@ -44,80 +43,83 @@ class Window:
 
 
 class Kind(Protocol):
-    """A kind of chromosome. ``header`` is the run's `evocity.store.Header` throughout; ``locked``
-    what is condensed in every genome of the run, or None."""
+    """A kind of chromosome. In all methods ``header`` is the run's `evocity.store.Header`, and
+    ``locked`` the condensation of every genome of the run, or None."""
 
     name: str
-    #: Operators that breed the first population, of two sources and of one: the first of each that
-    #: a recipe has, else the last.
-    first: tuple[tuple[str, ...], tuple[str, ...]]
+    #: Operators that breed the first population, from two sources and from one: the first of each
+    #: tuple that a recipe has, else the last.
+    first_operators: tuple[tuple[str, ...], tuple[str, ...]]
     #: The mixture of a recipe without ``[operators]``: name -> weight and parameters.
-    usual: Mapping[str, Mapping[str, Any]]
-    #: What its measures may be of: "city", "shape", "curve", "site".
+    default_operators: Mapping[str, Mapping[str, Any]]
+    #: Subjects of its measures: "city", "shape", "curve", "site".
     subjects: tuple[str, ...]
-    #: What its operators may breed: "fabric", "shape", "curve"; of several, one a birth.
+    #: Factors that its operators may breed: "fabric", "shape", "curve"; a birth changes one.
     factors: tuple[str, ...]
-    #: Those of its columns that only tell whose stones are where: `genome` does without them, and
-    #: what it gives expresses the same.
-    stones: tuple[str, ...]
-    #: What its parents are, as keys of ``[[parents]]``; individuals of runs besides.
+    #: Columns that only describe ancestry: `genome` works without them, and its genome expresses
+    #: the same map.
+    ancestry_columns: tuple[str, ...]
+    #: Keys of ``[[parents]]`` for its parents, besides individuals of runs.
     sources: tuple[str, ...]
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
-        """Its columns among the births', in order."""
+        """List its columns of the births, in order."""
 
     def columns(self, genomes: Sequence[Any], header) -> dict[str, pa.Array]:
-        """These columns of ``genomes``, null for those that are None."""
+        """Make these columns of ``genomes``, with null for None."""
 
     def genome(self, row: Mapping[str, pa.Scalar], header, locked, made: Mapping) -> Any:
-        """The genome in one row of the births. Raises what damage ends in: ValueError,
-        TypeError, LookupError, `EvocityError`."""
+        """Make the genome of a row of the births. Raises ValueError, TypeError, LookupError or
+        `EvocityError` for damaged rows."""
 
     def adopt(self, genome: Any, header, locked, made: Mapping | None = None) -> Any:
-        """The same genome told in the run's terms; its own ``made`` unless another is given."""
+        """Convert a genome to the run's window, cities and lock; keep its ``made`` unless given."""
 
     def faults(self, child: Any, header) -> dict[str, str]:
-        """What of a ``child``, of any type, does not suit the run: what was found -> what was
-        expected in its place; nothing for one that does."""
+        """List what of a ``child``, of any type, does not suit the run: problem -> expectation;
+        empty for a suitable child."""
 
     def prepare(self, city: CityMap, how: Mapping[str, Any], locked) -> Any:
-        """The genome of a source city, made as the recipe's ``[genome]`` tells; ``how`` are its
-        keys."""
+        """Make the genome of a source city; ``how``: the keys of the recipe's ``[genome]``."""
+        raise NotImplementedError(f"a parent of a {self.name} is not a map")
 
-    def begun(self, parent: Any, folder: Path, window: Window, name: str) -> Any:
-        """The genome of a ``parent`` that is no map, as the recipe in a ``folder`` tells it. Raises
+    def make_parent(self, parent: Any, folder: Path, window: Window, name: str) -> Any:
+        """Make the genome of a ``parent`` other than a map, of a recipe in a ``folder``. Raises
         `EvocityError`."""
+        raise NotImplementedError(f"a parent of a {self.name} is a map")
 
-    def called(self, genome: Any, name: str) -> Any:
-        """A founder's ``genome``, of a city called ``name``."""
+    def rename(self, genome: Any, name: str) -> Any:
+        """Rename the city of a founder's ``genome``."""
 
-    def completed(self, genome: Any, city: CityMap, recipe: Any) -> Any:
-        """A source's ``genome`` with what the ``recipe`` adds to it."""
+    def complete(self, genome: Any, city: CityMap, recipe: Any) -> Any:
+        """Add the recipe's own parts to a source's ``genome``; by default none."""
+        return genome
 
     def read(self, path: Path) -> Any:
-        """The genome in a file. Raises `EvocityError`."""
+        """Read the genome in a file. Raises `EvocityError`."""
 
-    def unsuited(self, genome: Any, window: Window) -> tuple[str, str] | None:
-        """What a genome that was bred before has in place of the ``window``, and what it is to
-        have; None if that suits."""
+    def window_mismatch(self, genome: Any, window: Window) -> tuple[str, str] | None:
+        """Describe the window of an earlier genome and the expected ``window``; None if they are
+        equal."""
 
-    def bred(self, operator: Any, parents: Sequence[Any], rng: np.random.Generator) -> Any:
-        """The child that an ``operator`` makes of ``parents``, in one factor of them."""
+    def breed(self, operator: Any, parents: Sequence[Any], rng: np.random.Generator) -> Any:
+        """Breed a child of ``parents`` by an ``operator``, in one factor."""
+        return operator(parents, rng)
 
     def fabric(self, genome: Any) -> Genome | None:
-        """What of a genome is fabric; None if nothing is."""
+        """Return the fabric of a genome; None without a fabric."""
+        return None
 
     def founder(self, genome: Any, name: str, settle: bool) -> Any:
-        """A ``genome`` that was bred before as the founder of a run: all it has is its own, of a
-        city called ``name``; ``settle`` as the run's header tells. What was locked is not any more:
-        the run locks its own."""
+        """Make an earlier ``genome`` the founder of a run: it becomes a single city called
+        ``name``, without its former lock; ``settle`` as in the run's header."""
 
     def express(self, genome: Any) -> Expressed:
-        """The map that is measured."""
+        """Express a genome as a map."""
 
 
 def lists(rows: Sequence[np.ndarray | None], dtype: np.dtype, size: int | None = None) -> pa.Array:
-    """A column of lists, null for None; of ``size`` values each, if that is given."""
+    """Make a column of lists, null for None; of ``size`` values each, if given."""
     absent = column_of(np.array([row is None for row in rows], bool))
     if size is not None:
         values = np.zeros((len(rows), size), dtype)

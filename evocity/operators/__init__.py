@@ -1,35 +1,12 @@
-"""Genomes breed a genome. One operator, one file; every operator takes parents and a generator.
+"""Operators of breeding: fusions, crossovers, mutations, rearrangements, changes of heights.
 
-- `pavement_fusion`: square groups of lifs of two or more parents
-- `region_fusion`: groups that hold whole buildings
-- `quarter_fusion`: street blocks of one parent, buildings of the others
-- `quarter_refill`: street blocks of one parent, buildings of any
-- `direct_fusion`: lifs by lifs, of two or more parents
-- `asymmetric_fusion`: the lifs of the second parent's likest blocks
-- `symmetric_fusion`: of each block's matches in both parents, one or between
-- `lambda_crossover`: every lifs between those of two parents, in patches
-- `lambda_field`: street blocks of two parents or more, as a field of numbers tells
-- `interpolation`: all lifs between those of two parents, or their steps of decoding
-- `mutation`: any nucleotide of one parent
-- `gene_copy`: genes of one parent copied to other places
-- `gene_exchange`: genes of one parent exchanged
-- `height_scaling`: buildings of one parent raised and lowered by whole storeys
-- `height_field`: street blocks of one parent raised and lowered, as a field of numbers tells
-- `block_exchange`: macro-blocks of one parent exchanged
-- `relocation`: groups of lifs of one parent moved, their domains with them
-- `repair`: collage repair, used by all of them
-- `crossing`: what they share: drafts, and how a draft becomes a child
-- `grid`: the cells that crossings follow, sizes in metres
-- `groups`, `footings`: groups of cells, and what stands on them
-- `turning`: cells laid turned and mirrored
-- `heights`: what operators of heights share
-- `fields`: few numbers over a map, smooth in between
-- `refitting`: lifs fitted to a changed map, domain blocks as they are
-- `storeys`: by how many storeys buildings may rise or fall
-- `street_blocks`: what streets enclose, what fits into it, how it is filled
-- `pairing`: which block of another city is likest
-- `shares`: how much of a child is whose
-- `parameters`: what their parameters may be
+- `quarter_fusion`, `region_fusion`, `pavement_fusion`, `direct_fusion`, `content_fusion`: fusions
+- `lambda_crossover`, `lambda_field`, `interpolation`: crossovers
+- `mutation`, `rearrangements`, `height_operators`: operators of one parent
+- `shape_operators`, `curve_operators`, `form_common`: operators of shapes and curves
+- `crossover`, `repair`, `parameters`: drafts of children, collage repair, checks of parameters
+- `street_blocks`, `pairing`, `groups`, `grid`, `fields`, `building_heights`, `storeys`: shared
+parts
 """
 
 import inspect
@@ -40,21 +17,11 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from evocity.errors import OperatorError, near_miss, shown, told, with_near_miss
+from evocity.errors import OperatorError, add_near_miss, describe_error, near_miss, spell
 from evocity.genome import Genome
-from evocity.operators.asymmetric_fusion import AsymmetricFusion
-from evocity.operators.block_exchange import BlockExchange
-from evocity.operators.crossing import Draft, Drafting
-from evocity.operators.direct_fusion import DirectFusion
-from evocity.operators.gene_copy import GeneCopy
-from evocity.operators.gene_exchange import GeneExchange
-from evocity.operators.height_field import HeightField
-from evocity.operators.height_scaling import HeightScaling
-from evocity.operators.interpolation import Interpolation
-from evocity.operators.lambda_crossover import LambdaCrossover
-from evocity.operators.lambda_field import LambdaField
-from evocity.operators.mutation import Mutation
-from evocity.operators.of_curves import (
+from evocity.operators.content_fusion import AsymmetricFusion, SymmetricFusion
+from evocity.operators.crossover import Draft, Drafting
+from evocity.operators.curve_operators import (
     CurveMetamorphosis,
     DetailExchange,
     DetailScaling,
@@ -62,26 +29,31 @@ from evocity.operators.of_curves import (
     PointExchange,
     PointPerturbation,
 )
-from evocity.operators.of_shapes import MapExchange, MapPerturbation, ShapeMetamorphosis
+from evocity.operators.direct_fusion import DirectFusion
+from evocity.operators.height_operators import HeightField, HeightScaling
+from evocity.operators.interpolation import Interpolation
+from evocity.operators.lambda_crossover import LambdaCrossover
+from evocity.operators.lambda_field import LambdaField
+from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import PavementFusion
-from evocity.operators.quarter_fusion import QuarterFusion
-from evocity.operators.quarter_refill import QuarterRefill
+from evocity.operators.quarter_fusion import QuarterFusion, QuarterRefill
+from evocity.operators.rearrangements import BlockExchange, GeneCopy, GeneExchange, Relocation
 from evocity.operators.region_fusion import RegionFusion
-from evocity.operators.relocation import Relocation
 from evocity.operators.repair import collage_repair
-from evocity.operators.symmetric_fusion import SymmetricFusion
+from evocity.operators.shape_operators import MapExchange, MapPerturbation, ShapeMetamorphosis
 from evocity.plugins import load_plugins, origin_of
 
 
 class Operator(Protocol):
-    """What breeding asks of an operator: the number of parents, and a call that makes a child.
+    """Protocol of operators: a number of parents, and a call that breeds a child.
 
-    ``parents`` is (fewest, most), most None for any number. The call never changes a parent,
-    draws from the generator alone, and records ``parent`` and ``source`` of every lifs.
+    The attribute ``parents`` is (fewest, most), with None for any number. The call never changes a
+    parent and takes random numbers only from the generator. It records ``parent`` and ``source`` of
+    every lifs.
 
-    Where parameters suit some numbers of parents only, a method ``check_count(count)`` raises
-    `OperatorError` for the others.
+    If some numbers of parents do not suit the parameters, a method ``check_count(count)`` raises
+    `OperatorError` for them.
     """
 
     name: ClassVar[str]
@@ -90,7 +62,7 @@ class Operator(Protocol):
     def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome: ...
 
 
-#: The operators of the package, by the name recipes use.
+#: The operators of the package for fabric, by their names in recipes.
 OPERATORS: Mapping[str, type[Operator]] = {
     operator.name: operator
     for operator in (
@@ -115,7 +87,7 @@ OPERATORS: Mapping[str, type[Operator]] = {
 }
 
 
-#: The operators of shapes and of curves, which have ``of`` for what they breed.
+#: The operators of shapes and of curves; their ``of`` names what they breed.
 OF_FORMS: Mapping[str, type[Operator]] = {
     operator.name: operator
     for operator in (
@@ -133,69 +105,71 @@ OF_FORMS: Mapping[str, type[Operator]] = {
 
 
 def operators(of: Collection[str] | None = None) -> dict[str, type[Operator]]:
-    """All operators by name: the package's, and those of entry points ``evocity.operators``.
-    ``of``: those alone that breed this: "fabric", "shape", "curve"."""
-    known = OPERATORS | OF_FORMS | _from_plugins()[0]
-    return {name: one for name, one in known.items() if of is None or bred_by(one) in of}
+    """List all operators by name, those of the package and of the entry points
+    ``evocity.operators``. The argument ``of`` keeps only operators that breed "fabric", "shape" or
+    "curve"."""
+    known = OPERATORS | OF_FORMS | _plugins()[0]
+    return {name: kind for name, kind in known.items() if of is None or bred_by(kind) in of}
 
 
 def bred_by(operator: object) -> str:
-    """What an operator, or a class of them, breeds: "fabric" unless it says otherwise."""
+    """Return the kind of chromosome that an operator, or a class of operators, breeds; by default
+    "fabric"."""
     return getattr(operator, "of", "fabric")
 
 
 def origins() -> dict[str, str]:
-    """Where each of `operators` comes from: "evocity", or a plugin's package and version."""
-    return dict.fromkeys(OPERATORS | OF_FORMS, "evocity") | _from_plugins()[2]
+    """List the origin of each of `operators`: "evocity", or the package and version of a plugin."""
+    return dict.fromkeys(OPERATORS | OF_FORMS, "evocity") | _plugins()[2]
 
 
 def plugin_warnings() -> tuple[str, ...]:
-    """One text for each entry point ``evocity.operators`` that could not be loaded."""
-    return _from_plugins()[1]
+    """List a warning for each entry point ``evocity.operators`` that failed to load."""
+    return _plugins()[1]
 
 
 @cache
-def _from_plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[str, str]]:
-    """Operators of other packages, what is wrong with those left out, and where each is from."""
-    found: dict[str, type[Operator]] = {}
+def _plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[str, str]]:
+    """Load operators of other packages: classes, faults of the others, origins."""
+    kinds: dict[str, type[Operator]] = {}
     origins: dict[str, str] = {}
 
     def take(entry: EntryPoint) -> None:
         kind = entry.load()
         if not (isinstance(kind, type) and hasattr(kind, "parents") and hasattr(kind, "name")):
-            raise TypeError(f"{shown(kind)} is no class with `name` and `parents`")
-        if entry.name in OPERATORS | OF_FORMS or entry.name in found:
+            raise TypeError(f"{spell(kind)} is not a class with `name` and `parents`")
+        if entry.name in OPERATORS | OF_FORMS or entry.name in kinds:
             raise ValueError(f"a second operator called {entry.name}")
         wrong_types(kind, {})  # raises if its annotations cannot be checked
-        found[entry.name], origins[entry.name] = kind, origin_of(entry)
+        kinds[entry.name], origins[entry.name] = kind, origin_of(entry)
 
-    return found, load_plugins("evocity.operators", take), origins
+    return kinds, load_plugins("evocity.operators", take), origins
 
 
 def make(name: str, **parameters: Any) -> Operator:
-    """The operator called ``name`` with ``parameters``.
+    """Make the operator called ``name`` with the ``parameters``.
 
-    Raises `OperatorError`, which lists the operators there are if the name is at fault, else
-    every parameter at fault, with what was found and what is allowed.
+    Raises `OperatorError`. For an unknown name, the message lists all operators. Otherwise it lists
+    every wrong parameter with its value and the allowed values.
     """
-    exist = operators()
-    if name not in exist:
+    known_kinds = operators()
+    if name not in known_kinds:
         raise OperatorError(
             "; ".join([f"no operator is called {name!r}", *plugin_warnings()]),
-            f"one of {', '.join(sorted(exist))}",
-            near_miss(name, exist) or "correct the name",
+            f"one of {', '.join(sorted(known_kinds))}",
+            near_miss(name, known_kinds) or "correct the name",
         )
-    kind = exist[name]
+    kind = known_kinds[name]
     accepted = parameters_of(kind)
     known = {key: value for key, value in parameters.items() if key in accepted}
     faults: Faults = {
-        key: (shown(value), with_near_miss("is unknown", key, accepted))
+        key: (spell(value), add_near_miss("is unknown", key, accepted))
         for key, value in parameters.items()
         if key not in accepted
     }
     remedy = "change these parameters"
     if faults:
-        remedy += f"; there are {', '.join(accepted)}"
+        remedy += f"; {name} takes {', '.join(accepted)}"
     faults |= wrong_types(kind, known)
     try:
         operator = kind(**known)
@@ -203,12 +177,12 @@ def make(name: str, **parameters: Any) -> Operator:
         if not error.faults:
             raise
         faults |= error.faults
-    except Exception as error:  # of another package's operator: ours tell their own faults
+    except Exception as error:  # another package's operator; ours raise `OperatorError`
         if not faults:
             raise OperatorError(
-                f"{name} with {shown(parameters)} raised {told(error)}",
-                "parameters it can be made with",
-                f"see the docstring of {kind.__name__}",
+                f"{name} with {spell(parameters)} raised {describe_error(error)}",
+                "parameters that the operator accepts",
+                f"find its parameters in the docstring of {kind.__name__}",
             ) from error
     if faults:
         raise at_fault(name, faults, remedy)
@@ -216,11 +190,11 @@ def make(name: str, **parameters: Any) -> Operator:
 
 
 def parameters_of(kind: type[Operator]) -> list[str]:
-    """Names of the parameters of a class of operators, in its order."""
+    """List the names of the parameters of a class of operators, in the order of the class."""
     return list(_parameters_of(kind))
 
 
-@cache  # asked for at every birth
+@cache  # every birth calls this
 def _parameters_of(kind: type[Operator]) -> tuple[str, ...]:
     return tuple(inspect.signature(kind).parameters)
 

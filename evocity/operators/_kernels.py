@@ -7,8 +7,8 @@ from evocity.accelerate import kernel
 
 @kernel
 def outline_difference(current, brought, top, left, tall, wide):
-    """Mean |brought − current| over the rectangle's outline pixels, sides that lie on the map's
-    own border left out (no fabric is cut there); 0 if all do."""
+    """Average |brought − current| over the rectangle's outline pixels, without sides on the map's
+    border, which cut no fabric; 0 if all sides lie there."""
     rows, columns = current.shape
     bottom, right = top + tall - 1, left + wide - 1
     total, count = 0.0, 0
@@ -32,10 +32,10 @@ def outline_difference(current, brought, top, left, tall, wide):
 @kernel
 def inject(current, brought, owner, donor, size, block, rows, columns, tolerance, least, most):
     """Lay macro-blocks of ``size`` blocks from ``brought`` onto ``current``, in the order of the
-    candidate corners (rows, columns, in blocks), each where its outline differs by at most
+    candidate corners (rows, columns, in blocks), where the outline differs by at most
     ``tolerance``, until ``donor`` owns ``least`` blocks; never beyond ``most``.
 
-    ``current`` (pixels) and ``owner`` (blocks) are changed in place. Returns the blocks owned.
+    Changes ``current`` (pixels) and ``owner`` (blocks) in place. Returns the owned blocks.
     """
     owned = 0
     for value in owner.ravel():
@@ -67,8 +67,8 @@ def inject(current, brought, owner, donor, size, block, rows, columns, tolerance
 
 @kernel
 def outline_sides(group):
-    """Outer sides of a ``group`` of blocks ``(2, g)`` (rows, columns, 0 or more), as ``(3, s)``:
-    row, column, and the way a side faces: 0 north, 1 south, 2 west, 3 east."""
+    """List the outer sides of a ``group`` of blocks ``(2, g)`` (rows, columns, 0 or more), ``(3,
+    s)``: row, column, and direction of a side: 0 north, 1 south, 2 west, 3 east."""
     count = group.shape[1]
     inside = np.zeros((group[0].max() + 3, group[1].max() + 3), np.bool_)
     for g in range(count):
@@ -88,12 +88,12 @@ def outline_sides(group):
 
 @kernel
 def outline_step(current, brought, columns, theirs, sides, start, end, most):
-    """Mean |brought − current| along the outline of a group of blocks laid from block ``start``
-    at block ``end`` (row, column), metres; inf once it is sure to be above ``most``.
+    """Average |brought − current| along the outline of a group of blocks laid from block ``start``
+    at block ``end`` (row, column), metres; inf once it surely exceeds ``most``.
 
-    Both maps are blocks ``(n, B, B)``, ``columns`` of them a row of ``current`` and ``theirs`` of
-    ``brought``; ``sides`` are those of `outline_sides`. Sides on the map's own border at ``end``
-    are left out; 0 if all are.
+    Both maps are blocks ``(n, B, B)``, with ``columns`` of them in a row of ``current`` and
+    ``theirs`` in a row of ``brought``; ``sides`` are those of `outline_sides`. Sides on the map's
+    border at ``end`` do not count; 0 if all lie there.
     """
     block = current.shape[1]
     last_row, last_column = current.shape[0] // columns - 1, columns - 1
@@ -127,16 +127,16 @@ def best_move(
     blocks, turned, columns, theirs, groups, sides, which, starts, ends, exchanged, tolerance,
     change, choice,
 ):  # fmt: skip
-    """Of the first ``choice`` moves of a group of ``blocks`` that are admissible, the one that
-    steps least along its outline, of equals the first; −1 if none is.
+    """Find, among the first ``choice`` admissible moves of a group of ``blocks``, the move with the
+    least step along its outline, of equals the first; −1 if no move is admissible.
 
-    ``turned`` (K, n, B, B) are the map under K isometries, ``theirs`` (K,) their blocks a row,
+    ``turned`` (K, n, B, B) are the map under K isometries, ``theirs`` (K,) their blocks in a row,
     ``groups`` (K, 2, g) and ``sides`` (K, 3, s) the group and its sides there. Move k is from
     ``starts[k]`` of the turned map ``which[k]`` to ``ends[k]`` of the map, ``(m, 2)`` each, blocks.
 
-    Admissible moves step by at most ``tolerance`` metres, at both places if they are
-    ``exchanged`` (the worse counts; what gives way is then turned back), and change the map by
-    more than ``change`` metres on average. Other arguments as in `outline_step`.
+    Admissible moves step by at most ``tolerance`` metres and change the map by more than
+    ``change`` metres on average. Of two ``exchanged`` places the worse counts, and what gives way
+    turns back. Other arguments are as in `outline_step`.
     """
     block = blocks.shape[1]
     best, least = -1, np.inf
@@ -168,8 +168,8 @@ def best_move(
 
 @kernel
 def tallied(rows):
-    """How often each label stands in each row of ``rows`` (labels from 0, −1 for none): in row r
-    label ``labels[k]`` ``counts[k]`` times for each k in ``starts[r] : starts[r + 1]``."""
+    """Count each label in each row of ``rows`` (labels from 0, −1 for no label): row r contains
+    ``labels[k]`` ``counts[k]`` times for each k in ``starts[r] : starts[r + 1]``."""
     starts = np.zeros(rows.shape[0] + 1, np.int64)
     labels, counts = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
     found = 0
@@ -191,9 +191,8 @@ def tallied(rows):
 
 @kernel
 def fill_courts(region, count, inside, columns):
-    """Add to ``region``, of which ``count`` blocks are set, the blocks it encloses (those from
-    which no path over block sides leads out of it); ``inside`` marks its blocks. Returns the
-    new count."""
+    """Add to ``region``, of which ``count`` blocks are set, the blocks it encloses: no path over
+    block sides leads out from them. ``inside`` marks its blocks. Returns the new count."""
     rows = inside.size // columns
     top, bottom, left, right = rows, -1, columns, -1
     for k in range(count):
@@ -228,8 +227,8 @@ def fill_courts(region, count, inside, columns):
 
 @kernel
 def _room(blocks, components, buildings):
-    """What `_grown` works in: the region, which blocks are in it, which components were brought
-    in, how many pixels of each building are hit, and lists of these two."""
+    """Allocate the working arrays of `_grown`: the region, marks of its blocks, marks of the
+    components it brings, pixels hit of each building, and lists of these two."""
     region, inside = np.empty(blocks, np.int64), np.zeros(blocks, np.bool_)
     brought, hit = np.zeros(components, np.bool_), np.zeros(buildings, np.int64)
     return (
@@ -246,8 +245,8 @@ def _room(blocks, components, buildings):
 def _spread(
     seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
 ):  # fmt: skip
-    """`_grown` without clearing up: how many blocks the region has, how many are in the room, and
-    how many of both lists are used. The first is above ``limit`` for a region that is refused."""
+    """`_grown` without clearing: returns the numbers of blocks of the region, of blocks in the
+    room, and of used entries of both lists. The first exceeds ``limit`` for a refused region."""
     region, inside, brought, hit, struck, fetched = room
     count, done, touched, held = 0, 0, 0, 0
     for b in seed:
@@ -308,7 +307,7 @@ def _spread(
 def _grown(
     seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
 ):  # fmt: skip
-    """`grown` in a `_room`, which is left as it came."""
+    """`grown` in a `_room`, which it clears afterwards."""
     region, inside, brought, hit, struck, fetched = room
     found, count, held, touched = _spread(
         seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
@@ -325,14 +324,13 @@ def _grown(
 @kernel
 def grown(seed, columns, owner, donor, components, buildings, standing, kept, cut, limit):
     """Grow the blocks ``seed`` over every built component of ``donor`` that they touch, over every
-    building standing on the map of which they would take a part so large that more than the
-    share ``cut`` of it is gone (any part, if it is to be ``kept`` whole), and over the courts
-    these enclose, until there is none.
+    building on the map that would lose more than the share ``cut`` (or anything, if it is to be
+    ``kept`` whole), and over the courts these enclose, until nothing is left to add.
 
-    ``components`` and ``buildings`` are `evocity.operators.footings.Footings` of the same maps;
-    there are ``columns`` blocks a row; ``owner`` says whose each block is now, ``standing`` how
-    many pixels of each building stand now. Returns the region's blocks, none if it grows beyond
-    ``limit`` of them, and how many components of ``donor`` it holds.
+    ``components`` and ``buildings`` are `evocity.operators.groups.Footings` of the same maps, with
+    ``columns`` blocks in a row; ``owner`` is the present map of each block, ``standing`` the
+    present number of pixels of each building. Returns the region's blocks, none beyond ``limit`` of
+    them, and the number of ``donor``'s components in it.
     """
     room = _room(owner.size, components.whole.size, buildings.whole.size)
     return _grown(
@@ -345,11 +343,11 @@ def inject_regions(
     current, brought, owner, donor, kin, size, corners, columns, components, buildings, standing,
     kept, tolerance, cut, limit, least, most,
 ):  # fmt: skip
-    """As `inject`, but each macro-block is `grown` first and holds a component of the donor, if
-    that has any. Maps are blocks ``(n, B, B)``, ``owner`` is ``(n,)``, candidate ``corners``
-    (row, column) are ``(m, 2)``, in blocks. What maps of one ``kin`` own counts together: the
-    turned maps of a parent. ``current``, ``owner``, ``standing`` and ``kept`` are changed in
-    place. Returns the blocks owned."""
+    """Work like `inject`, but each macro-block is `grown` first and contains a component of the
+    donor, if there is one. Maps are blocks ``(n, B, B)``, ``owner`` is ``(n,)``, candidate
+    ``corners`` (row, column) are ``(m, 2)``, in blocks. Maps of one ``kin``, the turned maps of a
+    parent, share their blocks. Changes ``current``, ``owner``, ``standing`` and ``kept`` in
+    place. Returns the number of owned blocks."""
     starts, labels, pixels = buildings.starts, buildings.labels, buildings.pixels
     blocks = owner.size
     owned = 0
@@ -409,11 +407,11 @@ def inject_regions(
 
 @kernel
 def give_back(current, maps, owner, buildings, standing):
-    """Make buildings that were cut whole again where what took their blocks has no building there,
-    and no part of a building that is gone would come back with them.
+    """Restore cut buildings where their lost blocks hold no building now, and no part of a lost
+    building would come back with them.
 
-    ``maps`` (m, n, B, B) are all parents' blocks; the rest as in `inject_regions`. ``current``,
-    ``owner`` and ``standing`` are changed in place. Returns how many buildings are whole again."""
+    ``maps`` (m, n, B, B) are all parents' blocks; the rest is as in `inject_regions`. Changes
+    ``current``, ``owner`` and ``standing`` in place. Returns the number of restored buildings."""
     starts, labels, pixels, spans, places, whose, whole = buildings
     blocks, mended = owner.size, 0
     for one in range(whole.size):

@@ -1,4 +1,4 @@
-"""Direct fusion: every lifs from any parent. The papers' baseline, which others must beat."""
+"""Direct fusion: every lifs from any parent, the papers' baseline."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,29 +6,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity.genome import Genome
-from evocity.operators.crossing import Draft, Drafting, assembled, raw_heights
+from evocity.operators.crossover import Draft, Drafting, assemble, raw_heights
 from evocity.operators.grid import common_grid
-from evocity.operators.parameters import Check
-from evocity.operators.shares import TOLD, are_shares, shares_of
+from evocity.operators.parameters import FILL, Check, fill_report, shares_of
 
 
 @dataclass(frozen=True)
 class DirectFusion(Drafting):
-    """Draw each lifs from two or more parents, whatever its neighbours are (Marsault 2002 §4.2).
+    """Draw each lifs from one of two or more parents, whatever its neighbours are (Marsault 2002
+    §4.2).
 
-    Among leaves it draws each cell of 16 m, with all lifs in it.
+    If the pavements are adaptive, each draw decides a cell of 16 m, with all lifs in it.
 
-    Genes are drawn one by one, so fabric crumbles: neither what a lifs codes nor what stands
-    around it is asked for. With ``repair`` None this is the papers' baseline, "very bad
-    results"; repair keeps every block as it was, but cannot join them to buildings.
+    Each gene is drawn separately, without regard to the content and the surroundings of its lifs.
+    So the fabric crumbles. With ``repair`` None this is the papers' baseline, "very bad results".
+    Repair keeps every block as it was, but cannot join blocks to buildings.
 
     Parameters
     ----------
-    fill : share of the second of two parents, 0…1; or one share a parent, summing to 1; None
-        for equal shares. It is the chance of each lifs; ``made["fill_reached"]`` tells what came
-        of it. A share of 1 gives that parent back.
-    repair, reach, domains : as in `PavementFusion`; what is meant to be laid are the parents'
-        decoded range blocks, each at its place.
+    fill : share of the second of two parents, 0…1, or a share for each parent; these add up to 1.
+        None gives equal shares. A share is the probability that a lifs comes from this parent;
+        ``made["fill_reached"]`` holds the resulting shares. A share of 1 returns that parent.
+    repair, reach, domains : as in `PavementFusion`. The intended map has the parents' decoded range
+        blocks, each at its place.
     """
 
     fill: float | Sequence[float] | None = None
@@ -37,10 +37,10 @@ class DirectFusion(Drafting):
     parents = (2, None)
 
     def _checks(self) -> dict[str, Check]:
-        return {"fill": (are_shares, TOLD)}
+        return {"fill": FILL}
 
     def check_count(self, count: int) -> None:
-        """Raise `OperatorError` unless ``fill`` suits ``count`` parents."""
+        """Raise `OperatorError` if ``fill`` does not suit ``count`` parents."""
         shares_of(self.name, self.fill, count)
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
@@ -50,9 +50,4 @@ class DirectFusion(Drafting):
         owner = np.searchsorted(ends, rng.random(len(grid)), side="right")
         blocks = np.stack([grid.blocks(raw_heights(parent)) for parent in parents])
         stitched = grid.raster(blocks[owner, np.arange(owner.size)])
-        reached = np.bincount(owner, minlength=len(parents)) / owner.size
-        made = {
-            "fill": [round(float(share), 4) for share in shares],
-            "fill_reached": [round(float(share), 4) for share in reached],
-        }
-        return Draft(assembled(parents, owner, grid), stitched, made)
+        return Draft(assemble(parents, owner, grid), stitched, fill_report(shares, owner))

@@ -1,20 +1,20 @@
-"""Few numbers over a map, smooth in between: how much each counts in the parts of the map."""
+"""Fields: a few numbers over a map, smooth in between, and their weights in parts of the map."""
 
 import numpy as np
 
-#: The most values a side that a field may have.
+#: The most values along a side of a field.
 MOST_SIDE = 64
-#: Values are kept to so many digits after the point: what is logged is what was laid.
+#: Digits after the point that values keep, so that the log has what was laid.
 DIGITS = 4
 
 
 def field_weights(labels: np.ndarray, numbers: np.ndarray, side: int) -> np.ndarray:
-    """How much each value of a field of ``side`` × ``side`` counts in each part of a map.
+    """Compute the weight of each value of a field of ``side`` × ``side`` in each part of a map.
 
     Values lie in the middle of equal squares of the map, linear in between, level beyond the
     outermost.
 
-    labels : int ``(H, W)``, whose part each cell is.
+    labels : int ``(H, W)``, the part of each cell.
     numbers : int ``(n,)``, the labels of the parts.
 
     Returns float64 ``(n, side²)``, values row by row from the north-west; rows of sum 1.
@@ -23,19 +23,16 @@ def field_weights(labels: np.ndarray, numbers: np.ndarray, side: int) -> np.ndar
     at = np.zeros(int(labels.max(initial=0)) + 1, np.int64)
     at[numbers] = np.arange(1, numbers.size + 1)
     of = at[labels]
-    found = np.zeros((numbers.size, side * side))
+    weights = np.zeros((numbers.size, side * side))
     for row in range(side):
         for column in range(side):
             weight = rows[:, row, None] * columns[None, :, column]
             total = np.bincount(of.ravel(), weight.ravel(), numbers.size + 1)
-            found[:, row * side + column] = total[1:]
-    return found / np.maximum(found.sum(axis=1, keepdims=True), 1e-300)
+            weights[:, row * side + column] = total[1:]
+    return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
 
 
 def _linear(length: int, side: int) -> np.ndarray:
-    """Weights of ``side`` values in each of ``length`` cells, ``(length, side)``."""
+    """Compute the weights of ``side`` values in each of ``length`` cells, ``(length, side)``."""
     place = np.clip((np.arange(length) + 0.5) * side / length - 0.5, 0, side - 1)
     return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(side)))
-
-
-__all__ = ["DIGITS", "MOST_SIDE", "field_weights"]

@@ -1,84 +1,24 @@
-"""The grid that crossings follow, and sizes in metres as cells of it.
+"""Grids of cells that operators cut and lay along: sizes in metres as cells, rotation of cells.
 
-Operators cut and lay fabric along the sides of cells. On a uniform pavement these are its range
-blocks; leaves are split where the side of a cell runs through them.
+On a uniform pavement the cells are its range blocks; leaves split where the side of a cell crosses
+them.
 """
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from evocity import isometries
 from evocity.errors import GenomeError, OperatorError
 from evocity.genome import Genome
-from evocity.operators.parameters import at_fault
+from evocity.operators.parameters import MOST_METRES, Check, at_fault
 from evocity.pavement import Pavement, common_refinement, quartered
 
-#: Cells among leaves are the largest of their sides within this, metres: finer ones would split
-#: more leaves than buildings need, coarser ones cut buildings.
+#: The largest side of cells among leaves, metres: finer cells would split more leaves than
+#: buildings need, coarser cells would cut buildings.
 CELL = 8.0
 
-
-def common_grid(name: str, parents: Sequence[Genome], largest: float = CELL) -> Pavement:
-    """The cells along which ``parents`` can be crossed, as a uniform pavement: their range blocks
-    if those are all of one side; else of the largest side among all that is at most ``largest``
-    metres.
-
-    Raises `OperatorError`, in the name of the operator, where the parents' range blocks cannot be
-    refined to each other.
-    """
-    pavements = list(dict.fromkeys(parent.pavement for parent in parents))
-    first = pavements[0]
-    if len(pavements) == 1 and first.uniform:
-        return first
-    try:
-        if not quartered(pavements):
-            common_refinement(pavements)  # raises if there is none
-        sides = np.unique([side for p in pavements for side in p.levels])
-        within = sides[sides * parents[0].metres_per_pixel <= largest]
-        cell = int(within.max(initial=sides.min()))
-        grid = Pavement(first.height, first.width, cell)
-    except GenomeError as error:
-        raise OperatorError(f"{name}: {error.found}", error.expected, error.remedy) from None
-    return grid
-
-
-def in_cells(
-    name: str,
-    key: str,
-    metres: float | None,
-    blocks: int | None,
-    usual: float,
-    grid: Pavement,
-    parents: Sequence[Genome],
-    power: int = 1,
-) -> int:
-    """A size as a number of cells of the ``grid``, 1 or more.
-
-    metres : the size as given, or None.
-    blocks : the same by its older key, in range blocks, or None. That has a meaning only where
-        all range blocks have one side.
-    usual : metres, if neither is given.
-    power : 1 for sides, 2 for areas (m², and numbers of cells).
-
-    Raises `OperatorError` for a size in range blocks of leaves, with the metres to write.
-    """
-    pixel = parents[0].metres_per_pixel
-    if blocks is not None:
-        if any(parent.pavement != grid for parent in parents):
-            write = (blocks ** (1 / power) * 4 * pixel) ** power
-            unit = "m" if power == 1 else "m²"
-            raise at_fault(
-                name,
-                {key: (f"{blocks} range blocks", "has no meaning among leaves of many sides")},
-                f"write it in {unit}: {METRES[key]} = {write:g}, which is {blocks} range blocks of "
-                f"4 px",
-            )
-        return blocks
-    size = (usual if metres is None else metres) ** (1 / power) / (grid.block * pixel)
-    return max(1, round(size**power))
-
-
-#: Older keys, in range blocks, and the keys that took their place, in metres.
+#: Deprecated keys, in range blocks, and their successors, in metres.
 METRES = {
     "size_min": "side_min",
     "size_max": "side_max",
@@ -89,30 +29,78 @@ METRES = {
 }
 
 
-def side_checks(operator, *keys: str, least: int = 1) -> dict[str, tuple[Callable, str]]:
-    """Checks, for `check_parameters`, of sizes by their keys in metres and by the older ones, of
-    which only one may be given."""
-    checks: dict[str, tuple[Callable, str]] = {}
+def common_grid(name: str, parents: Sequence[Genome], largest: float = CELL) -> Pavement:
+    """Find the cells along which ``parents`` can be crossed, as a uniform pavement: their range
+    blocks if all have one side; else cells of the largest side of all within ``largest`` metres.
+
+    Raises `OperatorError`, in the name of the operator, where no refinement of the parents' range
+    blocks exists.
+    """
+    pavements = list(dict.fromkeys(parent.pavement for parent in parents))
+    first = pavements[0]
+    if len(pavements) == 1 and first.uniform:
+        return first
+    try:
+        if not quartered(pavements):
+            common_refinement(pavements)  # raises without a refinement
+        sides = np.unique([side for p in pavements for side in p.levels])
+        within = sides[sides * parents[0].metres_per_pixel <= largest]
+        return Pavement(first.height, first.width, int(within.max(initial=sides.min())))
+    except GenomeError as error:
+        raise OperatorError(f"{name}: {error.found}", error.expected, error.remedy) from None
+
+
+def in_cells(operator, key: str, default: float, grid: Pavement, parents, power: int = 1) -> int:
+    """Convert a size of an ``operator`` to a number of cells of the ``grid``, 1 or more.
+
+    key : the deprecated key, in range blocks, which has a meaning only where all range blocks have
+        one side; its successor in `METRES` is in metres.
+    default : metres, without either.
+    power : 1 for sides, 2 for areas (m², and numbers of cells).
+
+    Raises `OperatorError` for a size in range blocks of leaves, with the metres to write.
+    """
+    pixel, blocks = parents[0].metres_per_pixel, getattr(operator, key)
+    metres = getattr(operator, METRES[key])
+    if blocks is not None:
+        if any(parent.pavement != grid for parent in parents):
+            write = (blocks ** (1 / power) * 4 * pixel) ** power
+            unit = "m" if power == 1 else "m²"
+            raise at_fault(
+                operator.name,
+                {key: (f"{blocks} range blocks", "has no meaning among leaves of many sides")},
+                f"write it in {unit}: {METRES[key]} = {write:g}, which is {blocks} range blocks of "
+                f"4 px",
+            )
+        return blocks
+    size = (default if metres is None else metres) ** (1 / power) / (grid.block * pixel)
+    return max(1, round(size**power))
+
+
+def side_checks(operator, *keys: str, least: int = 1) -> dict[str, Check]:
+    """Make checks of sizes by their keys in metres and by the deprecated ones; only one of the two
+    may be given."""
+    checks: dict[str, Check] = {}
     for key in keys:
         metric, values = METRES[key], vars(operator)
         checks[metric] = (
-            lambda size: size is None or 0 < size <= MOST,
-            f"above 0, at most {MOST:g} m",
+            lambda size: size is None or 0 < size <= MOST_METRES,
+            f"above 0, at most {MOST_METRES:g} m",
         )
         checks[key] = (
             lambda size, metric=metric, values=values: (
-                size is None or (least <= size <= MOST and values[metric] is None)
+                size is None or (least <= size <= MOST_METRES and values[metric] is None)
             ),
             f"{least} range block{'s' * (least > 1)} or more, none where {metric} is given",
         )
     return checks
 
 
-def span_checks(operator, smallest: float) -> dict[str, tuple[Callable, str]]:
-    """`side_checks` of a least and a largest side, "size_min" and "size_max": neither may be above
-    the other where both are told in one unit. ``smallest`` is the least in metres unless told.
+def span_checks(operator, smallest: float) -> dict[str, Check]:
+    """Make `side_checks` of a least and a largest side, "size_min" and "size_max", in this order in
+    either unit. ``smallest`` is the default of the least, metres.
 
-    In two units they can be compared on a grid alone: see `in_cells`.
+    Sides in two units can be compared on a grid only: see `in_cells`.
     """
     values, checks = vars(operator), side_checks(operator, "size_min", "size_max")
 
@@ -121,17 +109,40 @@ def span_checks(operator, smallest: float) -> dict[str, tuple[Callable, str]]:
             return values["side_min"]
         return smallest if values["size_min"] is None else 0
 
-    def spans(key: str, least: Callable[[], float | None], told: str) -> None:
+    def add_order(key: str, least: Callable[[], float | None], words: str) -> None:
         fits, allowed = checks[key]
         checks[key] = (
             lambda size: fits(size) and (size is None or not size < (least() or 0)),
-            f"{allowed}, and {told}",
+            f"{allowed}, and {words}",
         )
 
-    spans("side_max", least_side, f"no less than side_min, {smallest:g} m unless told")
-    spans("size_max", lambda: values["size_min"], "no less than size_min")
+    add_order("side_max", least_side, f"no less than side_min, by default {smallest:g} m")
+    add_order("size_max", lambda: values["size_min"], "no less than size_min")
     return checks
 
 
-#: The largest size that is one, metres.
-MOST = 1e7
+def swaps_axes(iso: int) -> bool:
+    """Tell whether an isometry turns rows into columns."""
+    return bool(isometries.AFFINE[iso, 2] == 0)
+
+
+def turn_places(places: np.ndarray, shape: tuple[int, int], iso: int) -> np.ndarray:
+    """Turn ``places`` ``(2, g)``, rows and columns of a rectangle of this ``shape``, by an
+    isometry; the result counts from the turned rectangle's north-west corner."""
+    a = isometries.AFFINE[isometries.INVERSE[iso]]
+    last_row, last_column = (size - 1 for size in (shape if a[3] == 0 else shape[::-1]))
+    row, column = places
+    return np.stack(
+        [
+            a[0] * last_row + a[2] * row + a[4] * column,
+            a[1] * last_column + a[3] * row + a[5] * column,
+        ]
+    )
+
+
+def turn_blocks(grid: Pavement, raster: np.ndarray, iso: int) -> tuple[np.ndarray, int]:
+    """Turn a ``raster`` (H, W) by an isometry and cut it along the cells of the ``grid``; returns
+    ``(n, B, B)``, and the number of cells in a row."""
+    side, columns = grid.block, grid.rows if swaps_axes(iso) else grid.columns
+    cut = isometries.apply(iso, raster).reshape(-1, side, columns, side)
+    return np.ascontiguousarray(cut.swapaxes(1, 2)).reshape(-1, side, side), columns

@@ -7,35 +7,36 @@ import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, MAX_SIDE
 from evocity.coding.decode import CollageMap
-from evocity.coding.decoded import decoded
+from evocity.coding.decoding_cache import decoded
 from evocity.genome import NUCLEOTIDES, Genome
-from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.crossover import Draft, Drafting
 from evocity.operators.grid import common_grid, in_cells, side_checks
-from evocity.operators.parameters import Check
+from evocity.operators.parameters import SHARE, Check
 
 _RATES = tuple(NUCLEOTIDES)
 
 
 @dataclass(frozen=True)
 class Mutation(Drafting):
-    """Alter any nucleotide, each at a rate of its own (Marsault 2002 §4.1).
+    """Change any nucleotide, each at its own rate (Marsault 2002 §4.1).
 
-    Lifs mutate in square groups that share one draw, so that a change is as large as a
-    building and not as small as a block.
+    Lifs mutate in square groups that share a random draw, so that a change is as large as a
+    building.
 
     Parameters
     ----------
-    sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1: share of the groups in
-        which it changes. Lifs without a domain change in β alone; bare ground stays.
-    group_side : side of a group, metres; None for 32. A lifs is of the group that holds the
-        middle of its range block.
-    group : the same in range blocks, of uniform pavements; 1 mutates lifs by lifs. Deprecated.
+    sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1. It is the share of the groups in
+        which this nucleotide changes. Lifs without a domain block change only in β, and bare ground
+        stays.
+    group_side : side of a group, metres; None for 32. A lifs belongs to the group that contains
+        the middle of its range block.
+    group : the same side in range blocks, for uniform pavements; 1 mutates single lifs. Deprecated.
     sigma_step : standard deviation of the change of σ; the result is cut at ±sigma_max.
     beta_step : standard deviation of the change of β, metres.
-    move : largest change of a domain's x or y, px.
-    stretch : largest change of an extent, in sides of the range block.
-    repair, reach, domains : as in `PavementFusion`; what is meant to be laid is one step of
-        the mutated code on the parent's decoded map, so that what did not mutate stays.
+    move : largest change of a domain block's ``x`` or ``y``, px.
+    stretch : largest change of a domain block's extent, in sides of the range block.
+    repair, reach, domains : as in `PavementFusion`. The intended map is one step of the mutated
+        code on the parent's decoded map, so that everything else stays.
     """
 
     sigma: float = 0.02
@@ -57,7 +58,7 @@ class Mutation(Drafting):
 
     def _checks(self) -> dict[str, Check]:
         return {
-            **dict.fromkeys(_RATES, (lambda rate: 0 <= rate <= 1, "0…1")),
+            **dict.fromkeys(_RATES, SHARE),
             **side_checks(self, "group"),
             "sigma_step": (lambda step: 0 <= step <= 1000, "0…1000"),
             "beta_step": (lambda step: 0 <= step <= 1000, "0…1000 m"),
@@ -67,12 +68,12 @@ class Mutation(Drafting):
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         (parent,) = parents
-        child, changed = self._mutated(parent, rng)
+        child, changed = self._mutate(parent, rng)
         intended = np.maximum(CollageMap(child)(decoded(parent).attractor), 0)
         rates = {name: getattr(self, name) for name in _RATES}
         return Draft(child, intended, {"mutated": int(changed), "rates": rates})
 
-    def _mutated(self, parent: Genome, rng: np.random.Generator) -> tuple[Genome, int]:
+    def _mutate(self, parent: Genome, rng: np.random.Generator) -> tuple[Genome, int]:
         pavement, block = parent.pavement, parent.pavement.side
         group = self._groups(parent, rng)
         count = int(group.max()) + 1
@@ -107,9 +108,9 @@ class Mutation(Drafting):
         return parent.replace(**columns), np.logical_or.reduce(different).sum()
 
     def _groups(self, parent: Genome, rng) -> np.ndarray:
-        """Index of each lifs' group, ``(n,)``; the grid of groups is laid at a random offset."""
+        """Number each lifs' group, ``(n,)``; the grid of groups has a random offset."""
         grid = common_grid(self.name, [parent])
-        side = in_cells(self.name, "group", self.group_side, self.group, 32.0, grid, [parent])
+        side = in_cells(self, "group", 32.0, grid, [parent])
         down, along = rng.integers(0, side, 2)
         top, left = parent.pavement.corners
         half, cell = parent.pavement.side // 2, grid.block

@@ -1,4 +1,4 @@
-"""Which parameters may an operator have? Types from its annotations, values from its checks."""
+"""Checks of operators' parameters: types by annotations, values by conditions; shares."""
 
 import inspect
 import typing
@@ -10,12 +10,17 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from evocity.citymap import MAX_SIDE
-from evocity.errors import OperatorError, set_to, shown
+from evocity.errors import OperatorError, spell, text_setting
 
-#: Parameter -> (what was found, what is allowed).
+#: Parameter -> (the value that came, the allowed values).
 Faults = dict[str, tuple[str, str]]
-#: A condition of a parameter's value, and in words what is allowed.
+#: A condition of a parameter's value, and the allowed values in words.
 Check = tuple[Callable[..., bool], str]
+
+#: The check of a share.
+SHARE: Check = (lambda share: 0 <= share <= 1, "0…1")
+#: The largest size, metres.
+MOST_METRES = 1e7
 
 _STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 _WORDS = {
@@ -28,22 +33,22 @@ _WORDS = {
 
 
 def wrong_types(kind: type, parameters: Mapping[str, object]) -> Faults:
-    """Those of ``parameters`` whose type is not that of the annotation in ``kind``.
+    """List the faults of those ``parameters`` that break the annotations of ``kind``.
 
-    No type stands for another, but whole numbers for numbers, and lists, tuples, ranges and
-    arrays for each other.
+    Whole numbers count as numbers; lists, tuples, ranges and arrays are equivalent. No other type
+    replaces another.
     """
     return {
-        key: (shown(parameters[key]), told)
-        for key, (adapter, told) in _annotated(kind).items()
+        key: (spell(parameters[key]), allowed)
+        for key, (adapter, allowed) in _annotations(kind).items()
         if key in parameters and not _fits(adapter, parameters[key])
     }
 
 
 def number_of(kind: type, key: str) -> type[int] | type[float] | None:
-    """What numbers a parameter takes: float any, int whole ones alone; None if it takes none. One
-    without an annotation takes those of its default's type, or any."""
-    annotated = _annotated(kind).get(key)
+    """Return the type of numbers that a parameter takes: float for any, int for whole numbers, None
+    for none. Without an annotation its default decides, or any number passes."""
+    annotated = _annotations(kind).get(key)
     if annotated is None:
         default = inspect.signature(kind).parameters[key].default
         return {int: int, bool: None, str: None}.get(type(default), float)
@@ -52,25 +57,56 @@ def number_of(kind: type, key: str) -> type[int] | type[float] | None:
 
 
 def check_parameters(operator, allowed: Mapping[str, Check]) -> None:
-    """Raise one `OperatorError` with every parameter of wrong type or value.
+    """Raise one `OperatorError` with every parameter of wrong type or value; for ``__post_init__``.
 
-    For ``__post_init__``. ``allowed`` maps a parameter to (condition of its value, what is
-    allowed); conditions see values of the right type, and NumPy's numbers as Python's.
+    ``allowed`` maps a parameter to its `Check`. Conditions see values of the right type, and
+    Python's numbers in place of NumPy's.
     """
     parameters = vars(operator)
     for key, value in list(parameters.items()):
         if isinstance(value, np.ndarray | np.generic):
             object.__setattr__(operator, key, _plain(value))
     faults = wrong_types(type(operator), parameters)
-    for key, (holds, told) in allowed.items():
+    for key, (holds, words) in allowed.items():
         if key not in faults and not _holds(holds, parameters[key]):
-            faults[key] = shown(parameters[key]), told
+            faults[key] = spell(parameters[key]), words
     if faults:
         raise at_fault(operator.name, faults)
 
 
+def check_generator(name: str, rng: np.random.Generator) -> None:
+    """Raise `OperatorError`, in the name of an operator, unless ``rng`` is a generator."""
+    if not isinstance(rng, np.random.Generator):
+        raise OperatorError(
+            f"{name}: rng = {spell(rng)}",
+            "a NumPy Generator",
+            "pass numpy.random.default_rng(seed)",
+        )
+
+
+def check_parents(name: str, parents: object, bounds: tuple[int, int | None], of: str) -> None:
+    """Raise `OperatorError`, in the name of an operator, unless ``parents`` is a list of as many
+    individuals as its ``bounds`` (fewest, most) allow; ``of``: their plural, in words."""
+    if not isinstance(parents, Sequence):
+        raise OperatorError(
+            f"{name}: parents is a {type(parents).__name__}",
+            f"a list of {of}",
+            f"put the {of} in square brackets",
+        )
+    fewest, most = bounds
+    if len(parents) < fewest or len(parents) > (most or len(parents)):
+        number = (
+            f"{fewest}" if most == fewest else f"{fewest}…{most}" if most else f"{fewest} or more"
+        )
+        raise OperatorError(
+            f"{name} received {len(parents)} parents",
+            f"{number} parents",
+            f"pass a list of {number} {of}",
+        )
+
+
 def repair_checks() -> dict[str, Check]:
-    """Checks of the three repair parameters every operator has, for `check_parameters`."""
+    """Return the checks of the three repair parameters that every operator has."""
     return {
         "repair": (lambda rms: rms is None or rms > 0, "above 0 m, or none for no repair"),
         "reach": (
@@ -85,22 +121,65 @@ def repair_checks() -> dict[str, Check]:
 
 
 def at_fault(name: str, faults: Faults, remedy: str = "change these parameters") -> OperatorError:
-    """The error that tells ``faults`` of the operator ``name``."""
+    """Make the error that lists ``faults`` of the operator ``name``."""
     error = OperatorError(
-        f"{name}: " + ", ".join(set_to(key, found) for key, (found, _) in faults.items()),
-        ", ".join(f"{key} {told}" for key, (_, told) in faults.items()),
+        f"{name}: " + ", ".join(text_setting(key, found) for key, (found, _) in faults.items()),
+        ", ".join(f"{key} {allowed}" for key, (_, allowed) in faults.items()),
         remedy,
     )
     error.faults = faults
     return error
 
 
+def are_shares(fill: float | Sequence[float] | None) -> bool:
+    """Tell whether ``fill`` is None, a share (0…1) or a list of shares."""
+    if fill is None:
+        return True
+    shares = fill if isinstance(fill, Sequence) else [fill]
+    return len(shares) > 0 and all(0 <= share <= 1 for share in shares)
+
+
+#: The check of ``fill``, the shares of the parents.
+FILL: Check = (are_shares, "0…1, or a list of such shares")
+
+
+def shares_of(
+    name: str, fill: float | Sequence[float] | None, count: int, void: bool = False
+) -> np.ndarray:
+    """Compute the share of each of ``count`` parents, then of the void if it takes part; their sum
+    is 1.
+
+    ``fill`` is the share of the second of two, or a share for each parent, or None for equal
+    shares. Raises `OperatorError`, in the name of the operator, for another number of shares.
+    """
+    total = count + void
+    if fill is None:
+        return np.full(total, 1 / total)
+    shares = np.atleast_1d(np.asarray(fill, float))
+    if shares.size == 1 and total == 2:
+        shares = np.array([1 - shares[0], shares[0]])
+    if shares.size != total or abs(shares.sum() - 1) >= 1e-6:
+        also = " and the void" if void else ""
+        allowed = f"one share for each of {count} parents{also}, summing to 1"
+        raise at_fault(name, {"fill": (spell(fill), allowed)})
+    return shares
+
+
+def fill_report(shares: np.ndarray, owner: np.ndarray) -> dict[str, list[float]]:
+    """Report the ``shares`` aimed at, and those in the cells of ``owner`` (the parent of each)."""
+    reached = np.bincount(owner.ravel(), minlength=len(shares)) / owner.size
+    return {
+        "fill": [round(float(share), 4) for share in shares],
+        "fill_reached": [round(float(share), 4) for share in reached],
+    }
+
+
 @cache
-def _annotated(kind: type) -> dict[str, tuple[TypeAdapter, str]]:
-    """What checks, and what tells, the type of each parameter that has an annotation."""
+def _annotations(kind: type) -> dict[str, tuple[TypeAdapter, str]]:
+    """Collect for each annotated parameter its type's adapter, and the type in words."""
     hints = typing.get_type_hints(kind)
     return {
-        key: (TypeAdapter(hints[key], config=_STRICT), " or ".join(_told(hints[key])))
+        key: (TypeAdapter(hints[key], config=_STRICT), " or ".join(_words(hints[key])))
         for key in inspect.signature(kind).parameters
         if key in hints
     }
@@ -117,7 +196,7 @@ def _fits(adapter: TypeAdapter, value: object) -> bool:
 
 
 def _plain(value):
-    """Sequences and arrays as tuples, NumPy's numbers as Python's."""
+    """Convert sequences and arrays to tuples, NumPy's numbers to Python's."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     return tuple(map(_plain, value)) if isinstance(value, list | tuple | range) else value
@@ -126,22 +205,24 @@ def _plain(value):
 def _holds(condition: Callable[..., bool], value: object) -> bool:
     try:
         return condition(value)
-    except TypeError:  # it compares with another parameter, of wrong type and told itself
+    except (
+        TypeError
+    ):  # the condition reads another parameter of wrong type, which has its own fault
         return True
 
 
-def _told(annotation, many: bool = False) -> list[str]:
-    """The alternatives of an annotation, in words."""
+def _words(annotation, many: bool = False) -> list[str]:
+    """Describe the alternatives of an annotation."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if annotation in _WORDS:
         word = _WORDS[annotation]
         article = "a " if word.endswith("number") else ""
         return [f"{word}s" if many else article + word]
     if origin is tuple and Ellipsis not in inner:
-        kinds = " and ".join(dict.fromkeys(word for one in inner for word in _told(one, True)))
+        kinds = " and ".join(dict.fromkeys(word for hint in inner for word in _words(hint, True)))
         return [f"lists of {len(inner)} {kinds}" if many else f"a list of {len(inner)} {kinds}"]
     if isinstance(origin, type) and issubclass(origin, Sequence):
-        return [f"{'lists' if many else 'a list'} of {' or '.join(_told(inner[0], True))}"]
+        return [f"{'lists' if many else 'a list'} of {' or '.join(_words(inner[0], True))}"]
     if origin is typing.Union or origin is UnionType:
-        return [word for one in inner for word in _told(one, many)]
+        return [word for hint in inner for word in _words(hint, many)]
     return [getattr(annotation, "__name__", str(annotation))]

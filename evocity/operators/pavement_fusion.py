@@ -1,4 +1,4 @@
-"""Pavement fusion: cross spatial groups of lifs, as a painter with ever smaller brushes."""
+"""Pavement fusion: macro-blocks of two or more parents, of falling size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,20 @@ import numpy as np
 from evocity.citymap import MAX_SIDE
 from evocity.genome import NUCLEOTIDES, VOID, Genome, Pieces, laid, packed
 from evocity.operators._kernels import inject
-from evocity.operators.crossing import Draft, Drafting, raw_heights
-from evocity.operators.grid import MOST, common_grid, span_checks
+from evocity.operators.crossover import Draft, Drafting, raw_heights
+from evocity.operators.grid import common_grid, span_checks
 from evocity.operators.groups import macro_block_sides
-from evocity.operators.parameters import Check, at_fault
-from evocity.operators.shares import TOLD, are_shares, shares_of
+from evocity.operators.parameters import (
+    FILL,
+    MOST_METRES,
+    SHARE,
+    Check,
+    at_fault,
+    fill_report,
+    shares_of,
+)
 
-#: Side of the smallest macro-blocks unless told, metres.
+#: The default side of the smallest macro-blocks, metres.
 SMALLEST = 32.0
 
 
@@ -23,26 +30,28 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The map is filled with the parent of the largest share. Then each parent in turn injects
-    macro-blocks until its share is reached; at each change of parent the size falls by one
-    cell and the margin shrinks by a fifth, down to ``side_min``. A macro-block is admissible
-    where, along its outline, what it brings and what stands there now (earlier injections
-    included) differ by at most ``tolerance`` metres on average.
+    The parent with the largest share fills the map. Then each parent in turn injects macro-blocks
+    up to its share. After each turn the size falls by one cell, down to ``side_min``, and the
+    margin shrinks by a fifth. A macro-block is admissible if it fits the map made so far, including
+    earlier injections. Along its outline it differs from this map by at most ``tolerance`` metres
+    on average.
 
     Parameters
     ----------
-    side_min, side_max : sides of the macro-blocks, metres; None for 32 and 128.
-    size_min, size_max : the same in range blocks, 1 or more, of uniform pavements; deprecated.
-    fill : share of the second of two parents, 0…1; or one share a parent (and one for the
-        void, if it takes part), summing to 1; None for equal shares. What is reached can
-        fall short where few macro-blocks are admissible: see ``made["fill_reached"]``.
-    margin : how far a share may be off, 0…1.
-    tolerance : S, metres.
-    void : whether bare ground takes part as a last parent.
-    places : candidate corners ((down, along), metres from the north-west) tried in this order
-        at every size; None draws them.
-    positions : the same in range blocks (row, column); deprecated.
-    repair, reach, domains : see `Drafting`; what is meant to be laid is the stitched map.
+    side_min, side_max : smallest and largest side of the macro-blocks, metres; None for 32 and 128.
+    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
+        Deprecated.
+    fill : share of the second of two parents, 0…1, or a share for each parent (and for the void, if
+        it takes part). These add up to 1. None gives equal shares. If few macro-blocks are
+        admissible, the result falls short; see ``made["fill_reached"]``.
+    margin : allowed error of a share, 0…1.
+    tolerance : largest mean difference S along an outline, metres.
+    void : whether bare ground takes part as the last parent.
+    places : candidate corners ((down, along), metres from the north-west), which are tried in this
+        order at every size. None draws them.
+    positions : the same corners in range blocks (row, column). Deprecated.
+    repair, reach, domains : as in `Drafting`. The intended map is the map of the joined
+        macro-blocks.
     """
 
     side_min: float | None = None
@@ -58,14 +67,14 @@ class PavementFusion(Drafting):
 
     name = "pavement_fusion"
     parents = (2, None)
-    #: Side of the largest macro-blocks unless told, metres.
+    #: The default side of the largest macro-blocks, metres.
     _largest: ClassVar[float] = 128.0
 
     def _checks(self) -> dict[str, Check]:
         return {
             **span_checks(self, SMALLEST),
-            "fill": (are_shares, TOLD),
-            "margin": (lambda margin: 0 <= margin <= 1, "0…1"),
+            "fill": FILL,
+            "margin": SHARE,
             "tolerance": (lambda tolerance: tolerance >= 0, "0 m or more"),
             "places": (_are_places, "pairs (down, along) of metres, or none"),
             "positions": (
@@ -82,7 +91,6 @@ class PavementFusion(Drafting):
         self._check_positions(grid, parents)
         smallest, largest = macro_block_sides(self, grid, parents, SMALLEST, self._largest)
         pieces, stitched = self._pave(parents, grid, (smallest, largest), shares, rng)
-        reached = np.bincount(pieces.whose.ravel(), minlength=len(parents)) / pieces.whose.size
         child = laid(parents, pieces, carried=bool(pieces.iso.any())).genome
         metres = grid.block * parents[0].metres_per_pixel
         made = {
@@ -90,31 +98,26 @@ class PavementFusion(Drafting):
             "side_max": largest * metres,
             "tolerance": self.tolerance,
             "margin": self.margin,
-            "fill": [round(float(share), 4) for share in shares],
-            "fill_reached": [round(float(share), 4) for share in reached],
+            **fill_report(shares, pieces.whose),
         }
         return Draft(child, stitched, made)
 
     def _check_positions(self, grid, parents) -> None:
         if self.positions is not None and any(parent.pavement != grid for parent in parents):
             metres = np.multiply(self.positions[:1], 4 * parents[0].metres_per_pixel).tolist()
-            found = "range blocks", "have no meaning among leaves of many sides"
-            raise at_fault(
-                self.name,
-                {"positions": found},
-                f"write them in m: places = {[*metres, '…']}, for range blocks of 4 px",
-            )
+            fault = "range blocks", "have no meaning among leaves of many sides"
+            remedy = f"write them in m: places = {[*metres, '…']}, for range blocks of 4 px"
+            raise at_fault(self.name, {"positions": fault}, remedy)
 
     def check_count(self, count: int) -> None:
-        """Raise `OperatorError` unless ``fill`` suits ``count`` parents (and the void)."""
+        """Raise `OperatorError` if ``fill`` does not suit ``count`` parents (and the void)."""
         self._shares(count)
 
     def _shares(self, count: int) -> np.ndarray:
-        """The share of each of ``count`` parents, then of the void if it takes part."""
         return shares_of(self.name, self.fill, count, self.void)
 
     def _pave(self, parents, grid, sizes, shares, rng) -> tuple[Pieces, np.ndarray]:
-        """What stands in each cell of the ``grid``, and the stitched map."""
+        """Pave the ``grid``: the pieces in its cells, and the stitched map."""
         maps = [raw_heights(parent) for parent in parents]
         first = int(np.argmax(shares))
         owner = np.full((grid.rows, grid.columns), first, np.int64)
@@ -124,24 +127,15 @@ class PavementFusion(Drafting):
             donor = (donor + 1) % len(parents)
             rows, columns = self._candidates(grid, parents[0].metres_per_pixel, size, rng)
             inject(
-                current,
-                maps[donor],
-                owner,
-                donor,
-                size,
-                grid.block,
-                rows,
-                columns,
-                self.tolerance,
-                (shares[donor] - margin) * owner.size if margin < shares[donor] else 0,
-                (shares[donor] + margin) * owner.size if shares[donor] > 0 else 0,
-            )
+                current, maps[donor], owner, donor, size, grid.block, rows, columns,
+                self.tolerance, *share_bounds(shares[donor], margin, owner.size),
+            )  # fmt: skip
             margin *= 0.8
         return Pieces.in_place(owner, grid.block), current
 
     def _sizes(self, grid, smallest: int, largest: int, count: int) -> list[int]:
-        """Side of the macro-blocks at each change of parent, in cells, falling; each size as often
-        as it takes for all of ``count`` parents to have their turn."""
+        """List the sides of macro-blocks at each change of parent, in cells, falling; sides repeat
+        until each of ``count`` parents has its turn."""
         largest = min(largest, grid.rows, grid.columns)
         sizes = range(largest, min(smallest, largest) - 1, -1)
         turns = -(-(count - 1) // len(sizes))
@@ -150,8 +144,7 @@ class PavementFusion(Drafting):
     def _candidates(
         self, grid, pixel, size, rng, most: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of macro-blocks that fit, ``most`` of them if given, as contiguous rows and
-        columns, in cells."""
+        """List at most ``most`` corners of macro-blocks that fit: rows and columns, in cells."""
         high, wide = grid.rows - size + 1, grid.columns - size + 1
         if self.positions is None and self.places is None:
             if most is None:
@@ -168,8 +161,14 @@ class PavementFusion(Drafting):
         return given[:, 0].copy(), given[:, 1].copy()
 
 
+def share_bounds(share: float, margin: float, cells: int) -> tuple[float, float]:
+    """Compute the least and the largest number of ``cells`` for a share."""
+    least = (share - margin) * cells if margin < share else 0
+    return least, (share + margin) * cells if share > 0 else 0
+
+
 def _are_places(places) -> bool:
-    return places is None or all(abs(one) <= MOST for pair in places for one in pair)
+    return places is None or all(abs(at) <= MOST_METRES for pair in places for at in pair)
 
 
 def _are_corners(positions) -> bool:
@@ -177,7 +176,7 @@ def _are_corners(positions) -> bool:
 
 
 def ground(like: Genome) -> Genome:
-    """The void: a genome of bare ground on the pavement of ``like``."""
+    """Make the void: a genome of bare ground on the pavement of ``like``."""
     nothing = np.zeros(len(like), np.uint8)
     return like.replace(
         **dict.fromkeys((*NUCLEOTIDES, "parent", "turn", "other"), nothing),

@@ -1,31 +1,30 @@
-"""By how many storeys may buildings rise or fall, so that each stays the building it is?"""
+"""Changes of buildings by whole storeys that keep each building a building of its own."""
 
 import numpy as np
 import scipy
 
 from evocity.views.buildings import STEP
 
-#: A wall that shrinks is left so much higher than `STEP`, metres: as far as decoding may stray.
+#: The margin over `STEP` of a wall that shrinks, metres: the possible error of decoding.
 _MARGIN = 0.5
-#: Heights within this are the same, metres: a roof of 6 m may be decoded at 5.9999 m.
+#: Heights within this are equal, metres: a roof of 6 m may decode to 5.9999 m.
 _SAME = 1e-3
 
 
 class Storeys:
-    """The buildings of a map, and by how many storeys each is raised or lowered.
+    """The buildings of a map with their changes in storeys.
 
-    A building keeps its footprint: it is never lower than one storey, and no wall between it and
-    a building beside it shrinks to a step that tells none apart (`STEP`). What of a lowered
-    building is lower than a storey already, the foot of a wall that decoding has smeared, stays
-    as it is.
+    A building keeps its footprint: it stays at least one storey high, and no wall to a neighbour
+    shrinks to a step that no longer separates buildings (`STEP`). Parts of a lowered building that
+    are below a storey already, the smeared foot of a wall, stay.
 
     heights : float32 ``(H, W)``, metres.
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on n buildings.
     roofs : ``(n + 1,)``, the height of each building, metres.
     storey : height of a storey, metres.
-    highest : no building is raised above this, metres.
+    highest : no building rises above this, metres.
 
-    change : int64 ``(n + 1,)``: by how many storeys each building is raised, below 0 lowered.
+    change : int64 ``(n + 1,)``: storeys that each building rises; below 0 it falls.
     """
 
     def __init__(self, heights, labels, roofs: np.ndarray, storey: float, highest: float):
@@ -34,10 +33,10 @@ class Storeys:
         self._pixels = np.bincount(labels.ravel(), minlength=roofs.size)
         self._least = np.minimum(-np.floor((roofs + _SAME) / storey - 1), 0).astype(np.int64)
         self._most = np.maximum(np.floor((highest - roofs + _SAME) / storey), 0).astype(np.int64)
-        self._walls()
+        self._find_walls()
 
-    def _walls(self) -> None:
-        """Find the walls: where pixels of two buildings touch by sides, and these or the roofs
+    def _find_walls(self) -> None:
+        """Find the walls: sides between pixels of two buildings where the pixels or the roofs
         differ by more than `STEP`; each from both sides, sorted by building."""
         near, far, low, high = [], [], [], []
         roofs = self._roofs[self._labels].astype(np.float32)
@@ -55,28 +54,28 @@ class Storeys:
         building = np.concatenate(near)
         order = np.argsort(building, kind="stable")
         self._starts = np.searchsorted(building[order], np.arange(self._roofs.size + 1))
-        self._own, self._beside, self._height, self._height_beside = (
-            np.concatenate(one)[order] for one in (near, far, low, high)
+        self._building, self._neighbour, self._height, self._neighbour_height = (
+            np.concatenate(column)[order] for column in (near, far, low, high)
         )
 
-    def shifted(self, heights: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """``heights`` of buildings that are raised by ``change`` storeys."""
+    def shift(self, heights: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Raise ``heights`` of buildings by ``change`` storeys."""
         moved = heights + np.asarray(change * self._storey, np.float32)
-        # what is lower than a storey stays; what is raised is above this in any case
+        # heights below a storey stay; raised ones are above this in any case
         return np.maximum(moved, np.minimum(heights, np.float32(self._storey)))
 
-    def laid(self) -> np.ndarray:
-        """The map with all changes made, float32 ``(H, W)``, metres."""
+    def lay(self) -> np.ndarray:
+        """Compute the map with all changes, float32 ``(H, W)``, metres."""
         change = self.change[self._labels]
-        return np.where(change == 0, self._heights, self.shifted(self._heights, change))
+        return np.where(change == 0, self._heights, self.shift(self._heights, change))
 
     def scale(self, buildings: np.ndarray, factor: float, at_least_one: bool = True) -> bool:
-        """Change the height of ``buildings``, numbers from 1, to about ``factor`` times what it
-        is, by whole storeys; False if none changes.
+        """Multiply the heights of ``buildings``, numbers from 1, by about ``factor``, in whole
+        storeys; returns False if none changes.
 
-        The highest changes by one storey if it is to be ``at_least_one``. A lone one that would
-        become one with a building beside it changes by another number of storeys, up to one more
-        than it should. Of several, those that would become one change by the same number.
+        With ``at_least_one`` the highest changes by a storey at least. A single building that would
+        merge with a neighbour changes by another number of storeys, at most one more than it
+        should. Of several, those that would merge change by the same number.
         """
         wish = (factor - 1) * self._roofs[buildings] / self._storey
         way = 1 if factor > 1 else -1
@@ -93,7 +92,7 @@ class Storeys:
         for count in counts[np.argsort(np.abs(counts - abs(wish)), kind="stable")] * way:
             if self._least[building] <= count <= self._most[building]:
                 self.change[building] = count
-                if not self._vanishing(np.array([building])).any():
+                if not self._vanishing_walls(np.array([building])).any():
                     return True
         self.change[building] = 0
         return False
@@ -111,23 +110,23 @@ class Storeys:
             np.minimum.at(most, group, self._most[buildings])
             total = np.where(np.bincount(group, still, count) > 0, 0, np.clip(total, least, most))
             self.change[buildings] = np.rint(total)[group]
-            walls = self._vanishing(buildings)
+            walls = self._vanishing_walls(buildings)
             if not walls.any():
                 return bool(self.change[buildings].any())
-            one, other = (group[place[side[walls]]] for side in (self._own, self._beside))
-            # a wall within a group vanishes only where a storey's foot is lowered: it stays
-            still |= np.isin(group, one[one == other])
-            links = scipy.sparse.coo_array((np.ones(one.size), (one, other)), (count, count))
+            near, far = (group[place[side[walls]]] for side in (self._building, self._neighbour))
+            # a wall within a group vanishes only where the foot of a storey falls: it stays
+            still |= np.isin(group, near[near == far])
+            links = scipy.sparse.coo_array((np.ones(near.size), (near, far)), (count, count))
             group = scipy.sparse.csgraph.connected_components(links, directed=False)[1][group]
 
-    def _vanishing(self, buildings: np.ndarray) -> np.ndarray:
-        """Bool, one a wall: those of ``buildings`` that shrink until they tell none apart."""
-        mine = np.zeros(self._own.size, bool)
+    def _vanishing_walls(self, buildings: np.ndarray) -> np.ndarray:
+        """Find the walls of ``buildings`` that no longer separate any: bool, one for each wall."""
+        mask = np.zeros(self._building.size, bool)
         for start, stop in zip(self._starts[buildings], self._starts[buildings + 1], strict=True):
-            mine[start:stop] = True
-        rows = np.flatnonzero(mine)
-        ours = self.shifted(self._height[rows], self.change[self._own[rows]])
-        theirs = self.shifted(self._height_beside[rows], self.change[self._beside[rows]])
-        step, was = np.abs(ours - theirs), np.abs(self._height[rows] - self._height_beside[rows])
-        mine[rows] = step < np.minimum(was - _SAME, STEP + _MARGIN)
-        return mine
+            mask[start:stop] = True
+        rows = np.flatnonzero(mask)
+        low, high = self._height[rows], self._neighbour_height[rows]
+        ours = self.shift(low, self.change[self._building[rows]])
+        theirs = self.shift(high, self.change[self._neighbour[rows]])
+        mask[rows] = np.abs(ours - theirs) < np.minimum(np.abs(low - high) - _SAME, STEP + _MARGIN)
+        return mask

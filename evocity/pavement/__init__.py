@@ -1,8 +1,4 @@
-"""Where the range blocks lie.
-
-- `pavement`: `Pavement`, squares of one side or of many that tile a map
-- `levels`: partitions of many sides: which sides a map allows, what two partitions have in common
-"""
+"""Pavements: the range blocks of a map, squares of one side or of many that tile it."""
 
 from evocity.pavement.levels import (
     common_refinement,

@@ -5,11 +5,11 @@ from evocity.accelerate import kernel
 
 @kernel
 def tile(side, index, top, left):
-    """Lay squares of the sides ``side`` (n,), one after the other, each with its north-west corner
-    at the first pixel, row by row, that is still bare.
+    """Lay squares of the sides ``side`` (n,), each with its north-west corner at the first bare
+    pixel, row by row.
 
     ``index`` (H, W) gets the number of each pixel's square, ``top`` and ``left`` (n,) the corners.
-    Returns how many squares were laid: n if they tile the map, else the number of the first that
+    Returns the number of laid squares: n if they tile the map, else the number of the first that
     reaches beyond the map or onto another, or -1 if pixels stay bare.
     """
     rows, columns = index.shape
@@ -25,7 +25,7 @@ def tile(side, index, top, left):
         s = side[i]
         if y == rows or s < 1 or y + s > rows or x + s > columns:
             return i
-        for u in range(x, x + s):  # all above is laid: what is in the way is in this row
+        for u in range(x, x + s):  # all above is laid, so an obstacle lies in this row
             if index[y, u] >= 0:
                 return i
         top[i], left[i] = y, x
@@ -41,7 +41,7 @@ def tile(side, index, top, left):
 
 @kernel
 def cut_squares(raster, top, left, which, blocks):
-    """``blocks`` (m, s, s) get the squares of ``raster`` whose corners are those of ``which``."""
+    """``blocks`` (m, s, s) get the squares ``which`` (m,) of ``raster``, by their corners."""
     count, side, _ = blocks.shape
     for k in range(count):
         y, x = top[which[k]], left[which[k]]

@@ -1,4 +1,4 @@
-"""Partitions of many sides: which sides a map allows, and what two partitions have in common."""
+"""Partitions of several sides: legal sides for a map, common refinements of partitions."""
 
 from collections.abc import Sequence
 
@@ -8,30 +8,30 @@ from evocity.errors import GenomeError, setting
 from evocity.pavement._kernels import touching
 from evocity.pavement.pavement import Pavement
 
-#: The sides of the leaves unless the user asks for others, px: from the finest to the root.
+#: The default sides of leaves, px: from the finest to the root.
 USUAL = (2, 16)
 
 
 def halved_sides(finest: int, root: int) -> tuple[int, ...]:
-    """The sides from ``root`` down to ``finest``, each half of the one before, px.
+    """List the sides from ``root`` down to ``finest`` in px; each side is half the side before.
 
-    Raises `GenomeError` if halving the root does not come to the finest, or that is below 2.
+    Raises `GenomeError` if no halving of ``root`` gives ``finest``, or if ``finest`` is below 2.
     """
     sides = [root]
     while sides[-1] > finest and sides[-1] % 2 == 0:
         sides.append(sides[-1] // 2)
     if finest < 2 or sides[-1] != finest:
         raise GenomeError(
-            f"leaves from {finest} to {root} px",
-            "sides that come from the largest by halving it, 2 px or more: 2-16, 4-32, 3-12",
+            f"leaves cannot have sides from {finest} to {root} px",
+            "a largest side whose halvings give the finest, 2 px or more: 2-16, 4-32, 3-12",
             f"use for example 2-16, or {finest}-{4 * max(finest, 2)}",
         )
     return tuple(sides)
 
 
 def read_sides(text: str) -> int | tuple[int, int]:
-    """One side of range blocks, or the finest and the largest of leaves, as users write them: "4"
-    or "2-16", px. Raises `GenomeError` for anything else."""
+    """Read the side of range blocks in px, or the finest and the largest side of leaves: "4" or
+    "2-16". Raises `GenomeError` for any other text."""
     parts = text.strip().split("-")
     if len(parts) <= 2 and all(part.strip().isascii() and part.strip().isdigit() for part in parts):
         sides = tuple(int(part) for part in parts)
@@ -47,8 +47,9 @@ def read_sides(text: str) -> int | tuple[int, int]:
 
 
 def fitting_sides(height: int, width: int) -> tuple[int, int]:
-    """(finest, root) of the usual leaves, 2…16 px, on a map of ``height`` × ``width`` px; a
-    smaller root where 16 does not divide both. Raises `GenomeError` for odd sides."""
+    """Fit the default sides of range blocks, 2 to 16 px, to a map of ``height`` × ``width`` px.
+    Return the finest side and the largest (the root). The root is below 16 if 16 does not divide
+    both sides of the map. Raises `GenomeError` if a side of the map is odd."""
     finest, root = USUAL
     while root > finest and (height % root or width % root):
         root //= 2
@@ -57,36 +58,36 @@ def fitting_sides(height: int, width: int) -> tuple[int, int]:
             f"{side}" if side % 2 == 0 else f"{side - 1} or {side + 1}" for side in (height, width)
         ]
         raise GenomeError(
-            f"a map of {height} × {width} px for leaves of {finest} px and more",
+            f"a map of {height} × {width} px cannot have leaves of {finest} px and more",
             f"even sides: height {near[0]}, width {near[1]}",
-            "crop or read the map at such a size, or encode it with one side that divides both",
+            "crop or read the map at this size, or encode it with one side that divides both",
         )
     return finest, root
 
 
 def common_refinement(pavements: Sequence[Pavement]) -> Pavement:
-    """The coarsest pavement of which every range block lies in one of each of ``pavements``.
+    """Find the coarsest pavement (division into range blocks) that refines each of the
+    ``pavements``.
 
-    Raises `GenomeError` where two range blocks lap over each other, and neither holds the other:
-    such partitions cannot be refined to each other.
+    Raises `GenomeError` if two range blocks overlap and neither contains the other.
     """
     common = pavements[0]
     for other in pavements[1:]:
-        common = _refined(common, other)
+        common = _refine(common, other)
     return common
 
 
 def touched(where: np.ndarray, top: np.ndarray, left: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: which squares (``top``, ``left``, ``side``; px) hold a true pixel of
-    ``where``, bool ``(H, W)``."""
-    found = np.empty(side.size, bool)
-    touching(where, top, left, side, found)
-    return found
+    """Tell which squares (``top``, ``left``, ``side``; px) contain a true pixel of the mask
+    ``where`` ``(H, W)``. Return bool ``(n,)``."""
+    mask = np.empty(side.size, bool)
+    touching(where, top, left, side, mask)
+    return mask
 
 
 def quartered(pavements: Sequence[Pavement]) -> bool:
-    """Whether all range blocks are squares of one grid, cut in four again and again. Then any two
-    are apart, or one holds the other, and there is a `common_refinement`."""
+    """Tell whether all range blocks come from one grid by repeated cuts into four. If so, any two
+    of these blocks are disjoint or nested, and a `common_refinement` exists."""
     root = max(p.coarsest for p in pavements)
     return all(
         root % side == 0
@@ -97,40 +98,33 @@ def quartered(pavements: Sequence[Pavement]) -> bool:
     )
 
 
-def _refined(one: Pavement, other: Pavement) -> Pavement:
-    if one == other:
-        return one
-    if (one.height, one.width) == (other.height, other.width):
-        kept = [_within(a, b) for a, b in ((one, other), (other, one))]
+def _refine(first: Pavement, second: Pavement) -> Pavement:
+    if first == second:
+        return first
+    if (first.height, first.width) == (second.height, second.width):
+        (inner, _), (other, same) = _nesting(first, second), _nesting(second, first)
         top, left, side = (
-            np.concatenate([column(one)[kept[0]], column(other)[kept[1] & ~_same(other, one)]])
+            np.concatenate([column(first)[inner], column(second)[other & ~same]])
             for column in (lambda p: p.corners[0], lambda p: p.corners[1], lambda p: p.side)
         )
-        if int((side.astype(np.int64) ** 2).sum()) == one.height * one.width:
-            return Pavement(one.height, one.width, side[np.lexsort((left, top))])
+        if int((side.astype(np.int64) ** 2).sum()) == first.height * first.width:
+            return Pavement(first.height, first.width, side[np.lexsort((left, top))])
     raise GenomeError(
-        f"range blocks of {one.finest}…{one.coarsest} px on {one.height} × {one.width} px and of "
-        f"{other.finest}…{other.coarsest} px on {other.height} × {other.width} px",
-        "partitions of one map of which one divides the other wherever they meet: sides that "
-        "halve, 4 and 2, not 6 and 4",
+        " and ".join(
+            f"range blocks of {p.finest}…{p.coarsest} px on {p.height} × {p.width} px"
+            for p in (first, second)
+        ),
+        "partitions of one map whose sides halve, 4 and 2, not 6 and 4",
         "encode both maps with the same sides",
     )
 
 
-def _within(one: Pavement, other: Pavement) -> np.ndarray:
-    """Bool ``(n,)``: which range blocks of ``one`` lie in a single one of ``other``."""
-    top, left = one.corners
-    bottom, right = top + one.side - 1, left + one.side - 1
-    holder = other.index[top, left]
-    return (holder == other.index[bottom, right]) & (holder == other.index[top, right])
-
-
-def _same(one: Pavement, other: Pavement) -> np.ndarray:
-    """Bool ``(n,)``: which range blocks of ``one`` are range blocks of ``other``."""
-    top, left = one.corners
-    holder = other.index[top, left]
-    places = zip(other.corners, one.corners, strict=True)
-    same = other.side[holder] == one.side
-    for theirs, ours in places:
-        same &= theirs[holder] == ours
-    return same
+def _nesting(inner: Pavement, outer: Pavement) -> tuple[np.ndarray, np.ndarray]:
+    """Tell which range blocks of ``inner`` lie in a single one of ``outer``, and which of them are
+    that range block: bool ``(n,)`` each."""
+    top, left = inner.corners
+    bottom, right = top + inner.side - 1, left + inner.side - 1
+    holder = outer.index[top, left]
+    within = (holder == outer.index[bottom, right]) & (holder == outer.index[top, right])
+    corners = (outer.corners[0][holder] == top) & (outer.corners[1][holder] == left)
+    return within, corners & (outer.side[holder] == inner.side)

@@ -5,39 +5,40 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from evocity.errors import GenomeError, keyword, setting, shown
+from evocity.errors import GenomeError, keyword, setting, spell
 from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
 
 
 class Pavement:
-    """The range blocks of a map: squares that tile it, without gaps and without overlap.
+    """Range blocks of a map: squares that tile the map without gaps and without overlap.
 
-    In Jacquin's uniform partition all have one side B. In an adaptive one, which follows the city
-    (asked for in Marsault 2002 §6.1, 2005 §4.1-4.2), their sides differ: they are leaves, as of a
-    quadtree. Range blocks are numbered by (top, left), row by row. So their sides, in that order,
-    say where each one lies.
+    In Jacquin's uniform partition all range blocks have one side B. In an adaptive partition (a
+    wish of Marsault 2002 §6.1, 2005 §4.1-4.2) the leaves of a quadtree follow the city. Range
+    blocks are numbered by (top, left), row by row. So their sides, in this order, determine all
+    places.
 
     Parameters
     ----------
-    height, width : of the map, px.
-    block : the side of all range blocks, or the side of each, in their order; px, 2 or more.
+    height, width : size of the map, px.
+    block : side of all range blocks, or the side of each range block in order; px, 2 or more.
 
     Attributes
     ----------
     corners : (top, left) of each range block's north-west pixel, int32 ``(n,)`` each.
-    side : int32 ``(n,)``, the side of each, px.
-    block : the one side of all. Leaves have none: `GenomeError`. So have ``rows`` and
-        ``columns``, range blocks down and along the map.
-    finest, coarsest : the least and the largest side.
-    index : int32 ``(H, W)``, the number of the range block that holds each pixel.
-    levels : the range blocks of each side: side -> their numbers, ascending.
+    side : side of each range block, px, int32 ``(n,)``.
+    block : common side of all range blocks, px. A pavement with several sides raises `GenomeError`.
+    rows, columns : number of range blocks down the map and along it. A pavement with several sides
+        raises `GenomeError`.
+    finest, coarsest : smallest and largest side, px.
+    index : number of the range block that each pixel belongs to, int32 ``(H, W)``.
+    levels : mapping from each side to the numbers of the range blocks with this side, ascending.
 
-    All arrays are read-only. Two pavements are equal if they tile maps of one size alike.
+    All arrays are read-only. Two pavements are equal if their range blocks have the same places and
+    sides.
 
     Raises
     ------
-    GenomeError : the map's sides are not multiples of the block, or leaves of these sides do not
-        tile the map.
+    GenomeError : ``block`` does not divide the map's sides, or the given sides do not tile the map.
     """
 
     def __init__(self, height: int, width: int, block: int | Iterable[int]):
@@ -52,24 +53,26 @@ class Pavement:
     def _lay(self, side: np.ndarray) -> None:
         if side.ndim != 1 or side.size == 0 or side.dtype.kind not in "iu" or side.min() < 2:
             raise GenomeError(
-                f"range blocks of sides {shown(side.tolist())}",
-                "whole numbers of pixels, 2 or more, one a range block",
-                "give the sides by rows from the north-west, as Pavement.side has them",
+                f"the sides of range blocks are {spell(side.tolist())}",
+                "whole numbers of pixels, 2 or more, one per range block",
+                "give the sides row by row from the north-west, as in Pavement.side",
             )
         side = side.astype(np.int32)
         top, left = np.empty((2, side.size), np.int32)
         index = np.empty((self.height, self.width), np.int32)
-        laid = tile(side, index, top, left)
-        if laid != side.size:
-            where = "leave gaps" if laid < 0 else f"overlap or reach beyond it from the {laid}th on"
+        count = tile(side, index, top, left)
+        if count != side.size:
+            where = (
+                f"overlap or reach beyond it from the {count}th on" if count >= 0 else "leave gaps"
+            )
             raise GenomeError(
-                f"{side.size} leaves on a map of {self.height} × {self.width} px that {where}",
-                "squares that tile the map, in the order of (top, left)",
+                f"the {side.size} leaves on a map of {self.height} × {self.width} px {where}",
+                "squares that tile the map, sorted by top, then left",
                 "encode the map again",
             )
         if (side == side[0]).all():
             self._block = int(side[0])
-        # what is cached below, known already
+        # fill the cached properties below
         self.__dict__["side"] = _read_only(side)
         self.__dict__["corners"] = (_read_only(top), _read_only(left))
         self.__dict__["index"] = _read_only(index)
@@ -101,22 +104,22 @@ class Pavement:
 
     @property
     def uniform(self) -> bool:
-        """Whether all range blocks have one side."""
+        """True if all range blocks have one side."""
         return self._block is not None
 
     @property
     def ends(self) -> int | tuple[int, int]:
-        """The one side of all range blocks; else the finest and the coarsest."""
+        """Common side of the range blocks, or else the smallest and the largest side."""
         return self.block if self.uniform else (self.finest, self.coarsest)
 
     @property
     def block(self) -> int:
         if self._block is None:
             raise GenomeError(
-                f"the one side B of {len(self)} leaves of {self.finest}…{self.coarsest} px",
-                "a uniform pavement",
-                "ask for `side`, `finest` or `coarsest`, or encode with one side: "
-                f"{keyword('block', 4)}",
+                f"there is no single side B: the {len(self)} leaves have {self.finest} to "
+                f"{self.coarsest} px",
+                "a pavement with range blocks of one side",
+                f"use `side` or `finest`, or encode with one side: {keyword('block', 4)}",
             )
         return self._block
 
@@ -157,12 +160,11 @@ class Pavement:
 
     @property
     def area(self) -> np.ndarray:
-        """Int64 ``(n,)``: pixels of each range block."""
+        """Number of pixels of each range block, int64 ``(n,)``."""
         return self.side.astype(np.int64) ** 2
 
     def scaled(self, step: int, per: int) -> "Pavement":
-        """The same partition with every side ``step`` / ``per`` times as long; sides must stay
-        whole numbers of pixels, 2 or more."""
+        """Multiply every side by ``step / per``. The new sides must be whole pixels, 2 or more."""
         if self.uniform:
             block = self.block * step // per
             return Pavement(self.rows * block, self.columns * block, block)
@@ -172,8 +174,8 @@ class Pavement:
     # -- pixels and range blocks -----------------------------------------------------------
 
     def blocks(self, raster: np.ndarray, side: int | None = None) -> np.ndarray:
-        """``(m, s, s)`` copy of a ``(H, W)`` raster cut along the range blocks of side s, those of
-        `levels` in their order; all of a uniform pavement need no ``side``."""
+        """Cut the range blocks of one side s out of a ``(H, W)`` raster, in the order of `levels`.
+        Returns a copy ``(m, s, s)``. A uniform pavement needs no ``side``."""
         if self.uniform and side in (None, self._block):
             b = self.block
             cut = raster.reshape(self.rows, b, self.columns, b).swapaxes(1, 2)
@@ -182,15 +184,15 @@ class Pavement:
         return self.squares(raster, self.levels[side], side)
 
     def squares(self, raster: np.ndarray, which: np.ndarray, side: int) -> np.ndarray:
-        """``(m, s, s)`` copy of the range blocks ``which`` (m,) of a ``(H, W)`` raster, all of the
-        one side s."""
+        """Copy the range blocks numbered ``which`` ``(m,)``, all of one side s, from a ``(H, W)``
+        raster: ``(m, s, s)``."""
         blocks = np.empty((which.size, side, side), raster.dtype)
         cut_squares(raster, *self.corners, which, blocks)
         return blocks
 
     def raster(self, values: np.ndarray) -> np.ndarray:
-        """``(H, W)`` raster from ``(n,)`` one value a range block; of a uniform pavement from
-        ``(n, B, B)`` blocks too."""
+        """Spread ``(n,)`` values, one for each range block, over a ``(H, W)`` raster. A uniform
+        pavement also takes blocks ``(n, B, B)``."""
         if not self.uniform and values.ndim == 1:
             raster = np.empty((self.height, self.width), values.dtype)
             spread(values, self.index.ravel(), raster.ravel())
@@ -202,13 +204,13 @@ class Pavement:
         return np.ascontiguousarray(tiles).reshape(self.height, self.width)
 
     def sums(self, raster: np.ndarray) -> np.ndarray:
-        """Float64 ``(n,)``: the sum of a ``(H, W)`` raster over each range block."""
+        """Sum a ``(H, W)`` raster over each range block: float64 ``(n,)``."""
         sums = np.empty(len(self))
         sum_squares(raster, *self.corners, self.side, sums)
         return sums
 
     def maxima(self, raster: np.ndarray) -> np.ndarray:
-        """Float64 ``(n,)``: the largest value of a ``(H, W)`` raster in each range block."""
+        """Find the largest value of a ``(H, W)`` raster in each range block: float64 ``(n,)``."""
         maxima = np.empty(len(self))
         for side, which in self.levels.items():
             maxima[which] = self.blocks(raster, side).max(axis=(1, 2))
@@ -217,7 +219,7 @@ class Pavement:
 
 @lru_cache(maxsize=2)
 def _uniform(height: int, width: int, block: int) -> Pavement:
-    """One object for all genomes that come from another process: what it caches is known then."""
+    """Share one object, and its cached arrays, among genomes from other processes."""
     return Pavement(height, width, block)
 
 
@@ -235,9 +237,9 @@ def _check_uniform(height: int, width: int, block: int) -> None:
             for low in [max(side // block, 1) * block]
         ]
         raise GenomeError(
-            f"a map of {height} × {width} px for range blocks of {block} px",
+            f"a map of {height} × {width} px cannot be cut into range blocks of {block} px",
             f"sides that are multiples of {block}: height {fits[0]}, width {fits[1]}",
-            "crop or read the map at such a size, or choose another block",
+            "crop or read the map at this size, or choose another block",
         )
 
 

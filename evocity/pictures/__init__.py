@@ -1,23 +1,24 @@
-"""Maps as pictures, coloured and with a legend.
+"""Pictures of maps, coloured and with a legend.
 
-- `field`: values on a city's grid that are no heights: `Field`, `Shares`
-- `change`: what one city has more and less than another: `Change`
-- `picture`: a map, a field, shares, or a change, as a picture
-- `colours`: of heights, values and changes
+- `field`: values on a city's grid other than heights: `Field`, `Shares`, `Change`
+- `picture`: pictures of a map, a field, shares, a change, and classes of objects
+- `colours`: of heights, values, changes and source cities
 - `legend`: title, scale or key, scale bar and attribution around a picture
 - `light`: cast shadows, edges of roofs
-- `palette`: one colour a source city, everywhere
-- `classes`: what stands on a map, each class in its colour
 - `leaves`: the range blocks of a code, over its map
 - `sheet`: many maps on one contact sheet
 """
 
-from evocity.pictures.change import Change
-from evocity.pictures.classes import render_classes
-from evocity.pictures.field import Field, Shares
+from evocity.pictures.colours import city_colours
+from evocity.pictures.field import Change, Field, Shares
 from evocity.pictures.leaves import Leaves, render_leaves
-from evocity.pictures.palette import city_colours
-from evocity.pictures.picture import render, render_change, render_field, render_shares
+from evocity.pictures.picture import (
+    render,
+    render_change,
+    render_classes,
+    render_field,
+    render_shares,
+)
 
 __all__ = [
     "Change",

@@ -1,4 +1,4 @@
-"""Colours of heights, values and changes, mixed in OKLab so that steps look even."""
+"""Colours of heights, values, changes and source cities, mixed in OKLab for even steps."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,24 +7,42 @@ from functools import lru_cache
 import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, CityMap
-from evocity.pictures.change import STOPS
+from evocity.pictures.field import STOPS
 
 PAPER = (250, 248, 244)
 GROUND = (241, 238, 231)
 INK = (52, 48, 46)
 FAINT = (128, 121, 114)
-# Where a field has no value: grey, bluer than ground.
+# The colour of missing values of a field: grey, bluer than ground.
 NOTHING = (196, 202, 209)
 
-# From the lowest roof to the highest, each step as much darker as the one before (OKLab).
+# From the lowest roof to the highest, in equal steps of lightness (OKLab).
 _RAMP = ("#edd5ae", "#e8b682", "#de9262", "#cb6b54", "#a94a56", "#7c355c", "#4e2655", "#241741")
+
+# Any two differ by .09 in OKLab at least, also for viewers with colour blindness (Machado, Oliveira
+# & Fernandes 2009); the first two, most runs' parents, by .3.
+_CITIES = (
+    "#33699e",
+    "#e2a33a",
+    "#5fa98f",
+    "#8a3a66",
+    "#a5cbe8",
+    "#c2603a",
+    "#443e09",
+    "#293898",
+)
+#: The colour of bare ground, which replaces omitted buildings and is not a city.
+BARE = "#d9d2c6"
+_VOID = "void"  # evocity.genome.VOID: genomes lie above pictures
+#: The label of bare ground in a key.
+VOID_LABEL = f"{_VOID} (bare ground)"
 
 
 def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
-    """Colours of ``heights`` (metres, any shape ``(H, W)``): uint8 ``(H, W, 3)``.
+    """Colour ``heights`` (metres, ``(H, W)``): uint8 ``(H, W, 3)``.
 
-    Ground is pale; from `BUILT_ABOVE` on, colours darken evenly up to ``highest`` metres and
-    stay there above. Traces lower than a building are drawn fainter. About 0.5 ms at 256².
+    Ground is pale; from `BUILT_ABOVE` on, colours darken evenly up to ``highest`` metres and stay
+    the same above. Traces lower than a building are fainter. About 0.5 ms at 256².
     """
     table = _table(max(float(highest), 2 * BUILT_ABOVE))
     steps = np.minimum(heights * ((len(table) - 1) / max(float(highest), 2 * BUILT_ABOVE)), 1023)
@@ -32,10 +50,11 @@ def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
 
 
 def scale_end(*cities: CityMap, share: float = 0.98) -> float:
-    """A round number of metres to end the colour scale of maps: above nearly all roofs of each.
+    """Choose a round number of metres as the end of the colour scale of maps: above nearly all
+    roofs of each map.
 
-    A single tower does not turn the rest pale: the scale ends below it if it is more than
-    twice as high as a ``share`` of what is built on its map.
+    A single tower does not make the rest pale: the scale ends below it if it is more than twice as
+    high as a ``share`` of the built pixels of its map.
     """
     return max((_end(city, share) for city in cities), default=10.0)
 
@@ -50,22 +69,22 @@ def _end(city: CityMap, share: float) -> float:
     return float(max(10, step * math.ceil(end / step)))
 
 
-def even(values: np.ndarray, end: float) -> np.ndarray:
-    """Colours of ``values`` ``(H, W)``, pale at 0, dark at ``end`` and above, grey where NaN."""
+def field_colours(values: np.ndarray, end: float) -> np.ndarray:
+    """Colour ``values`` ``(H, W)``: pale at 0, dark at ``end`` and above, grey where NaN."""
     colours = gradient(("#" + bytes(GROUND).hex(), *_RAMP))(np.clip(values / end, 0, 1))
     colours[np.isnan(values)] = NOTHING
     return colours
 
 
 def change_colours(values: np.ndarray, end: float) -> np.ndarray:
-    """Colours of changes, metres, any shape: blue for less, pale at 0, red for more, as strong as
-    they get at ``end``; uint8, a last axis of 3 longer."""
+    """Colour changes, metres, any shape: blue for less, pale at 0, red for more, strongest at
+    ``end``; uint8, with a last axis of 3 more."""
     return gradient(STOPS)(np.clip((values / end + 1) / 2, 0, 1))
 
 
 def gradient(stops: Sequence[str]) -> Callable[[np.ndarray], np.ndarray]:
-    """What gives each share of 0…1, any shape, its colour between the ``stops``, ``#rrggbb``, that
-    lie evenly: uint8, a last axis of 3 longer."""
+    """Make the function that colours shares of 0…1, any shape, between evenly spaced ``stops``,
+    ``#rrggbb``: uint8, with a last axis of 3 more."""
     ends = oklab(np.array([rgb(text) for text in stops]) / 255)
     where, steps = np.linspace(0, 1, len(stops)), np.linspace(0, 1, 1024)
     between = np.column_stack([np.interp(steps, where, channel) for channel in ends.T])
@@ -73,9 +92,9 @@ def gradient(stops: Sequence[str]) -> Callable[[np.ndarray], np.ndarray]:
     return lambda shares: table[np.round(np.nan_to_num(shares) * 1023).astype(np.int16)]
 
 
-@lru_cache(8)  # many pictures are on one scale
+@lru_cache(8)  # many pictures share a scale
 def _table(highest: float) -> np.ndarray:
-    """Uint8 ``(1024, 3)``: colours from 0 to ``highest`` metres, mixed in OKLab."""
+    """Mix the colours from 0 to ``highest`` metres in OKLab: uint8 ``(1024, 3)``."""
     stops = oklab(np.array([rgb(text) for text in _RAMP]) / 255)
     ground = oklab(np.array([GROUND]) / 255)
     at = np.linspace(BUILT_ABOVE, highest, len(stops))
@@ -88,8 +107,19 @@ def _table(highest: float) -> np.ndarray:
 
 
 def rgb(text: str) -> tuple[int, ...]:
-    """The numbers of "#rrggbb", 0 to 255 each."""
+    """Parse "#rrggbb" as numbers, 0 to 255 each."""
     return tuple(bytes.fromhex(text[1:]))
+
+
+def city_colours(cities: Sequence[str]) -> list[str]:
+    """Return a colour ``#rrggbb`` for each city of a run or genome, in the order of the cities. The
+    colours repeat if there are more cities than colours."""
+    colours, place = [], 0
+    for city in cities:
+        bare = city in (_VOID, VOID_LABEL)
+        colours.append(BARE if bare else _CITIES[place % len(_CITIES)])
+        place += not bare
+    return colours
 
 
 # Ottosson, "A perceptual color space for image processing" (2020)
@@ -110,30 +140,13 @@ _TO_LAB = np.array(
 
 
 def oklab(srgb: np.ndarray) -> np.ndarray:
-    """OKLab of sRGB colours from 0 to 1, a last axis of 3 (Ottosson 2020)."""
+    """Convert sRGB colours from 0 to 1, with a last axis of 3, to OKLab (Ottosson 2020)."""
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return np.cbrt(linear @ _TO_LMS.T) @ _TO_LAB.T
 
 
 def srgb(lab: np.ndarray) -> np.ndarray:
-    """sRGB colours from 0 to 1 of `oklab`, the nearest there are."""
+    """Convert colours of `oklab` to the nearest sRGB colours from 0 to 1."""
     linear = (lab @ np.linalg.inv(_TO_LAB).T) ** 3 @ np.linalg.inv(_TO_LMS).T
     linear = np.clip(linear, 0, 1)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-__all__ = [
-    "FAINT",
-    "GROUND",
-    "INK",
-    "NOTHING",
-    "PAPER",
-    "change_colours",
-    "even",
-    "gradient",
-    "oklab",
-    "ramp",
-    "rgb",
-    "scale_end",
-    "srgb",
-]

@@ -1,4 +1,4 @@
-"""Where the range blocks of a code lie, drawn over its map."""
+"""Pictures of the range blocks of a code, over its map."""
 
 from dataclasses import dataclass
 
@@ -8,22 +8,22 @@ from PIL import Image
 from evocity.citymap import CityMap
 from evocity.pavement import Pavement
 from evocity.pictures.colours import INK, PAPER, scale_end
-from evocity.pictures.legend import on_sheet
+from evocity.pictures.legend import draw_with_scale
 from evocity.pictures.picture import render
 
-#: Picture pixels a map pixel, at least: closer lines could not be told from each other.
+#: The least number of picture pixels a map pixel, so that lines stay distinct.
 CLOSEST = 4
 
-# How much of a border's colour is the line's, on pale pixels and on dark ones; what is dark.
+# Opacity of lines on pale pixels and on dark ones; the greatest level of dark pixels.
 _ON_PALE, _ON_DARK, _DARK = 0.5, 0.35, 105
 
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
-    """The range blocks of a code and the map they lie on.
+    """The range blocks of a code, together with a map.
 
     city : the map, usually the decoded one; its name and attribution go into every picture.
-    pavement : the range blocks, of a map of the same size.
+    pavement : the range blocks, for a map of the same size as the city.
     """
 
     city: CityMap
@@ -36,9 +36,10 @@ class Leaves:
 
 
 def render_leaves(leaves: Leaves, *, legend: bool = True, zoom: int = CLOSEST) -> Image.Image:
-    """Draw a map with the borders of its range blocks: a line of one picture pixel, dark on pale
-    heights and pale on dark ones, along the north and the west of each. ``legend`` and ``zoom``
-    are as in `render`; below a zoom of 4 borders of 2 px lie too close to be told apart."""
+    """Draw a map with the borders of its range blocks. Each border is a line of one picture pixel
+    along the north and west sides of a block. The line is dark on pale heights and pale on dark
+    heights. Use ``legend`` and ``zoom`` as in `render`. Below a zoom of 4 the borders of blocks of
+    2 px run together."""
     city, p = leaves.city, leaves.pavement
     end = scale_end(city)
     colours = np.array(render(city, highest=end, legend=False, zoom=zoom), np.float32)
@@ -50,11 +51,11 @@ def render_leaves(leaves: Leaves, *, legend: bool = True, zoom: int = CLOSEST) -
     colours[line] = under + (ink - under) * share
     fabric = Image.fromarray(np.round(colours).astype(np.uint8))
     title = f"{city.name}: {leaves.title}"
-    return on_sheet(city, fabric, title, end, zoom) if legend else fabric
+    return draw_with_scale(city, fabric, title, end, zoom) if legend else fabric
 
 
 def _borders(pavement: Pavement, zoom: int) -> np.ndarray:
-    """Bool ``(H·zoom, W·zoom)``: the first picture row and column of each range block."""
+    """Mark the first picture row and column of each range block, bool ``(H·zoom, W·zoom)``."""
     index = pavement.index
     north, west = np.ones((2, *index.shape), bool)
     north[1:] = index[1:] != index[:-1]
@@ -67,6 +68,3 @@ def _borders(pavement: Pavement, zoom: int) -> np.ndarray:
 
 def _sides(pavement: Pavement) -> str:
     return f"{pavement.block}" if pavement.uniform else f"{pavement.finest}…{pavement.coarsest}"
-
-
-__all__ = ["CLOSEST", "Leaves", "render_leaves"]

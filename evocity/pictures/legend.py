@@ -1,4 +1,4 @@
-"""A picture of a map on paper: title, scale of colours or key, scale bar, attribution."""
+"""Legends: title, scale of colours or key, scale bar and attribution around a picture."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from evocity.citymap import CityMap
 from evocity.pictures.colours import FAINT, INK, PAPER, ramp
 
-# A key has at most so many lines.
+# The most lines of a key.
 _LONGEST_KEY = 12
 
 # Pillow's own font has no ©, é or Cyrillic; names and attributions do.
@@ -24,8 +24,7 @@ _Entries = list[tuple[tuple[int, ...] | None, str]]  # colour, text
 
 @dataclass(frozen=True)
 class Scale:
-    """What a picture's colours stand for: values from ``start`` to ``end``, drawn by
-    ``colours``."""
+    """A scale of colours: values from ``start`` to ``end``, coloured by ``colours``."""
 
     title: str
     end: float
@@ -36,48 +35,41 @@ class Scale:
 
 @dataclass(frozen=True)
 class Key:
-    """What a picture's colours stand for: a text each."""
+    """A key of colours: a text for each."""
 
     entries: _Entries
 
 
-def on_sheet(
+def draw_with_scale(
     city: CityMap, fabric: Image.Image, title: str, highest: float, zoom: int
 ) -> Image.Image:
-    """A picture ``fabric`` of a map's heights, ``zoom`` times its size, with a title and the
-    legend of `render` for colours that end at ``highest`` metres."""
+    """Draw a title and the legend of `render` around a picture ``fabric`` of a map's heights,
+    ``zoom`` times its size, with colours that end at ``highest`` metres."""
     roof = float(city.heights.max(initial=0))
     note = f"up to {roof:.0f}" if roof > highest else ""
     scale = Scale("height, m", highest, lambda metres: ramp(metres, highest), note)
-    return legended(city, fabric, title, scale, zoom)
+    return draw_legend(city, fabric, title, scale, zoom)
 
 
-def drawn_with_key(
-    city: CityMap, fabric: Image.Image, title: str, entries: _Entries, zoom: int
-) -> Image.Image:
-    """A picture ``fabric`` of a map, ``zoom`` times its size, with a title and the legend of
-    `render`, but a key for a scale: the colour and text of each of ``entries``."""
-    return legended(city, fabric, title, Key(entries), zoom)
-
-
-def legended(
+def draw_legend(
     city: CityMap, fabric: Image.Image, name: str, legend: Scale | Key, zoom: int
 ) -> Image.Image:
-    """The map on paper, with all that tells what it shows."""
+    """Draw title, legend, scale bar and attribution around a picture ``fabric`` of a map, ``zoom``
+    times its size."""
     size = text_size(fabric)  # all else follows it
     plain, small = font(size), font(size * 0.85)
     key = legend.entries if isinstance(legend, Key) else []
     margin, beside = 2 * size, 6 * size if isinstance(legend, Scale) else 0
-    # a tiny map still gets a sheet on which its legend has room
+    # a tiny map gets a sheet with room for its legend
     width, height = max(fabric.width, 14 * size), max(fabric.height, 9 * size)
-    lines = wrapped(city.attribution, small, width + beside)
+    lines = wrap_text(city.attribution, small, width + beside)
     top = margin + int(2.4 * size)
     rows = _key_rows(key, plain, width)
     bottom = int(3.2 * size) + int(1.8 * size) * len(rows) + int(1.25 * size) * len(lines) + margin
     sheet = Image.new("RGB", (width + 2 * margin + beside, height + top + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
-    title = _fitting(name, size, width + beside)
-    draw.text((margin, margin), shortened(name, title, width + beside), INK, title, "lt")
+    title = _title_font(name, size, width + beside)
+    draw.text((margin, margin), shorten_text(name, title, width + beside), INK, title, "lt")
     sheet.paste(fabric, (margin, top))
     draw.rectangle((margin - 1, top - 1, margin + fabric.width, top + fabric.height), outline=FAINT)
     right, low = margin + width, top + height
@@ -96,7 +88,7 @@ def legended(
 
 
 def _draw_colours(sheet, draw, place, scale: Scale, font, small, size) -> None:
-    """The colour scale, its start at the foot, with ticks."""
+    """Draw the colour scale, its start at the foot, with ticks."""
     start, end = scale.start, scale.end
     left, top, low = place
     top, width = top + int(1.8 * size), size
@@ -117,7 +109,7 @@ def _draw_colours(sheet, draw, place, scale: Scale, font, small, size) -> None:
 
 
 def _key_rows(entries: _Entries, font, width: float) -> list[_Entries]:
-    """``entries`` in rows of at most ``width``; those beyond the last row are counted there."""
+    """Put ``entries`` in rows of at most ``width``; the last row counts those beyond it."""
     rows: list[_Entries] = []
     room = 0.0
     for number, (colour, text) in enumerate(entries):
@@ -128,7 +120,7 @@ def _key_rows(entries: _Entries, font, width: float) -> list[_Entries]:
                 break
             rows.append([])
             room = width
-        rows[-1].append((colour, shortened(text, font, width - 2.6 * font.size)))
+        rows[-1].append((colour, shorten_text(text, font, width - 2.6 * font.size)))
         room -= needed
     return rows
 
@@ -144,7 +136,7 @@ def _draw_key_row(draw, place, row: _Entries, font) -> None:
 
 
 def _draw_scale_bar(draw, place, side, width, font) -> None:
-    """A round length of at most a quarter of the map's width; ``side`` in metres a pixel."""
+    """Draw a round length of at most a quarter of the map's width; ``side``: metres a pixel."""
     left, top = place
     metres = round_steps(width * side / 4, 1)[-1] or 1
     length, thick = metres / side, max(2, round(font.size / 4))
@@ -154,34 +146,34 @@ def _draw_scale_bar(draw, place, side, width, font) -> None:
 
 
 def round_steps(end: float, most: float) -> list[float]:
-    """Round numbers from 0 to ``end``, at most about ``most`` steps."""
-    wanted = end / max(most, 1)
-    power = 10.0 ** math.floor(math.log10(wanted))
-    step = next(m * power for m in (1, 2, 5, 10) if m * power >= wanted * 0.999)
+    """List round numbers from 0 to ``end``, in at most about ``most`` steps."""
+    ideal = end / max(most, 1)
+    power = 10.0 ** math.floor(math.log10(ideal))
+    step = next(m * power for m in (1, 2, 5, 10) if m * power >= ideal * 0.999)
     if most <= 1 and step > end:
         step = max(m * power for m in (0.5, 1, 2, 5) if m * power <= end)
     return [step * i for i in range(int(end / step + 1e-9) + 1)]
 
 
 def text_size(fabric: Image.Image) -> int:
-    """Height in px of the text beside a picture."""
+    """Choose the height of the text beside a picture, px."""
     return int(np.clip(min(fabric.size) / 40, 11, 40))
 
 
 @cache
 def font(size: float) -> ImageFont.FreeTypeFont:
-    """The font of all pictures, ``size`` px high."""
+    """Load the font of all pictures, ``size`` px high."""
     return ImageFont.truetype(_FONT, size)
 
 
-def _fitting(text: str, size: int, width: float) -> ImageFont.FreeTypeFont:
-    """The font of a title: half as large again as ``size``, or smaller down to it to fit."""
+def _title_font(text: str, size: int, width: float) -> ImageFont.FreeTypeFont:
+    """Choose the font of a title: from 1.5 times ``size`` down to ``size`` to fit."""
     needed = font(1.5 * size).getlength(text)
     return font(max(size, min(1.5 * size, math.floor(1.5 * size * width / max(needed, 1)))))
 
 
-def wrapped(text: str, font, width: float) -> list[str]:
-    """``text`` in lines of at most ``width`` px, or of one word."""
+def wrap_text(text: str, font, width: float) -> list[str]:
+    """Split ``text`` into lines of at most ``width`` px, or of a single word."""
     lines: list[str] = []
     for word in text.split():
         if lines and font.getlength(f"{lines[-1]} {word}") <= width:
@@ -191,22 +183,8 @@ def wrapped(text: str, font, width: float) -> list[str]:
     return lines
 
 
-def shortened(text: str, font, width: float) -> str:
-    """``text``, cut short with an ellipsis where it is wider than ``width`` px."""
+def shorten_text(text: str, font, width: float) -> str:
+    """Cut ``text`` with an ellipsis if it is wider than ``width`` px."""
     while len(text) > 1 and font.getlength(text) > width:
         text = text[:-2] + "…"
     return text
-
-
-__all__ = [
-    "Key",
-    "Scale",
-    "drawn_with_key",
-    "font",
-    "legended",
-    "on_sheet",
-    "round_steps",
-    "shortened",
-    "text_size",
-    "wrapped",
-]

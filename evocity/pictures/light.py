@@ -1,4 +1,4 @@
-"""Light from the north-west: shadows that roofs cast, and the edges of roofs."""
+"""Light from the north-west: cast shadows, and the edges of roofs."""
 
 import math
 
@@ -6,38 +6,38 @@ import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, CityMap
 
-# The light comes from the north-west and falls 2 m in 1 m; its shadows, metres, end here.
+# The fall of the light, metres in 1 m, and the greatest length of shadows, metres.
 _LIGHT_FALL, _LONGEST_SHADOW = 2.0, 40.0
 _SHADE = np.array([70, 66, 92], np.float32)
 
 
-def lit(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
-    """``colours`` ``(H·zoom, W·zoom, 3)`` of a city with cast shadows and roof edges."""
+def add_light(city: CityMap, colours: np.ndarray, zoom: int) -> np.ndarray:
+    """Add cast shadows and roof edges to ``colours`` ``(H·zoom, W·zoom, 3)`` of a city."""
     heights = city.heights
     if zoom > 1:
         heights = heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
     depth = _shadow_depth(heights, city.metres_per_pixel / zoom)
-    tint = softened(depth, 0.6 * zoom**0.5)
+    tint = blur(depth, 0.6 * zoom**0.5)
     tint /= 4
     np.minimum(tint, 1, out=tint)
     tint *= np.where(heights <= BUILT_ABOVE, np.float32(0.24), np.float32(0.14))
     roofs = edges(heights) if zoom > 1 else None
-    found, change = np.empty(colours.shape, np.uint8), np.empty_like(tint)
-    for channel, shade in enumerate(_SHADE):  # a plane each: numpy is slow along an axis of three
+    shaded, change = np.empty(colours.shape, np.uint8), np.empty_like(tint)
+    for channel, shade in enumerate(_SHADE):  # numpy is slow along an axis of three
         plane = colours[..., channel].astype(np.float32)
         np.subtract(shade, plane, out=change)
         change *= tint
         plane += change
         if roofs is not None:
             plane[roofs] *= 0.78
-        plane += 0.5  # rounded, once it is cut
-        found[..., channel] = plane
-    return found
+        plane += 0.5  # rounds where the cast truncates
+        shaded[..., channel] = plane
+    return shaded
 
 
-def softened(field: np.ndarray, sigma: float) -> np.ndarray:
-    """A float32 ``field`` under a Gaussian of ``sigma`` pixels, mirrored at its edges: what
-    `scipy.ndimage.gaussian_filter` makes, which takes a fifth of a second to load."""
+def blur(field: np.ndarray, sigma: float) -> np.ndarray:
+    """Blur a float32 ``field`` by a Gaussian of ``sigma`` pixels, mirrored at its edges, as
+    `scipy.ndimage.gaussian_filter` does, whose import takes a fifth of a second."""
     reach = int(4 * sigma + 0.5)
     weights = np.exp(-0.5 / sigma**2 * np.arange(-reach, reach + 1) ** 2)
     weights = (weights / weights.sum()).astype(np.float32)
@@ -57,7 +57,7 @@ def softened(field: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _shadow_depth(heights: np.ndarray, side: float) -> np.ndarray:
-    """Metres by which each point lies below the light that passes its north-west neighbours."""
+    """Compute metres of each point below the light that passes its north-west neighbours."""
     fall = side * math.sqrt(2) * _LIGHT_FALL  # metres the light falls in one diagonal step
     highest = min(float(heights.max(initial=0)), _LONGEST_SHADOW * _LIGHT_FALL)
     roof, cast = np.zeros_like(heights), np.empty_like(heights)
@@ -70,7 +70,7 @@ def _shadow_depth(heights: np.ndarray, side: float) -> np.ndarray:
 
 
 def edges(heights: np.ndarray) -> np.ndarray:
-    """Bool: the last pixels of a roof before a drop of a storey or more."""
+    """Mark the last pixels of a roof before a drop of a storey or more, bool."""
     found = np.zeros(heights.shape, dtype=bool)
     for axis in (0, 1):
         drop = np.diff(heights, axis=axis)
@@ -80,6 +80,3 @@ def edges(heights: np.ndarray) -> np.ndarray:
         found[tuple(first)] |= drop < -2
         found[tuple(last)] |= drop > 2
     return found
-
-
-__all__ = ["edges", "lit", "softened"]

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from evocity.citymap import CityMap
 from evocity.pictures.colours import FAINT, INK, PAPER, ramp
-from evocity.pictures.legend import font, round_steps, shortened, wrapped
+from evocity.pictures.legend import font, round_steps, shorten_text, wrap_text
 from evocity.pictures.picture import render
 
 _GAP, _LINE, _TOP = 20, 17, 64  # px: between maps, of a line of text, above the first map
@@ -23,12 +23,11 @@ def sheet_of(
     attribution: str = "",
     columns: int = 4,
 ) -> Image.Image:
-    """Maps in rows of ``columns``, each with its lines of text beneath, the first of them darker.
+    """Draw maps in rows of ``columns``, each with its lines of text beneath, the first line darker.
 
-    cells : a map and its lines each, all maps of one shape; None leaves a place empty.
-    highest : metres at which the colours of all maps end; a scale beneath them tells it, beside
-        how many metres a map is long.
-    attribution : what the sources of the maps ask for, at the foot.
+    cells : a map and its lines for each place, all maps of one shape; None for an empty place.
+    highest : metres at which the colours of all maps end; a scale beneath them shows it.
+    attribution : the lines that the licences of the maps ask for, at the foot.
     """
     shown = [cell for cell in cells if cell is not None]
     plain = font(13)
@@ -39,13 +38,13 @@ def sheet_of(
     width = max(_GAP + columns * (side + _GAP), _SCALE + 2 * _GAP)
     about = _extent([city for city, _ in shown], highest) if shown else ""
     feet = [
-        line for text in (about, attribution) for line in wrapped(text, plain, width - 2 * _GAP)
+        line for text in (about, attribution) for line in wrap_text(text, plain, width - 2 * _GAP)
     ]
     low = _TOP + -(-len(cells) // columns) * step + 8
     sheet = Image.new("RGB", (width, low + 52 + _GAP + _LINE * len(feet)), PAPER)
     draw = ImageDraw.Draw(sheet)
     large = font(22)
-    draw.text((_GAP, 20), shortened(title, large, width - 2 * _GAP), INK, large)
+    draw.text((_GAP, 20), shorten_text(title, large, width - 2 * _GAP), INK, large)
     for number, cell in enumerate(cells):
         if cell is None:
             continue
@@ -57,7 +56,7 @@ def sheet_of(
         sheet.paste(picture.resize((side, tall), method), (left, high))
         for index, text in enumerate(lines):
             place = (left, high + tall + 4 + index * _LINE)
-            draw.text(place, shortened(text, plain, side), FAINT if index else INK, plain)
+            draw.text(place, shorten_text(text, plain, side), FAINT if index else INK, plain)
     draw_scale(sheet, draw, (_GAP, low), min(width - 2 * _GAP, _SCALE), highest, plain)
     for index, text in enumerate(feet):
         draw.text((_GAP, low + 44 + index * _LINE), text, FAINT, plain)
@@ -73,7 +72,7 @@ def _extent(cities: Sequence[CityMap], highest: float) -> str:
 
 
 def draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
-    """The scale of heights, ``width`` px wide and 36 high, at the ``place`` (left, top)."""
+    """Draw the scale of heights, ``width`` px wide and 36 high, at the ``place`` (left, top)."""
     left, top = place
     bar = np.linspace(0, highest, width, dtype=np.float32)[None].repeat(12, axis=0)
     sheet.paste(Image.fromarray(ramp(bar, highest)), (left, top))
@@ -85,8 +84,5 @@ def draw_scale(sheet, draw, place, width: int, highest: float, plain) -> None:
 
 
 def columns_for(count: int) -> int:
-    """How many of ``count`` maps stand beside each other on a sheet that is no strip."""
+    """Choose the number of columns for ``count`` maps, so that the sheet is not a strip."""
     return max(1, min(count, max(4, math.isqrt(max(count - 1, 0)) + 1)))
-
-
-__all__ = ["columns_for", "draw_scale", "sheet_of"]

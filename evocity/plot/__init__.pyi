@@ -1,4 +1,4 @@
-"""What the room names, for checkers of types; `__init__.py` loads each when first used."""
+"""Public names of the room, for type checkers; `__init__.py` loads each on first use."""
 
 from .distributions import buildings as buildings
 from .fronts import front as front

@@ -1,4 +1,4 @@
-"""What happened from generation to generation: measures, hypervolume, diversity."""
+"""Curves over the generations: measures, hypervolume, diversity."""
 
 from collections.abc import Sequence
 
@@ -9,169 +9,156 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
 from evocity.analysis import Aim, Run
-from evocity.analysis.births import Told
+from evocity.analysis.births import Births
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.series import series_of
-from evocity.analysis.spread import diversity_of
+from evocity.analysis.series import diversity_of, series_of
 from evocity.errors import RunError
 from evocity.genome import VOID, Genome
 from evocity.genome.nucleotides import unpacked
-from evocity.plot.chosen import aims_on, told_of, worded
-from evocity.plot.style import (
-    BROKEN,
-    FIRST,
-    INKS,
-    LIVING,
-    OTHERS,
-    Panels,
-    folded,
-    key,
-    name_axes,
-    note,
-    panel,
-    panels,
-    shared_key,
-    whole_numbers,
-)
-from evocity.search.fronts import Hypervolume, not_dominated, volume_is_quick
+from evocity.plot import style
+from evocity.plot.births import aims_on, axis_label, births_of
+from evocity.plot.style import Panels
+from evocity.selection.fronts import Hypervolume, not_dominated, volume_is_quick
 
-#: Shares of the living between whose values bands are drawn.
+#: Quantiles of the living between which bands are drawn.
 QUANTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
-# Generations that are looked at where each takes its time, at most.
-_LOOKED_AT = 25
+# Generations that are computed where each takes long, at most.
+_COMPUTED = 25
 # Points of those that break a constraint, at most.
 _MOST_POINTS = 3000
 
 
 def objectives(run: Run, measures: str | Sequence[str] | None = None, ax: object = None) -> Panels:
-    """Each measure over the generations, a panel each: of the living that keep the constraints the
-    range, the middle half, the median and the best; those that break one as crosses; target and
-    bounds as dashed lines, the median of the first population as a dotted one.
+    """Draw each measure over the generations, one panel per measure. A panel shows the living
+    individuals that keep the constraints: their range, middle half, median and best value. Crosses
+    mark individuals that break a constraint. Target and bounds are dashed lines; the median of the
+    first population is a dotted line.
 
-    measures : names; all that something was wanted of unless they are given.
-    ax : as many of matplotlib's axes.
+    measures : names of the measures; by default those with a goal or bounds.
+    ax : matplotlib axes, one for each measure; by default new ones.
 
-    Raises `RunError` for a measure that the run does not log.
+    Raises `RunError` if the run does not log a measure.
     """
-    told = told_of(run)
-    aims = aims_on(told, measures)
-    axes = panels(len(aims), ax)
+    births = births_of(run)
+    aims = aims_on(births, measures)
+    axes = style.panels(len(aims), ax)
     for one, aim in zip(axes, aims, strict=True):
-        _objective(one, told, aim)
+        _objective(one, births, aim)
     handles = [
-        Patch(color=OTHERS, alpha=0.35, label="the living that keep the constraints"),
-        Patch(color=OTHERS, alpha=0.8, label="the middle half of them"),
-        Line2D([], [], color=INKS, label="median"),
-        Line2D([], [], color=LIVING, label="best"),
-        Line2D([], [], color=FIRST, linestyle=":", label="median of the first"),
+        Patch(color=style.OTHERS, alpha=0.35, label="the living that keep the constraints"),
+        Patch(color=style.OTHERS, alpha=0.8, label="the middle half of them"),
+        Line2D([], [], color=style.INKS, label="median"),
+        Line2D([], [], color=style.LIVING, label="best"),
+        Line2D([], [], color=style.FIRST, linestyle=":", label="median of the first"),
     ]
-    if not told.feasible[told.lives[1]].all():
+    if not births.feasible[births.lives[1]].all():
         handles.append(_crosses([], []))
-    shared_key(axes, handles)
+    style.shared_key(axes, handles)
     return axes
 
 
-def _objective(ax: Axes, told: Told, aim: Aim) -> None:
-    born, rows = told.lives
-    values = told.value(aim.name)[rows]
-    kept = told.feasible[rows] & np.isfinite(values)
-    bands = quantiles(born[kept], values[kept], told.last + 1)
-    spans = np.arange(told.last + 1.0)
-    if not told.last:  # one generation is as wide as one
+def _objective(ax: Axes, births: Births, aim: Aim) -> None:
+    born, rows = births.lives
+    values = births.value(aim.name)[rows]
+    kept = births.feasible[rows] & np.isfinite(values)
+    bands = quantiles(born[kept], values[kept], births.last + 1)
+    spans = np.arange(births.last + 1.0)
+    if not births.last:  # a single generation has a width of its own
         spans, bands = np.array([-0.4, 0.4]), bands.repeat(2, axis=1)
-    ax.fill_between(spans, bands[0], bands[4], color=OTHERS, alpha=0.35, linewidth=0)
-    ax.fill_between(spans, bands[1], bands[3], color=OTHERS, alpha=0.8, linewidth=0)
-    ax.plot(spans, bands[2], color=INKS, linewidth=1.3)
-    if (best := _best(aim, born[kept], values[kept], told.last + 1)) is not None:
-        ax.plot(spans, best if told.last else best.repeat(2), color=LIVING, linewidth=1.6)
+    ax.fill_between(spans, bands[0], bands[4], color=style.OTHERS, alpha=0.35, linewidth=0)
+    ax.fill_between(spans, bands[1], bands[3], color=style.OTHERS, alpha=0.8, linewidth=0)
+    ax.plot(spans, bands[2], color=style.INKS, linewidth=1.3)
+    if (best := _best(aim, born[kept], values[kept], births.last + 1)) is not None:
+        ax.plot(spans, best if births.last else best.repeat(2), color=style.LIVING, linewidth=1.6)
     if np.isfinite(bands[2, 0]):
-        ax.axhline(bands[2, 0], color=FIRST, linestyle=":", linewidth=1)
-    lost = np.flatnonzero(~told.feasible[rows] & np.isfinite(values))
+        ax.axhline(bands[2, 0], color=style.FIRST, linestyle=":", linewidth=1)
+    lost = np.flatnonzero(~births.feasible[rows] & np.isfinite(values))
     lost = lost[:: max(1, -(-len(lost) // _MOST_POINTS))]
     if len(lost):
         ax.add_line(_crosses(born[lost], values[lost]))
     if not (kept.any() or len(lost)):
-        note(ax, "none of the living has a value")
+        style.note(ax, "none of the living has a value")
     wanted_lines(ax, aim)
-    whole_numbers(ax)
+    style.whole_numbers(ax)
     ax.margins(x=0.02)
     ax.autoscale_view()
-    name_axes(ax, "generation", folded(worded(aim)))
+    style.name_axes(ax, "generation", style.fold(axis_label(aim)))
 
 
 def _crosses(x, y) -> Line2D:
-    return Line2D(x, y, color=BROKEN, linestyle="", marker="x", markersize=3, alpha=0.6,
+    return Line2D(x, y, color=style.BROKEN, linestyle="", marker="x", markersize=3, alpha=0.6,
                   markeredgewidth=0.7, label="breaks a constraint")  # fmt: skip
 
 
 def wanted_lines(ax: Axes, aim: Aim, upright: bool = False) -> None:
-    """The target and the bounds of a measure, dashed, across axes whose y it is, or whose x."""
+    """Draw target and bounds of a measure, dashed, across axes whose y it is, or x if
+    ``upright``."""
     for value in (aim.target, aim.low, aim.high):
         if value is not None and abs(value) < 1e300:
             draw = ax.axvline if upright else ax.axhline
-            draw(value, color=INKS, linestyle=(0, (4, 3)), linewidth=0.9)
+            draw(value, color=style.INKS, linestyle=(0, (4, 3)), linewidth=0.9)
 
 
 def quantiles(born: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Float64 ``(len(QUANTILES), count)``: of the finite ``values`` of those that lived in each
-    generation; NaN where there is none."""
-    found = np.full((len(QUANTILES), count), np.nan)
+    """Return the `QUANTILES` of the finite ``values`` of the living of each generation, float64
+    ``(len(QUANTILES), count)``; NaN where there is none."""
+    values_at = np.full((len(QUANTILES), count), np.nan)
     order = np.argsort(born, kind="stable")
     parts = np.split(values[order], np.searchsorted(born[order], np.arange(1, count)))
     for generation, part in enumerate(parts):
         if len(part):
-            found[:, generation] = np.quantile(part, QUANTILES)
-    return found
+            values_at[:, generation] = np.quantile(part, QUANTILES)
+    return values_at
 
 
 def _best(aim: Aim, born: np.ndarray, values: np.ndarray, count: int) -> np.ndarray | None:
-    """The best value of each generation, None where nobody knows what is better."""
+    """The best value of each generation, None for a measure without a known goal."""
     if aim.target is None and aim.goal not in ("max", "min"):
         return None
     losses = np.abs(values - aim.target) if aim.target is not None else values
     losses = -losses if aim.target is None and aim.goal == "max" else losses
-    found = np.full(count, np.nan)
+    best = np.full(count, np.nan)
     order = np.lexsort((losses, born))
     which, first = np.unique(born[order], return_index=True)
-    found[which] = values[order][first]
-    return found
+    best[which] = values[order][first]
+    return best
 
 
 def convergence(run: Run, ax: Axes | None = None) -> Axes:
-    """The hypervolume over the generations, in units of the first population's ranges: of the
-    living, and of the archive, of all births until then those that no other dominates.
+    """Draw the hypervolume over the generations, in units of the first population's ranges. One
+    curve is for the living individuals, the second for the archive of all births so far.
 
-    Where exact volumes of so many births and goals would take minutes, the archive's are left out.
+    The curve of the archive is left out if its exact volumes would take minutes.
     """
-    told = told_of(run)
-    ax = panel(ax)
-    series = series_of(told)
+    births = births_of(run)
+    ax = style.panel(ax)
+    series = series_of(births)
     marker = "o" if len(series["generation"]) < 2 else ""
-    ax.plot(series["generation"], series["hypervolume"], color=LIVING, marker=marker,
+    ax.plot(series["generation"], series["hypervolume"], color=style.LIVING, marker=marker,
             label="the living")  # fmt: skip
     try:
-        at, volumes = _archive_volumes(told)
-        ax.plot(at, volumes, color=INKS, linestyle="--", marker=marker and "s", markersize=4,
+        at, volumes = _archive_volumes(births)
+        ax.plot(at, volumes, color=style.INKS, linestyle="--", marker=marker and "s", markersize=4,
                 label="the archive: all births until then")  # fmt: skip
-    except RunError:  # it does not tell what it wanted
+    except RunError:  # the run does not record its goals
         pass
     if not any(np.isfinite(line.get_ydata()).any() for line in ax.lines):
-        note(ax, "no birth keeps the constraints yet")
-    whole_numbers(ax)
-    name_axes(ax, "generation", "hypervolume, in ranges of the first population")
-    key(ax, ax.lines, loc="lower right")
+        style.note(ax, "no birth keeps the constraints yet")
+    style.whole_numbers(ax)
+    style.name_axes(ax, "generation", "hypervolume, in ranges of the first population")
+    style.key(ax, ax.lines, loc="lower right")
     return ax
 
 
-def _archive_volumes(told: Told) -> tuple[np.ndarray, np.ndarray]:
+def _archive_volumes(births: Births) -> tuple[np.ndarray, np.ndarray]:
     """Some generations, and the hypervolume of the archive in each."""
-    losses, kept, born = told.losses, told.feasible, told.generation
-    first = losses[told.ok & (born == 0)]
+    losses, kept, born = births.losses, births.feasible, births.generation
+    first = losses[births.ok & (born == 0)]
     if not len(first):
         return np.zeros(0), np.zeros(0)
     volume, front, volumes = Hypervolume(first), np.empty((0, losses.shape[1])), []
-    looked = 4 * _LOOKED_AT if losses.shape[1] < 5 else _LOOKED_AT // 4  # each may take a second
-    at = np.unique(np.linspace(0, told.last, looked).round().astype(int))
+    most = 4 * _COMPUTED if losses.shape[1] < 5 else _COMPUTED // 4  # each may take a second
+    at = np.unique(np.linspace(0, births.last, most).round().astype(int))
     before = -1
     for generation in at:
         new = losses[kept & (before < born) & (born <= generation)]
@@ -184,47 +171,46 @@ def _archive_volumes(told: Told) -> tuple[np.ndarray, np.ndarray]:
 
 
 def diversity(run: Run, ax: Axes | None = None) -> Axes:
-    """How much the living differ, over the generations: the share of the map in which two of them
-    differ by more than a storey, in the mean of all pairs; and the share of their stones that lie
-    where they lie in their city. Of a long run some generations, evenly."""
-    told = told_of(run)
-    ax = panel(ax)
-    at, apart = diversity_of(told, Likeness(told), "looks", _LOOKED_AT)
+    """Draw how much the living individuals differ, over the generations. The first curve is the
+    share of the map in which two individuals differ by more than a storey, averaged over all pairs.
+    The second curve is the share of the map whose stones are in place. A stone is a copied part of
+    a source city; it is in place if it lies where it lay in that city. Of a long run the plot shows
+    only some generations, evenly spaced."""
+    births = births_of(run)
+    ax = style.panel(ax)
+    at, apart = diversity_of(births, Likeness(births), "looks", _COMPUTED)
     marker = "o" if len(at) < 2 else ""
-    ax.plot(at, apart, color=LIVING, marker=marker, label="two of the living differ")
-    ax.plot(at, _placed(told, at), color=FIRST, linestyle="--", marker=marker and "s",
+    ax.plot(at, apart, color=style.LIVING, marker=marker, label="two of the living differ")
+    ax.plot(at, _placed(births, at), color=style.FIRST, linestyle="--", marker=marker and "s",
             label="stones in their place")  # fmt: skip
     ax.set_ylim(0, 1)
-    whole_numbers(ax)
+    style.whole_numbers(ax)
     ax.yaxis.set_major_formatter(PercentFormatter(1, 0))
-    name_axes(ax, "generation", "share of the map, mean of the living")
-    key(ax, ax.lines, loc="lower left", bbox_to_anchor=(0, 1.02), columns=2)
+    style.name_axes(ax, "generation", "share of the map, mean of the living")
+    style.key(ax, ax.lines, loc="lower left", bbox_to_anchor=(0, 1.02), columns=2)
     return ax
 
 
-def _placed(told: Told, at: np.ndarray) -> np.ndarray:
-    """Of some generations the mean share of stones of the living that lie in their place."""
-    born, rows = told.lives
+def _placed(births: Births, at: np.ndarray) -> np.ndarray:
+    """The mean share of stones in their place, of the living of some generations."""
+    born, rows = births.lives
     seen = np.isin(born, at)
     born, rows = born[seen], rows[seen]
     known, where = np.unique(rows, return_inverse=True)
-    ids, shares = told.ids[known].tolist(), np.full(len(known), np.nan)
+    ids, shares = births.ids[known].tolist(), np.full(len(known), np.nan)
     for start in range(0, len(ids), 64):
-        for n, birth in enumerate(told.run.individuals(ids[start : start + 64]), start):
-            fabric = birth.genome and told.run.header.chromosome.fabric(birth.genome)
+        for n, birth in enumerate(births.run.individuals(ids[start : start + 64]), start):
+            fabric = birth.genome and births.run.header.chromosome.fabric(birth.genome)
             shares[n] = np.nan if fabric is None else in_place(fabric)
     parts = [shares[where[born == generation]] for generation in at]
     return np.array([part[~np.isnan(part)].mean() if len(part) else np.nan for part in parts])
 
 
 def in_place(genome: Genome) -> float:
-    """The share of the map whose stones lie where they lie in their city, not turned."""
+    """Return the share of the map whose stones lie where they lie in their city, not turned."""
     top, left = genome.pavement.corners
     row, column = unpacked(genome.source)
     own = (row == top) & (column == left) & (genome.turn == 0)
     own &= np.array([city != VOID for city in genome.cities])[genome.parent]
     area = genome.pavement.area
     return float((own * genome.part * area).sum() / area.sum())
-
-
-__all__ = ["QUANTILES", "convergence", "diversity", "in_place", "objectives", "quantiles"]

@@ -1,6 +1,7 @@
-"""One visual language for all plots: colours, frames, maps with metres and attribution.
+"""One style for all plots: colours, frames, maps with metres and attribution.
 
-Nothing here touches matplotlib's global settings or pyplot: a figure lives as long as its axes.
+No global setting of matplotlib is changed, and pyplot is not used: a figure lives as long as its
+axes.
 """
 
 import io
@@ -18,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 from PIL import Image
 
-from evocity.errors import EvocityError, shown
+from evocity.errors import EvocityError, spell
 from evocity.pictures.colours import FAINT, GROUND, INK, NOTHING, PAPER, ramp
 
 
@@ -27,19 +28,22 @@ def colour_of(rgb: Sequence[int]) -> str:
     return "#" + bytes(rgb).hex()
 
 
-#: As pictures and report have them.
+#: The colours of pictures and of the report.
 INKS, FAINTS, PAPERS, GROUNDS, GREY = map(colour_of, (INK, FAINT, PAPER, GROUND, NOTHING))
-#: The living and the front; the first population; other births; those that break a constraint.
+#: Colours of the living and the front; the first population; other births; broken constraints.
 LIVING, FIRST, OTHERS, BROKEN = "#b0403f", "#3f74a3", "#b9b1a4", "#80796f"
 #: Letters of texts, points.
 SMALL, PLAIN, TITLE = 7.5, 8.5, 10.0
+#: Arguments of small texts.
+INK_TEXT = {"fontsize": SMALL, "color": INKS}
+FAINT_TEXT = {"fontsize": SMALL, "color": FAINTS}
 _TOO_TALL = 1.5  # inches
 #: Pixels of an inch where a notebook shows a figure.
 DPI = 100
 
 
 class Panel(Axes):
-    """Axes that a notebook shows, with all of their figure, without pyplot."""
+    """Axes that a notebook shows with their whole figure, without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return _png(self.figure)
@@ -50,7 +54,7 @@ class Panels(np.ndarray):
 
     @property
     def figure(self) -> Figure:
-        """That all of them are on. Raises AttributeError if there are none."""
+        """The figure of all of them. Raises AttributeError if there are none."""
         if not self.size:
             raise AttributeError("no axes, and so no figure")
         return self.flat[0].figure
@@ -67,42 +71,37 @@ def _png(figure: Figure) -> bytes:
 
 
 def panel(ax: Axes | None, width: float = 7.0, height: float = 4.5) -> Axes:
-    """``ax``, or the axes of a new figure of so many inches, in the common style. Raises
-    `EvocityError` for what are no axes."""
+    """Return ``ax``, or the axes of a new figure of ``width`` × ``height`` inches, in the common
+    style. Raises `EvocityError` for an object that is not axes."""
     return panels(1, ax, width=width, height=height)[0]
 
 
 def panels(
-    count: int,
-    ax: object = None,
-    *,
-    columns: int = 2,
-    width: float = 9.0,
-    height: float = 2.6,
+    count: int, ax: object = None, *, columns: int = 2, width: float = 9.0, height: float = 2.6
 ) -> Panels:
-    """``(count,)`` axes: those of ``ax``, one or several of them, or of a new figure ``width``
-    inches wide, with rows of ``height`` inches. Raises `EvocityError` for other than ``count``."""
+    """Return ``(count,)`` axes: those of ``ax``, one or several, or of a new figure ``width``
+    inches wide, with rows of ``height`` inches. Raises `EvocityError` for another number than
+    ``count``."""
     if ax is None:
         columns = max(1, min(columns, count))
         rows = max(1, -(-count // columns))
         figure = Figure((width, rows * height), dpi=DPI, facecolor=PAPERS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)
         places = range(1, count + 1)
-        found = [figure.add_subplot(rows, columns, n, axes_class=Panel) for n in places]
+        axes = [figure.add_subplot(rows, columns, n, axes_class=Panel) for n in places]
     else:
-        found = list(np.ravel(np.asarray(ax, dtype=object)))
-        if len(found) != count or not all(isinstance(one, Axes) for one in found):
-            told = "one of matplotlib's axes" if count == 1 else f"{count} of matplotlib's axes"
+        axes = list(np.ravel(np.asarray(ax, dtype=object)))
+        if len(axes) != count or not all(isinstance(one, Axes) for one in axes):
             raise EvocityError(
-                f"ax = {shown(ax) if len(found) == 1 else f'{len(found)} things'}",
-                told,
-                "leave it out for a figure of its own, or make some: "
+                f"ax = {spell(ax) if len(axes) == 1 else f'{len(axes)} objects'}",
+                "one of matplotlib's axes" if count == 1 else f"{count} of matplotlib's axes",
+                "leave it out for a new figure, or make axes: "
                 f"matplotlib.pyplot.subplots({'' if count == 1 else count})[1]",
             )
-    for one in found:
+    for one in axes:
         _dress(one)
     result = np.empty(count, dtype=object).view(Panels)
-    result[:] = found
+    result[:] = axes
     return result
 
 
@@ -114,7 +113,7 @@ def _dress(ax: Axes) -> None:
     ax.tick_params(colors=FAINTS, labelcolor=INKS, labelsize=SMALL, length=3)
     ax.grid(True, color="#e8e3d9", linewidth=0.7)
     ax.set_axisbelow(True)
-    for axis in (ax.xaxis, ax.yaxis):  # a factor common to all would stand in the legend
+    for axis in (ax.xaxis, ax.yaxis):  # a common factor would stand in the legend
         axis.set_major_formatter("{x:.6g}")
 
 
@@ -127,26 +126,26 @@ def name_axes(ax: Axes, x: str = "", y: str = "", title: str = "") -> None:
 
 
 def whole_numbers(ax: Axes) -> None:
-    """An x whose ticks are whole numbers, as generations are."""
+    """Make the ticks of x whole numbers, for generations."""
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=9, min_n_ticks=1))
 
 
 def note(ax: Axes, text: str) -> None:
-    """A text in the middle of axes that have nothing to show."""
+    """Write a text in the middle of empty axes."""
     ax.text(0.5, 0.5, text, ha="center", va="center", fontsize=PLAIN, color=FAINTS,
             transform=ax.transAxes, wrap=True)  # fmt: skip
 
 
 def key(ax: Axes, handles: Sequence, columns: int = 1, **place) -> None:
-    """A legend without a frame: beside the axes, unless ``place`` tells where."""
+    """Draw a legend without a frame, beside the axes unless ``place`` says where."""
     where = place or {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
     ax.legend(handles=list(handles), fontsize=SMALL, labelcolor=INKS, frameon=False, ncols=columns,
               borderaxespad=0, handlelength=1.6, **where)  # fmt: skip
 
 
 def shared_key(axes: Panels, handles: Sequence) -> None:
-    """A legend for several axes: above all of them in a figure of ours, else within the first, on
-    paper, for it may lie on what is drawn."""
+    """Draw a legend for several axes: above all of them in a figure of ours, else within the first,
+    on paper, since it may lie on the drawing."""
     if isinstance(axes[0], Panel):
         axes[0].figure.legend(handles=list(handles), fontsize=SMALL, labelcolor=INKS, ncols=4,
                               frameon=False, loc="outside upper left")  # fmt: skip
@@ -157,8 +156,8 @@ def shared_key(axes: Panels, handles: Sequence) -> None:
         legend.get_frame().set(facecolor=PAPERS, alpha=0.85, linewidth=0)
 
 
-def folded(name: str, width: int = 22) -> str:
-    """A long name in lines of about ``width`` letters, broken where its words end."""
+def fold(name: str, width: int = 22) -> str:
+    """Break a long name into lines of about ``width`` letters, at the ends of words."""
     lines = [""]
     for word in re.findall(r"[^_.@ ]*[_.@ ]*", name):
         if lines[-1] and len(lines[-1]) + len(word.rstrip()) > width:
@@ -170,19 +169,19 @@ def folded(name: str, width: int = 22) -> str:
 
 
 def short(name: str, width: int = 28) -> str:
-    """A name of at most ``width`` letters."""
+    """Cut a name to at most ``width`` letters."""
     return plain(name if len(name) <= width else name[: width - 1] + "…")
 
 
 def plain(text: str) -> str:
-    """A ``text`` that matplotlib shows as it is: dollars begin no formula."""
+    """Escape a ``text`` for matplotlib: dollars begin no formula."""
     return text.replace("$", r"\$")
 
 
 def fit(ax: Axes) -> Axes:
-    """Take the room beneath that a figure of ours has too much, and make room for a key that is
-    wider than what it has; returns ``ax``. Pictures keep their shape, so their axes are as wide as
-    they may be once the figure is made too tall."""
+    """Cut surplus room beneath a figure of ours, and make room for a wide key; return ``ax``.
+    Pictures keep their shape, so their axes take the full width once the figure is made too
+    tall."""
     figure = ax.figure
     if isinstance(ax, Panel):
         figure.set_figheight(figure.get_figheight() + _TOO_TALL)
@@ -198,7 +197,7 @@ def fit(ax: Axes) -> Axes:
 
 
 def bare(ax: Axes) -> None:
-    """Axes for pictures: no ticks, no lines, one unit as long to the east as to the south."""
+    """Make axes for pictures: no ticks, no lines, equal units to the east and to the south."""
     ax.grid(False)
     ax.set_xticks([])
     ax.set_yticks([])
@@ -208,18 +207,18 @@ def bare(ax: Axes) -> None:
 
 
 def lay(ax: Axes, picture: Image.Image | np.ndarray, place: Sequence[float]) -> AxesImage:
-    """A picture at a ``place`` (left, top, width, height) of axes whose y runs to the south and
-    whose limits are set."""
+    """Draw a picture at a ``place`` (left, top, width, height) of axes whose y runs to the
+    south."""
     left, top, width, height = place
     extent = (left, left + width, top + height, top)
     image = ax.imshow(np.asarray(picture), extent=extent, interpolation="antialiased")
-    image.set_in_layout(False)  # it lies within the axes: many would be measured for nothing
+    image.set_in_layout(False)  # it lies within the axes: layout need not measure it
     return image
 
 
 def map_on(ax: Axes, colours: np.ndarray, side: float, title: str = "") -> AxesImage:
-    """A map's ``colours`` ``(H, W, 3)`` on axes in metres, ``side`` of them a pixel, with a scale
-    bar beneath."""
+    """Draw a map's ``colours`` ``(H, W, 3)``, ``side`` metres per pixel, with a scale bar
+    beneath."""
     bare(ax)
     height, width = (n * side for n in colours.shape[:2])
     ax.set_xlim(0, width)
@@ -232,8 +231,8 @@ def map_on(ax: Axes, colours: np.ndarray, side: float, title: str = "") -> AxesI
 
 
 def scale_bar(ax: Axes, left: float, width: float, metres: float, below: float = 9) -> None:
-    """A round length of at most a quarter of a map ``width`` units wide, ``metres`` a unit, so many
-    points ``below`` axes, from ``left`` on."""
+    """Draw a round length of at most a quarter of a map: ``width`` units wide, ``metres`` per unit,
+    ``below`` points beneath the axes, from ``left`` on."""
     most = width * metres / 4
     power = 10.0 ** math.floor(math.log10(most))
     length = next(m * power for m in (5, 2, 1) if m * power <= most)
@@ -246,8 +245,8 @@ def scale_bar(ax: Axes, left: float, width: float, metres: float, below: float =
 
 
 def credit(ax: Axes, attribution: str, below: float = 16, label: str = "") -> None:
-    """The attribution, so many points beneath axes of maps, as wide as these; of axes that have a
-    ``label`` of their x too, beneath that."""
+    """Write the attribution ``below`` points beneath axes of maps, as wide as these; for axes with
+    a ``label`` of their x, beneath that."""
     inches = ax.get_position().width * ax.figure.get_figwidth()
     letters = max(30, int(inches * 72 / (0.5 * SMALL)))
     text = plain("\n".join(textwrap.wrap(attribution, letters)))
@@ -259,7 +258,7 @@ def credit(ax: Axes, attribution: str, below: float = 16, label: str = "") -> No
 
 
 def colour_scale(ax: Axes, colours: np.ndarray, low: float, high: float, label: str) -> Axes:
-    """A scale of ``colours`` ``(n, 3)`` from ``low`` to ``high``, beside axes."""
+    """Draw a scale of ``colours`` ``(n, 3)`` from ``low`` to ``high``, beside axes."""
     tall = ax.get_position().height * ax.figure.get_figheight()
     share = min(0.6, 2.6 / tall)
     strip = ax.inset_axes([1.02, 0.9 - share, 0.022, share])
@@ -275,43 +274,6 @@ def colour_scale(ax: Axes, colours: np.ndarray, low: float, high: float, label: 
 
 
 def height_scale(ax: Axes, highest: float) -> Axes:
-    """The scale of heights, to ``highest`` metres."""
+    """Draw the scale of heights, to ``highest`` metres."""
     heights = np.linspace(0, highest, 256, dtype=np.float32)[None]
     return colour_scale(ax, ramp(heights, highest)[0], 0, highest, "height, m")
-
-
-__all__ = [
-    "BROKEN",
-    "FAINTS",
-    "FIRST",
-    "GREY",
-    "GROUNDS",
-    "INKS",
-    "LIVING",
-    "OTHERS",
-    "PAPERS",
-    "PLAIN",
-    "SMALL",
-    "TITLE",
-    "Panel",
-    "Panels",
-    "bare",
-    "colour_of",
-    "colour_scale",
-    "credit",
-    "fit",
-    "folded",
-    "height_scale",
-    "key",
-    "lay",
-    "map_on",
-    "name_axes",
-    "note",
-    "panel",
-    "panels",
-    "plain",
-    "scale_bar",
-    "shared_key",
-    "short",
-    "whole_numbers",
-]

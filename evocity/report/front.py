@@ -1,4 +1,4 @@
-"""The births over their measures, and how good the living were in each generation: drawings."""
+"""Plots of the front, of all births over their measures, and curves over the generations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,82 +7,83 @@ from itertools import combinations
 import numpy as np
 from markupsafe import Markup
 
-from evocity.analysis.wanted import Aim
-from evocity.pages import number
-from evocity.report.facts import Facts
-from evocity.report.islands import Islands
+from evocity.analysis import Run
+from evocity.analysis.births import Births
+from evocity.analysis.goals import Aim
 from evocity.report.plots import Axis, Dots, curve, scatter
+from evocity.report.shown_births import ShownBirths
+from evocity.templates import number
 
-#: Of later births, no more dots than this in a plot; and no more plots of pairs than this.
+#: Dots of later births in a plot, and plots of pairs of measures, at most.
 _MOST_DOTS, _MOST_PAIRS = 2000, 6
 
 
 @dataclass(frozen=True)
 class Front:
-    """Values for the section of the front."""
+    """Values of the section of the front."""
 
-    facts: Facts
+    shown: ShownBirths
 
     @property
     def pairs(self) -> int:
-        """How many pairs of measures there are."""
-        count = len(self.facts.told.aims)
+        """The number of pairs of measures."""
+        count = len(self.shown.births.aims)
         return count * (count - 1) // 2
 
     @property
     def plots(self) -> list[Markup]:
-        """One a pair that is shown; of a single measure one over the generations."""
-        facts = self.facts
-        pairs = pairs_to_show(facts) if len(facts.told.aims) > 1 else [(None, 0)]
-        return [_plot(facts, x, y) for x, y in pairs]
+        """A plot of each pair that is shown; of a single measure one over the generations."""
+        births = self.shown.births
+        pairs = pairs_to_show(births) if len(births.aims) > 1 else [(None, 0)]
+        return [_plot(self.shown, x, y) for x, y in pairs]
 
     @property
     def breaks(self) -> bool:
-        """Whether a dot stands for one that breaks a constraint."""
-        return bool((self.facts.told.ok & ~self.facts.told.feasible).any())
+        """Whether a dot stands for a birth that breaks a constraint."""
+        return bool((self.shown.births.ok & ~self.shown.births.feasible).any())
 
 
-def pairs_to_show(facts: Facts) -> list[tuple[int, int]]:
-    """Pairs of measures (indices): all of up to four; of more, those of goals before those with a
-    bound alone, and then those most in conflict.
+def pairs_to_show(births: Births) -> list[tuple[int, int]]:
+    """Choose pairs of measures, by their indices: all of up to four measures; of more, first pairs
+    of goals, then those most in conflict.
 
-    Conflict of two measures is the negative correlation of their losses over the last
-    generation, or over all births where that one is too small.
+    The conflict of two measures is the negative correlation of their losses over the last
+    generation, or over all births where that generation is too small.
     """
-    every = list(combinations(range(len(facts.told.aims)), 2))
+    every = list(combinations(range(len(births.aims)), 2))
     if len(every) <= _MOST_PAIRS:
         return every
-    told = facts.told
-    where = np.isin(told.ids, [row["id"] for row in facts.members]) & told.ok
+    where = births.alive & births.ok
     if where.sum() < 3:
-        where = told.ok
-    losses = np.array([aim.losses(told.value(aim.name)[where]) for aim in told.aims])
+        where = births.ok
+    losses = np.array([aim.losses(births.value(aim.name)[where]) for aim in births.aims])
     losses /= np.maximum(np.abs(losses).max(axis=1, keepdims=True), 1e-300)  # no sum overflows
     centred = losses - losses.mean(axis=1, keepdims=True)
     length = np.maximum(np.sqrt((centred**2).sum(axis=1)), 1e-300)
     correlation = (centred / length[:, None]) @ (centred / length[:, None]).T
-    bounds = {i for i, aim in enumerate(facts.told.aims) if not aim.sought}
+    bounds = {i for i, aim in enumerate(births.aims) if not aim.sought}
     every.sort(key=lambda pair: (bool(bounds.intersection(pair)), correlation[pair]))
     return sorted(every[:_MOST_PAIRS])
 
 
-def _plot(facts: Facts, x: int | None, y: int) -> Markup:
-    """Measure ``y`` over measure ``x``; over the generation of birth where ``x`` is None. Those
+def _plot(shown: ShownBirths, x: int | None, y: int) -> Markup:
+    """Measure ``y`` over measure ``x``; over the generation of birth where ``x`` is None. Births
     that break a constraint are crosses, beneath all others."""
-    ids, born, measured = facts.told.ids, facts.told.generation, facts.told.values
+    births = shown.births
+    ids, born, measured = births.ids, births.generation, births.values
     across = born if x is None else measured[:, x]
-    shown = {one.birth.id for one in facts.shown}
+    cards = {one.birth.id for one in shown.shown}
 
     def dots(where, kind, radius, titles=True, links=False):
-        told = [_title(facts, ids[i], measured[i]) for i in where] if titles else ()
-        links = [f"#i{one}" for one in ids[where]] if links and shown.issuperset(ids[where]) else ()
+        texts = [_title(births, ids[i], measured[i]) for i in where] if titles else ()
+        links = [f"#i{one}" for one in ids[where]] if links and cards.issuperset(ids[where]) else ()
         points = across[where].astype(float), measured[where, y]
-        return Dots(*points, kind, radius, told, links)
+        return Dots(*points, kind, radius, texts, links)
 
     layers = []
-    for end, kept in ((" broken", ~facts.told.feasible), ("", facts.told.feasible)):
-        here = facts.told.ok & kept
-        front = here & np.isin(ids, facts.front)
+    for end, kept in ((" broken", ~births.feasible), ("", births.feasible)):
+        here = births.ok & kept
+        front = here & np.isin(ids, births.front)
         later = np.flatnonzero(here & (born > 0) & ~front)
         later = later[:: max(1, -(-len(later) // _MOST_DOTS))]
         layers += [
@@ -90,40 +91,29 @@ def _plot(facts: Facts, x: int | None, y: int) -> Markup:
             dots(np.flatnonzero(here & (born == 0)), f"first{end}", 3),
             dots(np.flatnonzero(front), f"front{end}", 4, links=True),
         ]
-    horizontal = Axis("generation") if x is None else _axis(facts.told.aims[x])
-    return scatter(layers, horizontal, _axis(facts.told.aims[y]))
+    horizontal = Axis("generation") if x is None else _axis(births.aims[x])
+    return scatter(layers, horizontal, _axis(births.aims[y]))
 
 
-def _title(facts: Facts, identifier: int, values: np.ndarray) -> str:
-    told = (f"{a.name} {number(v, a.unit)}" for a, v in zip(facts.told.aims, values, strict=False))
-    return f"{identifier}: {', '.join(told)}"
+def _title(births: Births, identifier: int, values: np.ndarray) -> str:
+    pairs = zip(births.aims, values, strict=False)
+    return f"{identifier}: {', '.join(f'{a.name} {number(v, a.unit)}' for a, v in pairs)}"
 
 
 def _axis(aim: Aim) -> Axis:
-    return Axis(aim.name + (f", {aim.unit}" if aim.unit else ""), aim.wanted, aim.target)
+    return Axis(aim.title, aim.wanted, aim.target)
 
 
-def curves(facts: Facts) -> Iterator[Markup]:
-    """Hypervolume, what the algorithm tells, and the best of each goal, by generation; none of a
-    first population alone."""
-    history = facts.told.history
+def curves(run: Run) -> Iterator[Markup]:
+    """Draw hypervolume, the algorithm's figures, and the best of each goal over the generations;
+    nothing for a single generation."""
+    history = run.columns.history
     if len(history) < 2:
         return
     yield curve([about.get("hypervolume") for about in history], Axis("hypervolume"))
-    for name in facts.run.header.figures:
+    for name in run.header.figures:
         values = [about.get("algorithm", {}).get(name) for about in history]
         yield curve(values, Axis(name.replace("_", " ")))
-    for aim in facts.sought:
+    for aim in run.columns.sought:
         best = [about.get("best", {}).get(aim.name) for about in history]
-        axis = Axis(f"best {aim.name}" + (f", {aim.unit}" if aim.unit else ""), "", aim.target)
-        yield curve(best, axis)
-
-
-def curves_of(islands: Islands) -> list[Markup]:
-    """The hypervolume of each island; none of a first population alone."""
-    if len(islands.facts.told.history) < 2:
-        return []
-    return [curve(values, Axis(f"hypervolume of {name}")) for name, values in islands.volumes]
-
-
-__all__ = ["Front", "curves", "curves_of", "pairs_to_show"]
+        yield curve(best, Axis(f"best {aim.title}", "", aim.target))

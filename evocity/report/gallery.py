@@ -1,4 +1,4 @@
-"""What the cards of the galleries show: picture, measures, lineage; how they can be ordered."""
+"""The cards of the galleries: picture, measures, lineage; their orders and filters."""
 
 import json
 import math
@@ -8,182 +8,190 @@ from functools import cached_property
 
 import numpy as np
 
-from evocity.analysis.fabrics import built_shares, told_share
+from evocity.analysis.births import Births
+from evocity.analysis.fabric_genomes import built_shares, share_text
 from evocity.genome import VOID
-from evocity.pages import number
 from evocity.pictures import city_colours
-from evocity.report.facts import Facts, Shown
 from evocity.report.pictures import Pictures
+from evocity.report.shown_births import Shown, ShownBirths
 from evocity.store import Birth
+from evocity.templates import number
 
-#: What the void among the cities is.
+# What the void among the cities is.
 _VOID = "bare ground, laid where buildings were left out"
 
 
 @dataclass(frozen=True)
 class Row:
-    """A measure, what one has of it, and what was wanted."""
+    """A measure, an individual's value of it, and what was wanted."""
 
     name: str
-    told: str
-    wanted: str
+    value: str
+    goal: str
 
 
-def told_shares(cities: Sequence[str], shares: np.ndarray) -> list[tuple[str, str, float, str]]:
-    """(city, share in words, share in percent, colour) of each that has one."""
-    told = zip(cities, shares.tolist(), city_colours(cities), strict=True)
-    return [
-        (city, told_share(share), 100 * share, colour) for city, share, colour in told if share > 0
-    ]
+@dataclass(frozen=True)
+class Share:
+    """A source city, its share in words and in percent, and its colour."""
+
+    city: str
+    text: str
+    percent: float
+    colour: str
+
+
+def shares_of(cities: Sequence[str], shares: np.ndarray) -> list[Share]:
+    """Return the `Share` of each of the ``cities`` that has one."""
+    parts = zip(cities, shares.tolist(), city_colours(cities), strict=True)
+    return [Share(c, share_text(share), 100 * share, colour) for c, share, colour in parts if share]
 
 
 @dataclass(frozen=True)
 class Lineage:
-    """Whose stones an individual is made of, and of whom it was bred. ``shares``: `told_shares`;
-    ``parents``: (number, whether it has a card)."""
+    """The shares of an individual's cities, its operator and its parents."""
 
-    facts: Facts
+    shown: ShownBirths
     birth: Birth
 
-    @property
-    def shares(self) -> list[tuple[str, str, float, str]]:
-        cities = self.facts.run.header.cities
-        fabric = self.facts.run.header.chromosome.fabric(self.birth.genome)
-        if fabric is None:
-            return []
-        return told_shares(cities, fabric.shares)
+    @cached_property
+    def _fabric(self):
+        return self.shown.run.header.chromosome.fabric(self.birth.genome)
 
     @property
-    def built(self) -> list[tuple[str, str, float, str]]:
-        """As `shares`, of what is built alone."""
-        header = self.facts.run.header
-        fabric = header.chromosome.fabric(self.birth.genome)
-        if fabric is None:
+    def shares(self) -> list[Share]:
+        """The shares of the map; empty for forms without stones of cities."""
+        if self._fabric is None:
             return []
-        return told_shares(header.cities, built_shares(fabric, self.facts.city(self.birth)))
+        return shares_of(self.shown.run.header.cities, self._fabric.shares)
+
+    @property
+    def built(self) -> list[Share]:
+        """As `shares`, only of what is built."""
+        if self._fabric is None:
+            return []
+        built = built_shares(self._fabric, self.shown.city(self.birth))
+        return shares_of(self.shown.run.header.cities, built)
 
     @property
     def parents(self) -> list[tuple[int, bool]]:
-        return [(parent, parent in self.facts.carded) for parent in self.birth.parents]
+        """Ids of the parents, and whether each has a card on the page."""
+        return [(parent, parent in self.shown.carded) for parent in self.birth.parents]
 
     @property
     def made(self) -> str:
-        """What its operator recorded."""
+        """The parameters and results that the operator recorded."""
         return json.dumps(dict(self.birth.made), ensure_ascii=False, default=str)
 
     @property
     def born(self) -> str:
+        """Generation and operator of its birth."""
         operator = self.birth.operator.replace("_", " ")
         return f"born in generation {self.birth.generation}, {operator}"
 
 
 @dataclass(frozen=True)
 class Card:
-    """An individual as a gallery shows it. ``keys``, of each of the orders what the card is sorted
-    by, upwards; ``values``, of each measure what it has; None where there is none."""
+    """An individual of a gallery. ``place``: its number there."""
 
-    facts: Facts
-    one: Shown
+    shown: ShownBirths
+    entry: Shown
     place: int
     picture: str
 
     @property
     def rows(self) -> list[Row]:
-        return rows_of(self.facts, self.one.birth.values)
+        """Its measures."""
+        return rows_of(self.shown.births, self.entry.birth.values)
 
     @property
     def breaks(self) -> bool:
-        return self.one.birth.id in self.facts.broken
+        """Whether it breaks a constraint."""
+        return self.entry.birth.id in self.shown.broken
 
     @property
     def alike(self) -> bool:
-        return self.one.birth.id in self.facts.look_alikes
+        """Whether it looks like one before it."""
+        return self.entry.birth.id in self.shown.look_alikes
 
     @property
     def keys(self) -> list[float | None]:
-        birth, keys = self.one.birth, []
-        for aim in self.facts.told.aims:
-            keys += [aim.loss(birth.values.get(aim.name, math.nan))] if aim.sought else []
-        for name in _unsought(self.facts):
+        """The rising keys of each of `Galleries.orders`; None for no value."""
+        birth, births, keys = self.entry.birth, self.shown.births, []
+        for aim in births.sought:
+            keys.append(aim.loss(birth.values.get(aim.name, math.nan)))
+        for name in _without_goal(births):
             value = birth.values.get(name, math.nan)
             keys += [-value, value]
         return [self.place, -birth.id, *map(_finite, keys)]
 
     @property
     def values(self) -> list[float | None]:
-        values = self.one.birth.values
-        return [_finite(values.get(name, math.nan)) for name in measures_of(self.facts)]
+        """Its value of each of `Galleries.measures`; None for no value."""
+        values = self.entry.birth.values
+        return [_finite(values.get(aim.name, math.nan)) for aim in self.shown.births.logged]
 
     @property
     def lineage(self) -> Lineage:
-        return Lineage(self.facts, self.one.birth)
+        """Its cities and parents."""
+        return Lineage(self.shown, self.entry.birth)
 
 
 @dataclass(frozen=True)
 class Galleries:
-    """The cards of the last generation, and of those of the archive that no longer live."""
+    """The cards of the last generation, and of the archive's individuals that are not alive."""
 
-    facts: Facts
+    shown: ShownBirths
     pictures: Pictures
 
     @cached_property
     def living(self) -> list[Card]:
-        return self._cards(self.facts.shown)
+        """Cards of the last generation."""
+        return self._cards(self.shown.shown)
 
     @cached_property
     def gone(self) -> list[Card]:
-        return self._cards(self.facts.shown_gone)
+        """Cards of the archive's individuals that are not alive."""
+        return self._cards(self.shown.shown_gone)
 
     def _cards(self, shown: Sequence[Shown]) -> list[Card]:
         return [
-            Card(self.facts, one, place, self.pictures.of(one.birth.id, one.city))
+            Card(self.shown, one, place, self.pictures.of(one.birth.id, one.city))
             for place, one in enumerate(shown)
         ]
 
     @property
     def orders(self) -> list[str]:
-        """What the cards can be sorted by, see `Card.keys`."""
-        sought = [f"{aim.name}, best first" for aim in self.facts.sought]
-        others = (
-            f"{name}, {first} first"
-            for name in _unsought(self.facts)
-            for first in ("highest", "lowest")
-        )
-        return ["as the search ranks them", "youngest first", *sought, *others]
+        """Names of the orders of cards, see `Card.keys`."""
+        births, ends = self.shown.births, ("highest", "lowest")
+        goals = [f"{aim.name}, best first" for aim in births.sought]
+        others = [f"{name}, {first} first" for name in _without_goal(births) for first in ends]
+        return ["as the search ranks them", "youngest first", *goals, *others]
 
     @property
     def measures(self) -> list[str]:
-        """What the cards can be filtered by, see `Card.values`: names with units."""
-        every = self.facts.told.logged
-        return [aim.name + (f", {aim.unit}" if aim.unit else "") for aim in every]
+        """Names, with units, of the measures by which cards can be filtered, see `Card.values`."""
+        return [aim.title for aim in self.shown.births.logged]
 
 
-def measures_of(facts: Facts) -> list[str]:
-    return [aim.name for aim in facts.told.logged]
-
-
-def _unsought(facts: Facts) -> list[str]:
-    """Measures that are constraints alone, or recorded."""
-    sought = {aim.name for aim in facts.sought}
-    return [name for name in measures_of(facts) if name not in sought]
+def _without_goal(births: Births) -> list[str]:
+    """Measures that only have bounds, or are only recorded."""
+    return [aim.name for aim in births.logged if aim not in births.sought]
 
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def rows_of(facts: Facts, values: Mapping[str, float]) -> list[Row]:
-    """All that the run logged, the wanted first."""
+def rows_of(births: Births, values: Mapping[str, float]) -> list[Row]:
+    """Return a row of each measure that the run logged, those with a goal first."""
     return [
-        Row(aim.name, number(values.get(aim.name), aim.unit), aim.wanted)
-        for aim in facts.told.logged
+        Row(aim.name, number(values.get(aim.name), aim.unit), aim.wanted) for aim in births.logged
     ]
 
 
 @dataclass(frozen=True)
 class Parent:
-    """A source city; its measures are those of its code, as far as the first population has
-    them."""
+    """A source city; ``rows`` are the measures of its own code."""
 
     name: str
     credit: str
@@ -193,10 +201,10 @@ class Parent:
     rows: list[Row]
 
 
-def parents(facts: Facts, pictures: Pictures) -> list[Parent]:
-    """The source cities."""
-    first = {birth.id: birth.values for birth in facts.source_births}
-    colours = city_colours([source.name for source in facts.sources])
+def parents(shown: ShownBirths, pictures: Pictures) -> list[Parent]:
+    """Return the source cities."""
+    first = {birth.id: birth.values for birth in shown.source_births}
+    colours = city_colours([source.name for source in shown.sources])
     return [
         Parent(
             source.name,
@@ -204,16 +212,13 @@ def parents(facts: Facts, pictures: Pictures) -> list[Parent]:
             colour,
             pictures.of(f"parent {index}", source.city),
             source.city.shape[1],
-            rows_of(facts, first[index]) if index in first else [],
+            rows_of(shown.births, first[index]) if index in first else [],
         )
-        for index, (source, colour) in enumerate(zip(facts.sources, colours, strict=True))
+        for index, (source, colour) in enumerate(zip(shown.sources, colours, strict=True))
     ]
 
 
 def city_key(cities: Sequence[str]) -> list[tuple[str, str]]:
-    """(colour, which city it is) of the bars of lineage."""
-    told = (f"{city}: {_VOID}" if city == VOID else city for city in cities)
-    return list(zip(city_colours(cities), told, strict=True))
-
-
-__all__ = ["Card", "Galleries", "Lineage", "Parent", "Row", "city_key", "parents", "rows_of"]
+    """Return the colour and the name of each city, as a key of the bars of lineage."""
+    names = (f"{city}: {_VOID}" if city == VOID else city for city in cities)
+    return list(zip(city_colours(cities), names, strict=True))

@@ -1,4 +1,4 @@
-"""The grid of a run of MAP-Elites as a picture: in each filled cell the map of its best birth."""
+"""The grid of a run of MAP-Elites as a picture, with the map of the best birth in each cell."""
 
 import textwrap
 from collections.abc import Iterator
@@ -7,62 +7,65 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
+from evocity.analysis import Run
+from evocity.analysis.births import Births
 from evocity.analysis.thumbnails import highest_of
 from evocity.citymap import CityMap
 from evocity.pictures.colours import FAINT, GROUND, INK, PAPER
 from evocity.pictures.legend import font
 from evocity.pictures.picture import render
 from evocity.pictures.sheet import draw_scale
-from evocity.report.facts import Facts
 from evocity.report.pictures import contact_sheet
-from evocity.search.binning import Binned
-from evocity.search.cells import Grid
-from evocity.store import Run
+from evocity.report.shown_births import map_of
+from evocity.search.record.grid import Binned
+from evocity.selection.cells import Grid
 
-#: All cells of the picture together are about so wide, px; one is no wider than `_WIDEST`.
+# Pixels of all cells together, about, and of the widest cell.
 _WIDTH, _WIDEST = 1440, 160
-#: Cells hold maps if they are so wide, px, and there are no more of them; else a colour.
+# Pixels of the smallest cell that holds a map, and maps at most; else cells are coloured.
 _LEAST, _MOST_MAPS = 14, 1600
-#: Of a third descriptor, so many slices are drawn.
+# Slices of a third descriptor, at most.
 _MOST_SLICES = 36
-#: Individuals whose genomes are held at a time.
+# Individuals whose genomes are held at a time.
 _AT_A_TIME = 128
-#: Cells so wide, px, tell whose map they show.
+# Pixels of the smallest cell with the id of its birth.
 _NUMBERED = 40
 
 _LEFT, _TOP, _GAP, _LINE, _TICK = 92, 64, 28, 17, 5
-_BAR = (176, 64, 63)  # how good a cell is; the report's colour of a front
+_BAR = (176, 64, 63)  # quality of a cell; the report's colour of a front
 _WORST = (232, 214, 206)
 _PARENT = (63, 116, 163)  # the report's colour of the first population
 
 
-def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
-    """The grid of a run that fills one, or of an ``island``: the first descriptor to the right,
-    the second upwards, of a third a slice beside the other. Each filled cell shows the map of its
-    best birth of all, with its number if there is room, and beneath it a bar: how far its quality
-    lies from the reference towards the best of all. Cells that parents' codes fall into have a
-    frame.
+def grid_picture(run: Run, island: str | None = None) -> Image.Image:
+    """Draw the grid of a run, or of an ``island``. The first descriptor runs to the right, the
+    second upwards; each cell of a third descriptor has its own slice. Each filled cell shows the
+    map of its best birth, with its id if there is room. A bar beneath shows the quality of that
+    birth. The bar's scale runs from the reference point to the best of all cells. A frame marks the
+    cells of the parents' codes.
 
-    Raises ValueError if there is no grid, see `Facts.grids`.
+    Raises ValueError if there is no grid.
     """
-    binned = facts.grids.get(island)
+    births = run.columns
+    binned = births.grids.get(island)
     if binned is None:
         raise ValueError("a run without a grid")
     plain, title = font(13), font(22)
     layout = _Layout.of(binned)
-    highest = highest_of(facts.told)
-    told = _told(facts, binned, layout, facts.told.quality_on(island))
-    lines = [line for text in told for line in _wrapped(text, layout)]
-    lines += _wrapped(facts.run.header.attribution, layout)
+    highest = highest_of(births)
+    codes = births.source_cells(binned.grid)
+    texts = _texts(binned, layout, births.quality_on(island), [run.header.cities[n] for n in codes])
+    lines = [line for text in texts for line in _wrapped(text, layout)]
+    lines += _wrapped(run.header.attribution, layout)
     low = layout.low
     sheet = Image.new("RGB", (layout.width, layout.words + _LINE * len(lines) + 16), PAPER)
     draw = ImageDraw.Draw(sheet)
-    of = facts.title if island is None else f"{facts.title}, {island}"
-    draw.text((20, 18), f"{of}, generation {facts.told.last}", INK, title)
+    of = run.name if island is None else f"{run.name}, {island}"
+    draw.text((20, 18), f"{of}, generation {births.last}", INK, title)
     for number in range(len(layout.slices)):
         _draw_axes(sheet, draw, layout, number, plain)
-    _fill(sheet, draw, facts, binned, layout, highest)
-    for place in _parents(facts, binned.grid).values():
+    _fill(sheet, draw, births, binned, layout, highest)
+    for place in codes.values():
         if (at := layout.corner(place)) is not None:
             draw.rectangle((at[0] - 1, at[1] - 1, *(x + layout.side for x in at)), None, _PARENT, 3)
     if layout.maps:
@@ -73,16 +76,15 @@ def grid_picture(facts: Facts, island: str | None = None) -> Image.Image:
 
 
 def run_picture(run: Run) -> Image.Image:
-    """A run as one picture: its grid if it fills one, else `contact_sheet`. Raises `RunError` if
-    the run has no whole generation yet, or is damaged."""
-    facts = Facts(run)
-    return contact_sheet(run) if facts.binned is None else grid_picture(facts)
+    """Draw a run as one picture: its grid if it has one, otherwise `contact_sheet`. Raises
+    `RunError` if the run has no complete generation yet, or is damaged."""
+    return grid_picture(run) if None in run.columns.grids else contact_sheet(run)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where cells lie in the picture: ``side`` of a cell, px; ``slices``, the third descriptor's
-    cells that are drawn, (0,) without one; ``across`` of them beside each other."""
+    """The places of cells in the picture: the ``side`` of a cell, px; ``slices``, the cells of the
+    third descriptor, (0,) without one; ``across`` of them in a row; ``maps`` in the cells."""
 
     grid: Grid
     side: int
@@ -117,16 +119,16 @@ class _Layout:
 
     @property
     def words(self) -> int:
-        """Where the words beneath begin: below the scale of heights, if there are maps."""
+        """The top of the text, below the scale of heights if there are maps."""
         return self.low + 44 * self.maps
 
     def origin(self, number: int) -> tuple[int, int]:
-        """The north-west corner of the cells of a slice."""
+        """Return the north-west corner of the cells of a slice."""
         row, column = divmod(number, self.across)
         return column * self.tile[0] + _LEFT, _TOP + row * self.tile[1] + _LINE
 
     def corner(self, place) -> tuple[int, int] | None:
-        """The north-west corner of a cell; None if its slice is not drawn."""
+        """Return the north-west corner of a cell; None if its slice is not drawn."""
         third = int(place[2]) if len(place) == 3 else 0
         if third not in self.slices:
             return None
@@ -135,22 +137,21 @@ class _Layout:
         return left + int(place[0]) * self.side, top + row * self.side
 
 
-def _told(facts: Facts, binned: Binned, layout: _Layout, goal: str) -> list[str]:
+def _texts(binned: Binned, layout: _Layout, goal: str, parents: list[str]) -> list[str]:
     cells = (
         f"{len(binned)} of {len(binned.grid)} cells are filled ({binned.coverage:.1%}), "
         f"QD-score {binned.qd_score:.4g}."
     )
-    named = ", with its number" if layout.maps and layout.side >= _NUMBERED else ""
-    best = f"In each filled cell the best by {goal} of all births{named}"
-    bar = "; the bar tells how good it is, full for the best of all." if layout.maps else "."
+    named = ", with its id" if layout.maps and layout.side >= _NUMBERED else ""
+    best = f"Each filled cell shows the best of all births by {goal}{named}"
+    bar = "; the bar shows its quality, full for the best of all." if layout.maps else "."
     colours = "" if layout.maps else " The redder, the better."
     drawn = len(layout.slices)
     third = binned.grid.descriptors[2:]
     filled = len(set(binned.births[f"cell.{third[0]}"].to_pylist())) if third else drawn
     left = f" {filled - drawn} more slices are not drawn." if filled > drawn else ""
     ends = " Values beyond a range lie in the cell at its end."
-    names = " and ".join(_parents(facts, binned.grid))
-    framed = f" Blue frames: the codes of {names}." if names else ""
+    framed = f" Blue frames: the codes of {' and '.join(parents)}." if parents else ""
     return [cells, best + bar + colours + ends + framed + left]
 
 
@@ -183,8 +184,8 @@ def _draw_axes(sheet, draw, layout: _Layout, number: int, plain) -> None:
     _draw_upwards(sheet, (left - _LEFT + 18, (top + low) // 2), names[1], name)
     if len(grid.counts) == 3:
         edges, third = grid.edges(2), layout.slices[number]
-        told = f"{names[2]}: {edges[third]:.4g} to {edges[third + 1]:.4g}"
-        draw.text((left, top - _LINE - 3), told, INK, plain)
+        span = f"{names[2]}: {edges[third]:.4g} to {edges[third + 1]:.4g}"
+        draw.text((left, top - _LINE - 3), span, INK, plain)
 
 
 def _short(name: str) -> str:
@@ -192,8 +193,7 @@ def _short(name: str) -> str:
 
 
 def _ticks(edges: np.ndarray, side: int, apart: int) -> Iterator[tuple[int, str]]:
-    """(number of an edge, its value) of edges that lie so many px ``apart``, both ends among
-    them."""
+    """(number, value) of edges at least ``apart`` px from each other, with both ends."""
     last = len(edges) - 1
     stride = max(1, -(-apart // side))
     shown = [place for place in range(0, last, stride) if last - place >= stride]
@@ -209,7 +209,7 @@ def _draw_upwards(sheet, middle, text: str, plain) -> None:
     sheet.paste(turned, (middle[0] - turned.width // 2, max(0, middle[1] - turned.height // 2)))
 
 
-def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: float) -> None:
+def _fill(sheet, draw, births: Births, binned: Binned, layout: _Layout, highest: float) -> None:
     ids = binned.births["id"].to_pylist()
     places = binned.grid.places(binned.births["cell"].to_numpy())
     share = binned.worth / max(float(np.max(binned.worth, initial=0)), 1e-300)
@@ -228,7 +228,7 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
         return
     side, bar = layout.side - 1, max(2, layout.side // 18)
     number = font(min(13, max(9, layout.side // 7)))
-    for one, city in _cities(facts, sorted(shown)):
+    for one, city in _cities(births, sorted(shown)):
         (left, top), good = shown[one]
         picture = render(city, highest=highest, legend=False)
         tall, wide = city.shape
@@ -249,18 +249,7 @@ def _fill(sheet, draw, facts: Facts, binned: Binned, layout: _Layout, highest: f
             draw.rectangle((left, low, left + max(0, round(good * side) - 1), low + bar - 1), _BAR)
 
 
-def _cities(facts: Facts, ids: list[int]) -> Iterator[tuple[int, CityMap]]:
+def _cities(births: Births, ids: list[int]) -> Iterator[tuple[int, CityMap]]:
     for start in range(0, len(ids), _AT_A_TIME):
-        for birth in facts.run.individuals(ids[start : start + _AT_A_TIME], stones=False):
-            yield birth.id, facts.decoded(birth)
-
-
-def _parents(facts: Facts, grid: Grid) -> dict[str, np.ndarray]:
-    """Source city -> where the cell lies that its code falls into."""
-    found = {}
-    for birth in facts.source_births:
-        values = [birth.values.get(name, np.nan) for name in grid.descriptors]
-        cell = grid.cells(np.array([values]))
-        if cell[0] >= 0:
-            found[facts.run.header.cities[birth.id]] = grid.places(cell)[0]
-    return found
+        for birth in births.run.individuals(ids[start : start + _AT_A_TIME], stones=False):
+            yield birth.id, map_of(births, birth)

@@ -1,125 +1,123 @@
-"""The islands of a run, as a report tells them: how good each is, who lives where, who moved."""
+"""The islands of a run: how good each is, which individuals live where, which migrated."""
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from evocity.report.facts import Facts, figures_told
+from markupsafe import Markup
+
+from evocity.analysis import Run
+from evocity.report.plots import Axis, curve
+from evocity.report.shown_births import figure_texts
 
 
 @dataclass(frozen=True)
 class Islands:
-    """What the report tells of the islands of a run, by its ``facts``.
+    """The islands of a ``run`` as its report shows them, without what a stranger's run states
+    oddly."""
 
-    Nothing that a stranger's run states is taken for granted: what is not told as evocity tells
-    it is left out.
-    """
-
-    facts: Facts
+    run: Run
 
     @property
     def names(self) -> tuple[str, ...]:
-        return self.facts.run.header.islands
+        """Names of the islands."""
+        return self.run.header.islands
 
     @cached_property
-    def _homes(self) -> dict[int, str]:
-        """Where each birth was born."""
-        told = self.facts.told
-        return dict(zip(told.ids.tolist(), told.island.tolist(), strict=True))
+    def _home_of(self) -> dict[int, str]:
+        births = self.run.columns
+        return dict(zip(births.ids.tolist(), births.island.tolist(), strict=True))
 
     @property
     def settings(self) -> list[tuple[str, str, str, str]]:
         """Of each island its name, algorithm, operators with their weights, and goals."""
-        found = []
+        rows = []
         for name in self.names:
-            noted = self.facts.told.islands_noted.get(name, {})
+            noted = self.run.columns.island_settings.get(name, {})
             search, measures = noted.get("search"), noted.get("measures")
             algorithm = search.get("algorithm") if isinstance(search, Mapping) else None
             goals = ", ".join(map(str, measures)) if isinstance(measures, list) else "all"
-            found.append((name, str(algorithm or "?"), _weights(noted.get("operators")), goals))
-        return found
+            rows.append((name, str(algorithm or "?"), _weights(noted.get("operators")), goals))
+        return rows
 
     @property
     def figures(self) -> list[tuple[str, str, int, int, int, str]]:
-        """Of each island its name, hypervolume by its own goals, how many were born there, live
-        there, live there and were born elsewhere, and what its algorithm tells."""
-        born = Counter(self._homes.values())
-        last = self.facts.told.history[-1].get("islands", {}) if self.facts.told.history else {}
-        found = []
+        """Of each island its name, its hypervolume by its own goals, how many were born there,
+        how many live there, how many of these were born elsewhere, and its algorithm's figures."""
+        born, history = Counter(self._home_of.values()), self.run.columns.history
+        last = history[-1].get("islands", {}) if history else {}
+        rows = []
         for name in self.names:
-            told, here = last.get(name, {}), self._lived.get(name, [])
-            others = sum(self._homes.get(one, name) != name for one in here)
-            volume = told.get("hypervolume")
-            figures = ", ".join(f"{n} {v}" for n, v in figures_told(told.get("algorithm", {})))
-            found.append(
-                (
-                    name,
-                    "–" if volume is None else f"{volume:.4g}",
-                    born[name],
-                    len(here),
-                    others,
-                    figures,
-                )
-            )
-        return found
+            summary, here = last.get(name, {}), self._living.get(name, [])
+            others = sum(self._home_of.get(one, name) != name for one in here)
+            volume = summary.get("hypervolume")
+            volume = "–" if volume is None else f"{volume:.4g}"
+            figures = ", ".join(f"{n} {v}" for n, v in figure_texts(summary.get("algorithm", {})))
+            rows.append((name, volume, born[name], len(here), others, figures))
+        return rows
 
     @cached_property
-    def _lived(self) -> dict[str, list[int]]:
-        found: dict[str, list[int]] = {}
-        for row in self.facts.lived:
-            found.setdefault(row["island"], []).append(row["id"])
-        return found
+    def _living(self) -> dict[str, list[int]]:
+        """Island -> ids of those that live there in the last generation."""
+        members = self.run.members(self.run.columns.last).select(["id", "island"]).to_pylist()
+        living: dict[str, list[int]] = {}
+        for row in members:
+            living.setdefault(row["island"], []).append(row["id"])
+        return living
 
     @property
     def homes(self) -> list[tuple[str, list[int]]]:
-        """Of each island its name, and how many who live there were born on each."""
-        found = []
+        """Of each island its name, and how many of its living were born on each island."""
+        rows = []
         for name in self.names:
-            born = Counter(self._homes.get(one) for one in self._lived.get(name, []))
-            found.append((name, [born[other] for other in self.names]))
-        return found
+            born = Counter(self._home_of.get(one) for one in self._living.get(name, []))
+            rows.append((name, [born[other] for other in self.names]))
+        return rows
 
     @property
     def volumes(self) -> list[tuple[str, list[float | None]]]:
         """Of each island its name, and its hypervolume in each generation."""
-        history = self.facts.told.history
+        history = [one.get("islands", {}) for one in self.run.columns.history]
         return [
-            (name, [one.get("islands", {}).get(name, {}).get("hypervolume") for one in history])
-            for name in self.names
+            (name, [one.get(name, {}).get("hypervolume") for one in history]) for name in self.names
         ]
 
     @cached_property
     def moves(self) -> list[tuple[str, str, int, int]]:
-        """(from, to, how many were sent, how many lived there after), of all migrations."""
-        latest: dict[int, list] = {}  # one that was stopped before it was written tells twice
-        for event in self.facts.run.events():
-            generation, told = event.get("generation"), event.get("moves")
-            whole = isinstance(generation, int) and generation <= self.facts.told.last
-            if event.get("event") == "migration" and whole and isinstance(told, list):
-                latest[generation] = [one for one in told if isinstance(one, Mapping)]
+        """(from, to, how many were sent, how many of them survived) of all migrations."""
+        latest: dict[int, list] = {}  # a generation bred twice states its migration twice
+        for event in self.run.events():
+            generation, moves = event.get("generation"), event.get("moves")
+            whole = isinstance(generation, int) and generation <= self.run.columns.last
+            if event.get("event") == "migration" and whole and isinstance(moves, list):
+                latest[generation] = [one for one in moves if isinstance(one, Mapping)]
         sent: Counter = Counter()
         stayed: Counter = Counter()
-        for one in (one for told in latest.values() for one in told):
+        for one in (one for moves in latest.values() for one in moves):
             pair = str(one.get("from")), str(one.get("to"))
             sent[pair] += _count(one.get("ids"))
             stayed[pair] += _count(one.get("stayed"))
         return [(*pair, count, stayed[pair]) for pair, count in sent.items()]
 
 
-def _count(told) -> int:
-    return len(told) if isinstance(told, list) else 0
+def island_curves(islands: Islands) -> list[Markup]:
+    """Draw the hypervolume of each island; nothing for a single generation."""
+    if len(islands.run.columns.history) < 2:
+        return []
+    return [curve(values, Axis(f"hypervolume of {name}")) for name, values in islands.volumes]
+
+
+def _count(ids) -> int:
+    return len(ids) if isinstance(ids, list) else 0
 
 
 def _weights(operators) -> str:
     """A mixture in words: "region_fusion 3, mutation 1"."""
     if not isinstance(operators, Mapping):
         return "?"
-    told = []
+    parts = []
     for name, entry in operators.items():
         weight = entry.get("weight", 1) if isinstance(entry, Mapping) else entry
-        told.append(f"{name} {weight:g}" if isinstance(weight, int | float) else str(name))
-    return ", ".join(told)
-
-
-__all__ = ["Islands"]
+        parts.append(f"{name} {weight:g}" if isinstance(weight, int | float) else str(name))
+    return ", ".join(parts)

@@ -5,27 +5,27 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from evocity.analysis.exporting import caption
+from evocity.analysis import Run
+from evocity.analysis.export import caption
 from evocity.analysis.thumbnails import highest_of, thumbnail
 from evocity.citymap import CityMap
-from evocity.pages import Palette, data_uri
 from evocity.pictures.colours import ramp
 from evocity.pictures.sheet import sheet_of
-from evocity.report.facts import Facts, Shown
+from evocity.report.shown_births import ShownBirths
 from evocity.scene import scene
-from evocity.store import Run
+from evocity.templates import Palette, data_uri
 
-_WIDE = 560  # pixels of a scene: so few of them that they may be larger
-_LARGEST = 288  # pixels along a picture: what a card shows; a page of many stays small
-_COLOURS = 192  # of all pictures together: then each is as near as with 128 of its own, to the eye
-_EXAMPLES = 4  # of each kind of map tell these colours
+_WIDE = 560  # pixels of a scene
+_LARGEST = 288  # pixels along a picture of a card: a page of many stays small
+_COLOURS = 192  # of the shared palette: to the eye as near as 128 of each picture's own
+_EXAMPLES = 4  # maps of each kind that the palette is made of
 
 
 class Pictures:
     """Bare maps on the scale that ends at ``highest`` metres, as ``data:`` addresses, each made
     once. Larger maps are shrunk until their longer side has `_LARGEST` pixels.
 
-    All share one palette: that of the scale's own colours and of some ``examples``.
+    All share one palette, made of the scale's own colours and of some ``examples``.
     """
 
     def __init__(self, highest: float, examples: Sequence[CityMap]):
@@ -38,52 +38,49 @@ class Pictures:
         self._made: dict[int | str, str] = {}
 
     def of(self, name: int | str, city: CityMap) -> str:
-        """The picture of the individual, or city, that is called so."""
+        """Return the picture of a ``city``, kept under a ``name`` or id."""
         if name not in self._made:
             picture = thumbnail(city, self.highest, _LARGEST)
             self._made[name] = data_uri(picture, self._palette)
         return self._made[name]
 
 
-def pictures_of(facts: Facts) -> Pictures:
-    """The pictures of a report, whose palette a few of its maps tell."""
-    examples = [source.city for source in facts.sources[:_EXAMPLES]]
-    for shown in (facts.shown, facts.shown_gone):
-        examples += [one.city for one in shown[:: len(shown) // _EXAMPLES + 1]]
-    return Pictures(highest_of(facts.told), examples)
+def pictures_of(shown: ShownBirths) -> Pictures:
+    """Return the pictures of a report, with a palette of a few of its maps."""
+    examples = [source.city for source in shown.sources[:_EXAMPLES]]
+    for some in (shown.shown, shown.shown_gone):
+        examples += [one.city for one in some[:: len(some) // _EXAMPLES + 1]]
+    return Pictures(highest_of(shown.births), examples)
 
 
 def scene_uris(cities: Sequence[CityMap], highest: float) -> list[str]:
-    """The cities in three dimensions, bare, their roofs on the scale that ends at ``highest``
-    metres, as ``data:`` addresses. All share one palette."""
+    """Draw the cities in three dimensions, bare, with roofs on the scale that ends at ``highest``
+    metres; return ``data:`` addresses with one palette."""
     drawn = [scene(one).picture(width=_WIDE, highest=highest, legend=False) for one in cities]
     palette = Palette(drawn, _COLOURS) if drawn else None
     return [data_uri(picture, palette) for picture in drawn]
 
 
 def scale_colours(highest: float, steps: int = 24) -> list[str]:
-    """Colours from the ground to ``highest`` metres, evenly, as ``#rrggbb``."""
+    """Return ``steps`` colours from the ground to ``highest`` metres, evenly, as ``#rrggbb``."""
     row = ramp(np.linspace(0, highest, steps, dtype=np.float32)[None], highest)[0]
     return ["#" + bytes(colour).hex() for colour in row]
 
 
 def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
-    """A run on one sheet: its parents, then the best of its last generation by each measure,
-    of those that look alike only the first.
+    """Draw a run on one sheet: its parents first, then the best individuals of its last generation.
+    Each measure in turn chooses its best; individuals that look alike are shown once.
 
-    One scale of heights for all, with its legend and the sources' attributions. Raises
-    `RunError` if the run has no whole generation yet, or is damaged.
+    All maps share one scale of heights, with its legend and the sources' attributions. Raises
+    `RunError` if the run has no complete generation yet, or is damaged.
     """
-    facts = Facts(run)
-    parents = [source.city for source in facts.sources]
-    chosen = facts.best(best)
-    highest = highest_of(facts.told)
+    shown = ShownBirths(run)
+    parents = [source.city for source in shown.sources]
+    chosen = shown.best(best)
     cells: list = [(city, [city.name, "parent"]) for city in parents]
     cells += [None] * (-len(parents) % columns)  # the bred begin a row of their own
-    cells += [(one.city, _caption(facts, one)) for one in chosen]
-    title = f"{facts.title}, generation {facts.told.last}"
-    return sheet_of(cells, title, highest, facts.run.header.attribution, columns)
-
-
-def _caption(facts: Facts, one: Shown) -> list[str]:
-    return caption(one.birth.id, facts.told.logged, one.birth.values)
+    logged = shown.births.logged
+    cells += [(one.city, caption(one.birth.id, logged, one.birth.values)) for one in chosen]
+    title = f"{run.name}, generation {shown.births.last}"
+    highest = highest_of(shown.births)
+    return sheet_of(cells, title, highest, run.header.attribution, columns)

@@ -1,5 +1,5 @@
-"""Scatter plots and curves as inline SVG: text only, no script, no network. Words in it are escaped
-here, and so templates take it as it is."""
+"""Scatter plots and curves as inline SVG: text only, no script, no network. All words in them are
+escaped here, so templates insert them as they are."""
 
 import math
 from collections.abc import Sequence
@@ -11,14 +11,12 @@ from markupsafe import Markup
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 12, 46  # of the drawing's edge, px
 _LABEL, _DIGIT = 34, 6.8  # px: the words beside the upright axis with their air; a digit of it
-
-
 _LARGEST = 1e300  # the scale of an axis needs differences and their logarithms
 
 
 @dataclass(frozen=True)
 class Axis:
-    """``label`` beneath or beside the axis; ``note`` after it, fainter; ``target`` a line."""
+    """``label`` at the axis; ``note`` after it, fainter; ``target`` a line."""
 
     label: str
     note: str = ""
@@ -27,7 +25,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Dots:
-    """Points of one kind: ``kind`` are their CSS classes, ``titles`` and ``links`` one a point.
+    """Points of one kind: ``kind`` are their CSS classes, ``titles`` and ``links`` one per point.
     Those of class ``broken`` are crosses, others discs."""
 
     x: np.ndarray
@@ -41,7 +39,7 @@ class Dots:
 def scatter(
     layers: Sequence[Dots], x: Axis, y: Axis, *, width: int = 420, height: int = 340
 ) -> Markup:
-    """Points over two axes, later layers above earlier ones. Points that are not finite, or
+    """Draw points over two axes, later layers above earlier ones. Points that are not finite, or
     beyond `_LARGEST`, are left out."""
     layers = [replace(dots, x=_drawable(dots.x), y=_drawable(dots.y)) for dots in layers]
     x, y = _without_far_target(x), _without_far_target(y)
@@ -55,8 +53,8 @@ def scatter(
 
 
 def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> Markup:
-    """One value a generation, from 0 on, as a line; gaps where a value is not finite, or beyond
-    `_LARGEST`."""
+    """Draw one value per generation, from 0 on, as a line, with gaps where a value is not finite,
+    or beyond `_LARGEST`."""
     heights = _drawable([math.nan if value is None else value for value in values])
     y = _without_far_target(y)
     frame = _Frame(np.arange(len(heights)), heights, (width, height), (None, y.target))
@@ -84,7 +82,7 @@ def _without_far_target(axis: Axis) -> Axis:
 
 
 class _Frame:
-    """Scales from values to pixels, and the axes around them."""
+    """Scales from values to pixels, with the axes."""
 
     def __init__(self, x, y, size, targets):
         self.width, self.height = size
@@ -103,32 +101,28 @@ class _Frame:
 
     def drawing(self, x: Axis, y: Axis, inside: str) -> Markup:
         right, low = self.width - _RIGHT, self.height - _BOTTOM
+
+        def upright(value: float, kind: str) -> str:
+            px = self.x(value)
+            return f'<line class="{kind}" x1="{px:.1f}" y1="{_TOP}" x2="{px:.1f}" y2="{low}"/>'
+
+        def level(value: float, kind: str) -> str:
+            py = self.y(value)
+            ends = f'x1="{self.left}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"'
+            return f'<line class="{kind}" {ends}/>'
+
         parts = [
             f'<svg viewBox="0 0 {self.width} {self.height}" role="img" '
             f'aria-label="{escape(y.label)} over {escape(x.label)}">'
         ]
         for tick in self.ticks_x:
-            px = self.x(tick)
-            parts.append(f'<line class="grid" x1="{px:.1f}" y1="{_TOP}" x2="{px:.1f}" y2="{low}"/>')
-            parts.append(f'<text class="tick" x="{px:.1f}" y="{low + 15}">{tick:.6g}</text>')
+            place = f'x="{self.x(tick):.1f}" y="{low + 15}"'
+            parts += [upright(tick, "grid"), f'<text class="tick" {place}>{tick:.6g}</text>']
         for tick in self.ticks_y:
-            py = self.y(tick)
-            parts.append(
-                f'<line class="grid" x1="{self.left}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
-            )
-            parts.append(
-                f'<text class="tick side" x="{self.left - 6}" y="{py + 3.5:.1f}">{tick:.6g}</text>'
-            )
-        if x.target is not None:
-            px = self.x(x.target)
-            parts.append(
-                f'<line class="target" x1="{px:.1f}" y1="{_TOP}" x2="{px:.1f}" y2="{low}"/>'
-            )
-        if y.target is not None:
-            py = self.y(y.target)
-            parts.append(
-                f'<line class="target" x1="{self.left}" y1="{py:.1f}" x2="{right}" y2="{py:.1f}"/>'
-            )
+            place = f'x="{self.left - 6}" y="{self.y(tick) + 3.5:.1f}"'
+            parts += [level(tick, "grid"), f'<text class="tick side" {place}>{tick:.6g}</text>']
+        parts += [upright(x.target, "target")] if x.target is not None else []
+        parts += [level(y.target, "target")] if y.target is not None else []
         middle_x, middle_y = (self.left + right) / 2, (_TOP + low) / 2
         parts.append(f'<text class="axis" x="{middle_x:.0f}" y="{low + 36}">{_label(x)}</text>')
         parts.append(
@@ -163,7 +157,7 @@ def _dots(dots: Dots, frame: _Frame) -> str:
 
 
 def _span(values, target: float | None) -> tuple[float, float, list[float]]:
-    """Lower and upper end of an axis around the finite ``values``, and its ticks."""
+    """The ends of an axis around the finite ``values``, and its ticks."""
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if target is not None:
@@ -178,10 +172,10 @@ def _span(values, target: float | None) -> tuple[float, float, list[float]]:
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Round numbers from ``low`` to ``high``, evenly apart, about five."""
-    wanted = (high - low) / 5
-    power = 10.0 ** math.floor(math.log10(wanted))
-    step = next(m * power for m in (1, 2, 5, 10) if m * power >= wanted * 0.999)
+    """Return about five round numbers from ``low`` to ``high``, evenly apart."""
+    least = (high - low) / 5
+    power = 10.0 ** math.floor(math.log10(least))
+    step = next(m * power for m in (1, 2, 5, 10) if m * power >= least * 0.999)
     return [
         step * n for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
     ]

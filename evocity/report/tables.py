@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.analysis.births import label
-from evocity.analysis.credit import credit_of
-from evocity.analysis.pedigree import Pedigree
-from evocity.analysis.wanted import Aim
-from evocity.pages import number
-from evocity.report.facts import Facts
-from evocity.report.failing import shortened
+from evocity.analysis import Run
+from evocity.analysis.births import Births, label
+from evocity.analysis.goals import overrides_of
+from evocity.report.failed_births import shortened
 from evocity.report.islands import Islands
+from evocity.report.shown_births import ShownBirths
 from evocity.store import STATUSES
+from evocity.store.events import TURNS
+from evocity.templates import number
 
-#: Births whose numbers stand on the page, and generations.
+#: Births, and generations, whose numbers stand on the page, at most.
 MOST_BIRTHS, _MOST_GENERATIONS = 2000, 400
 
 
@@ -32,33 +32,36 @@ class Table:
 # -- births ---------------------------------------------------------------------------------
 
 
-def by_status(facts: Facts) -> Table:
-    counted = Counter(facts.told.status.tolist())
+def by_status(births: Births) -> Table:
+    """Count births by status."""
+    counted = Counter(births.status.tolist())
     return Table(("status", "births"), [(status, counted[status]) for status in STATUSES])
 
 
-def by_operator(facts: Facts) -> Table:
-    told = facts.told
-    if facts.archive is None:  # nobody knows what it wanted
-        failed, born = Counter(told.operator[~told.ok]), Counter(told.operator).most_common()
-        return Table(
-            ("operator", "births", "failed"), [(name, count, failed[name]) for name, count in born]
-        )
-    names, credit = credit_of(told, Pedigree(told))
+def by_operator(shown: ShownBirths) -> Table:
+    """Count births by operator, and what came of them."""
+    births = shown.births
+    if shown.archive is None:  # the goals are not known
+        failed, born = Counter(births.operator[~births.ok]), Counter(births.operator).most_common()
+        rows = [(name, count, failed[name]) for name, count in born]
+        return Table(("operator", "births", "failed"), rows)
+    names, credit = shown.run.operator_credit
     columns = [credit[one].tolist() for one in ("births", "failed", "survived", "entered")]
     paid = [f"{one:.2f}" for one in credit["paid"]]
-    headings = ("operator", "births", "failed", "lived", "archive", "paid")
+    headings = ("operator", "births", "failed", "survived", "archive", "paid")
     return Table(headings, list(zip(names.tolist(), *columns, paid, strict=True)))
 
 
-def by_error(facts: Facts) -> Table:
-    told = facts.told.read(["error"])["error"].to_pylist()
-    errors = Counter(shortened(text) for text in told if text)
+def by_error(births: Births) -> Table:
+    """Count births by the text of their error."""
+    texts = births.read(["error"])["error"].to_pylist()
+    errors = Counter(shortened(text) for text in texts if text)
     return Table(("error", "births"), errors.most_common(12))
 
 
-def by_generation(facts: Facts) -> Table:
-    history = facts.told.history
+def by_generation(births: Births) -> Table:
+    """The summaries of the generations."""
+    history = births.history
     stride = max(1, -(-len(history) // _MOST_GENERATIONS))
     chosen = [*history[:-1:stride], history[-1]]
     headings = ("generation", "births", "failures", "hypervolume", "evaluations/s")
@@ -69,72 +72,74 @@ def by_generation(facts: Facts) -> Table:
             about.get("failures", "–"),
             number(about.get("hypervolume")),
             number(about.get("evaluations_per_second")),
-            *(number(about.get("best", {}).get(aim.name), aim.unit) for aim in facts.sought),
+            *(number(about.get("best", {}).get(aim.name), aim.unit) for aim in births.sought),
         )
         for about in chosen
     ]
-    return Table((*headings, *(f"best {aim.name}" for aim in facts.sought)), rows)
+    return Table((*headings, *(f"best {aim.name}" for aim in births.sought)), rows)
 
 
-def every_birth(facts: Facts) -> Table:
-    """The numbers of all births, of more than `MOST_BIRTHS` of the last ones."""
-    told, measures = facts.told, facts.told.logged
-    start = max(0, len(told) - MOST_BIRTHS)
-    alive = np.isin(told.ids, [row["id"] for row in facts.members])
-    marks = np.where(alive, "lives", "")
-    marks = np.where(told.ok & ~told.feasible, "breaks a constraint", marks)
-    marks = np.where(told.ok, marks, told.status)
-    columns = [told.ids, told.generation, told.operator, marks]
-    parts = (one[start:].tolist() for one in (*columns, told.values))
+def every_birth(births: Births) -> Table:
+    """The numbers of all births, or of the last `MOST_BIRTHS`."""
+    start = max(0, len(births) - MOST_BIRTHS)
+    marks = np.where(births.alive, "alive", "")
+    marks = np.where(births.ok & ~births.feasible, "breaks a constraint", marks)
+    marks = np.where(births.ok, marks, births.status)
+    columns = [births.ids, births.generation, births.operator, marks]
+    parts = (one[start:].tolist() for one in (*columns, births.values))
     rows = [
         (*own, *(number(value) for value in values)) for *own, values in zip(*parts, strict=True)
     ]
-    names = [label(aim.name) + (f", {aim.unit}" if aim.unit else "") for aim in measures]
-    return Table(("id", "generation", "operator", "what became of it", *names), rows)
+    names = [label(aim.name) + (f", {aim.unit}" if aim.unit else "") for aim in births.logged]
+    return Table(("id", "generation", "operator", "state", *names), rows)
 
 
 # -- settings -------------------------------------------------------------------------------
 
 
-def measures(facts: Facts) -> Table:
-    every: list[Aim] = facts.told.logged
-    rows = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in every]
-    return Table(("measure", "unit", "what is wanted", "what it tells"), rows)
+def measures(births: Births) -> Table:
+    """The measures of the log."""
+    rows = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in births.logged]
+    return Table(("measure", "unit", "goal", "meaning"), rows)
 
 
-def turns(facts: Facts) -> Table:
-    return Table(("event", "when, UTC"), facts.times[-12:])
+def turns(run: Run) -> Table:
+    """The last starts, resumes, stops and ends of the run, in order."""
+    events = [event for event in run.events() if event.get("event") in TURNS]
+    rows = [(e["event"], str(e.get("time"))[:19].replace("T", " ")) for e in events]
+    return Table(("event", "when, UTC"), rows[-12:])
 
 
-def replaced(facts: Facts) -> Table:
-    """What the command line put in place of the recipe's values."""
-    rows = [(key, _plainly(value)) for key, value in facts.overrides.items()]
+def replaced(run: Run) -> Table:
+    """The values of the recipe that the command line replaced."""
+    rows = [(key, _text(value)) for key, value in overrides_of(run).items()]
     return Table(("replaced on the command line", "by"), rows)
 
 
-def provenance(facts: Facts) -> Table:
-    kept = {k: v for k, v in facts.run.provenance.items() if k != "header"}
-    return Table(("", ""), [(name, _plainly(value)) for name, value in kept.items()])
+def provenance(run: Run) -> Table:
+    """What provenance records."""
+    kept = {k: v for k, v in run.provenance.items() if k != "header"}
+    return Table(("", ""), [(name, _text(value)) for name, value in kept.items()])
 
 
-def _plainly(value) -> str:
+def _text(value) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_plainly(item)}" for key, item in value.items())
+        return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
     if isinstance(value, list):
-        return " ".join(map(_plainly, value))
+        return " ".join(map(_text, value))
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 # -- islands --------------------------------------------------------------------------------
 
 
-def of_islands(told: Islands) -> dict[str, Table]:
+def of_islands(islands: Islands) -> dict[str, Table]:
     """Settings, figures, homes and moves of the islands."""
     figures = ("hypervolume, by its goals", "born there", "living", "of them from elsewhere")
-    born = (f"born on {name}" for name in told.names)
+    born = (f"born on {name}" for name in islands.names)
     return {
-        "settings": Table(("island", "algorithm", "operators", "goals"), told.settings),
-        "figures": Table(("island", *figures, "algorithm tells"), told.figures),
-        "homes": Table(("living on", *born), [(name, *counts) for name, counts in told.homes]),
-        "moves": Table(("from", "to", "sent", "lived there after"), told.moves),
+        "settings": Table(("island", "algorithm", "operators", "goals"), islands.settings),
+        "figures": Table(("island", *figures, "figures of the algorithm"), islands.figures),
+        "homes": Table(("living on", *born), [(name, *counts) for name, counts in islands.homes]),
+        "moves": Table(("from", "to", "sent", "survived there"), islands.moves),
     }

@@ -1,12 +1,12 @@
-"""From code to place: a map's buildings as solids on their ground, in files that others open.
+"""Scenes in three dimensions: a map's buildings as solids on their ground, pictures and files.
 
-- `building`: `Scene`, what stands where
-- `library`, `likeness`, `substitution`: objects of real maps in place of buildings
+- `building`: `Scene`, the solids and surfaces of a map
+- `library`, `library_table`, `matching`, `substitution`: objects of real maps in place of buildings
 - `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
-- `picture`: a scene drawn, by kernels of its own
-- `writing`: a scene becomes a file, by its suffix
+- `picture`: axonometric pictures
+- `writers`: files, chosen by suffix
 
-`evocity.scene` is this module, and, called, `building.scene`.
+`evocity.scene` is this module; calling it calls `building.scene`.
 """
 
 import sys
@@ -16,7 +16,7 @@ from evocity.scene.building import Scene, scene
 from evocity.scene.library import Library
 from evocity.scene.lines import fabric_edges, facades, skyline, street_axes
 from evocity.scene.substitution import Substitution, substituted
-from evocity.scene.writing import SUFFIXES, check_suffix, suffix_of
+from evocity.scene.writers import SUFFIXES, check_suffix, suffix_of
 
 __all__ = [
     "SUFFIXES",
@@ -35,7 +35,7 @@ __all__ = [
 
 
 class _CallableModule(ModuleType):
-    # Python looks __call__ up on the class: only a class of its own lets one name serve both
+    # Python looks __call__ up on the class of the module
     def __call__(self, *args, **options):
         return scene(*args, **options)
 

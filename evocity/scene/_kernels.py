@@ -7,10 +7,11 @@ from evocity.accelerate import kernel
 
 @kernel
 def fill(corners, first, depth, surface):
-    """Draw triangles in front of each other: corners (t, 3, 3) = x to the right, y down, in px, and
-    z towards the viewer. depth (H, W) becomes the z of what is nearest at each pixel's centre,
-    surface (H, W) its triangle; of equal ones the first stays. Both go on from what they hold, and
-    are the rows from ``first`` on."""
+    """Draw triangles into a z-buffer.
+
+    corners (t, 3, 3): x to the right, y down, in px, and z towards the viewer. depth (H, W) keeps
+    the z of the nearest triangle at each pixel's centre, surface (H, W) its number; of equal ones
+    the first stays. Both keep former values, and are the rows from ``first`` on."""
     rows, columns = depth.shape
     for k in range(corners.shape[0]):
         ax, ay, az = corners[k, 0, 0], corners[k, 0, 1], corners[k, 0, 2]
@@ -25,7 +26,7 @@ def fill(corners, first, depth, surface):
         right = min(columns - 1, int(np.floor(max(ax, bx, cx) - 0.5)))
         for row in range(top, low + 1):
             y = first + row + 0.5
-            # where the row enters the triangle, and leaves it
+            # the row enters the triangle at start, and leaves it at end
             start, end = left + 0.5, right + 0.5
             for p, q in (((bx, by), (cx, cy)), ((cx, cy), (ax, ay)), ((ax, ay), (bx, by))):
                 slope = (p[1] - q[1]) / area
@@ -35,7 +36,7 @@ def fill(corners, first, depth, surface):
                         start = max(start, root)
                     else:
                         end = min(end, root)
-            # a pixel more at each end: what is within is told by the pixel itself
+            # a pixel more at each end: the test below decides
             first_column = max(left, int(min(start, right + 2.0) - 1.5))
             for column in range(first_column, min(right, int(max(end, left - 2.0) + 0.5)) + 1):
                 x = column + 0.5
@@ -51,9 +52,10 @@ def fill(corners, first, depth, surface):
 
 @kernel
 def light(depth, surface, first, onto, seen, bias, lit):
-    """lit (H, W) = whether the sun reaches what is at each pixel, of the rows from ``first`` on:
-    ``onto`` (3, 4) takes a pixel's x, y and z to those of the picture ``seen`` from the sun,
-    (h, w), the z of what is nearest there; ``bias`` (t,) is how much nearer another must be to cast
+    """Write lit (H, W): whether the sun reaches each pixel, of the rows from ``first`` on.
+
+    ``onto`` (3, 4) takes a pixel's x, y and z to those of the shadow map ``seen`` (h, w), the z of
+    the nearest surface from the sun. ``bias`` (t,): how much nearer another surface must be to cast
     a shadow on a triangle."""
     rows, columns = depth.shape
     high, wide = seen.shape
@@ -74,9 +76,8 @@ def light(depth, surface, first, onto, seen, bias, lit):
 
 @kernel
 def outlined(depth, surface, plane, jump, dark, edge):
-    """edge (H, W) = ``dark`` where a pixel is the last of its ``plane`` (t,) before another that
-    lies behind it, more than ``jump`` away, or turns off from it, 1 elsewhere; what is empty lies
-    behind."""
+    """Write edge (H, W): ``dark`` at the last pixels of a ``plane`` (t,), 1 elsewhere. The next
+    plane lies more than ``jump`` behind, or has another direction; empty pixels lie behind."""
     rows, columns = depth.shape
     for row in range(rows):
         for column in range(columns):
@@ -100,9 +101,11 @@ def outlined(depth, surface, plane, jump, dark, edge):
 
 @kernel
 def painted(surface, lit, edge, colours, picture, covered):
-    """picture (H, W, 3), 0…255, and covered (H, W), whether anything is there, of surface, lit and
-    edge, n times finer each way: colours (2, t + 1, 3) are those of a triangle in the shade and in
-    the sun, the last of what is empty; ``edge`` is what share of it is left."""
+    """Write picture (H, W, 3), 0…255, and covered (H, W), from surface, lit and edge, n times finer
+    each way.
+
+    colours (2, t + 1, 3): of each triangle in the shade and in the sun, the last of empty pixels;
+    ``edge`` multiplies them."""
     finer = surface.shape[0] // picture.shape[0]
     count = finer * finer
     for row in range(picture.shape[0]):
@@ -124,14 +127,15 @@ def painted(surface, lit, edge, colours, picture, covered):
 
 @kernel
 def shared(matrix, shape, where, edges, starts, grounds, begins):
-    """M² ``(n,)`` that objects share with grounds: row n is object ``shape[n]`` under ``matrix[n]``
-    (2, 3), x' = a x + b y + c, and ground ``where[n]``. ``edges`` (e, 4) = x, y, x', y' of sides
-    of all objects, shells against the clock, holes with it; object k has those from ``starts[k]``
-    to ``starts[k + 1]``. ``grounds`` and ``begins`` as well. Exact to rounding: some 1e-10 m² of
-    what lies within 1 km.
+    """Compute m² ``(n,)`` that objects share with grounds.
 
-    A polygon is what lies below its upper sides less what lies below its lower ones; so what two
-    share is a sum over pairs of sides, of what lies below both.
+    Row n is object ``shape[n]`` under ``matrix[n]`` (2, 3), x' = a x + b y + c, and ground
+    ``where[n]``. ``edges`` (e, 4) = x, y, x', y' of sides of all objects, shells counterclockwise,
+    holes clockwise; object k has those from ``starts[k]`` to ``starts[k + 1]``. ``grounds`` and
+    ``begins`` as well. Exact to rounding: some 1e-10 m² within 1 km.
+
+    A polygon is the area below its upper sides less the area below its lower ones. So the common
+    area is a sum over pairs of sides, of the area below both.
     """
     found = np.zeros(len(shape))
     most = 0
@@ -193,13 +197,15 @@ def shared(matrix, shape, where, edges, starts, grounds, begins):
 
 @kernel
 def tried(numbers, flips, shape, where, points, inside, sides, sizes, cells, low, step, areas):
-    """Float64 ``(n,)``: IoU of objects with buildings, less four times the share of the object that
-    lies where it must not, by points. Row n lays object ``shape[n]`` on building ``where[n]`` by
-    ``numbers[n]`` = radians, scale along and across, x and y of the middle; ``flips`` is -1 where
-    it is mirrored along. ``points`` (p, 2) are shares of a frame's sides from its middle, and
-    ``inside`` (objects, p) tells which lie in an object; its sides are ``sides`` (objects, 2), m,
-    its area ``sizes``. ``cells`` (buildings, h, w) = 0 where nothing may stand, 2 on the building,
-    1 else, from the corner ``low`` (x, y) on in steps of ``step``; ``areas`` are the buildings'."""
+    """Compute by points, float64 ``(n,)``, the IoU of objects with buildings, less four times the
+    object's share on forbidden ground.
+
+    Row n lays object ``shape[n]`` on building ``where[n]`` by ``numbers[n]`` = radians, scale along
+    and across, x and y of the middle; ``flips`` is -1 where it is mirrored along. ``points`` (p, 2)
+    are shares of a frame's sides from its middle, ``inside`` (objects, p) those in an object;
+    ``sides`` (objects, 2), m, and ``sizes`` are its sides and area. ``cells`` (buildings, h, w) = 0
+    on forbidden ground, 2 on the building, 1 else, from the corner ``low`` (x, y) on in steps of
+    ``step``; ``areas`` are the buildings'."""
     found = np.zeros(len(shape))
     high, wide = cells.shape[1], cells.shape[2]
     for n in range(len(shape)):

@@ -1,4 +1,4 @@
-"""What stands where: solids on straight walls, on their ground."""
+"""`Scene`: solids of a map's buildings and other objects on their ground."""
 
 import os
 from collections.abc import Mapping
@@ -11,16 +11,16 @@ import numpy as np
 import shapely
 
 from evocity.citymap import STOREY, CityMap
-from evocity.errors import MapError, plain_text, shown
+from evocity.errors import MapError, plain_text, spell
 from evocity.formats import About, Group
-from evocity.io.writing import save_picture, write_map
+from evocity.io.writers import check_place, open_output, save_picture, write_map
 from evocity.scene.library import Library
-from evocity.scene.picture import drawn, triangles
+from evocity.scene.picture import draw_scene, triangles
 from evocity.scene.substitution import Substitution, substituted
-from evocity.scene.writing import check_place, check_suffix, whole, write
+from evocity.scene.writers import check_suffix, write
 from evocity.views.buildings import outlines
 from evocity.views.classes import Classes, ClassTable
-from evocity.views.pieces import pieces
+from evocity.views.connected_components import pieces
 from evocity.views.walls import Walls, walls_of
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: The ground's colour and the streets', sRGB.
 _GROUND, _STREETS = (0.86, 0.84, 0.79), (0.66, 0.69, 0.74)
-#: What CityJSON calls an object of a class; all others are buildings.
+#: CityJSON's types of objects of a class; all others are buildings.
 _CITY_OBJECTS = {
     "furniture": "CityFurniture",
     "fountain": "CityFurniture",
@@ -36,7 +36,7 @@ _CITY_OBJECTS = {
     "tree": "SolitaryVegetationObject",
     "ground": "OtherConstruction",
 }
-#: Classes that share their name with the ground and the streets themselves.
+#: Names of classes that would equal those of the ground and the streets.
 _NAMED = {"ground": "ground-levelled", "street": "street-object"}
 
 
@@ -44,10 +44,10 @@ _NAMED = {"ground": "ground-levelled", "street": "street-object"}
 class Scene:
     """A map in three dimensions.
 
-    city : the map. walls : its buildings, as they were fitted. classes : what each is, and what is
-    lower than buildings. streets : whether they are surfaces of their own. substitution : objects
-    of a library in place of buildings, or None. measures : values of the map's measures, by name,
-    which files keep. storey : height by which storeys are counted, metres.
+    city : the map. walls : the fitted walls of its buildings. classes : the class of each building
+        and of each lower object. streets : whether streets are separate surfaces. substitution :
+        the `Substitution` of buildings by objects of a library, or None. measures : values of the
+        map's measures, by name, which files include. storey : height of a storey, metres.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -67,9 +67,8 @@ class Scene:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """Solids by kind: the ground and the streets, surfaces; buildings and whatever else stands
-        there, a group a class, from the ground to flat roofs. In metres from the map's south-west
-        corner."""
+        """Solids by kind, in metres from the map's south-west corner: the ground and the streets as
+        surfaces; buildings and other objects, a group for each class, with flat roofs."""
         ground = self._site
         flat = [("ground", _GROUND, ground, {}, "LandUse")]
         if self.streets:
@@ -96,7 +95,7 @@ class Scene:
         return np.array(outlines(labels, pixel, (0.0, deep)), dtype=object)
 
     def _roads(self, ground: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Surfaces of the streets that overlap nowhere, and the kind of each."""
+        """Make surfaces of the streets without overlaps, and the kind of each."""
         graph = self.city.street_graph
         standing = self.walls.polygons if self.substitution is None else self.substitution.polygons
         ribbons = self.local(np.array(graph.ribbons(standing), dtype=object))
@@ -116,26 +115,26 @@ class Scene:
         classes, walls = self.classes, self.walls
         polygons = np.array(walls.polygons, dtype=object)
         heights, which = walls.heights, classes.of_buildings[walls.buildings - 1]
-        told: dict[str, np.ndarray] = {"id": walls.buildings}
+        fields: dict[str, np.ndarray] = {"id": walls.buildings}
         laid = self.substitution
         if laid is not None:
             polygons, heights = laid.polygons, laid.heights
-            told["object"] = np.array([one or "" for one in laid.ids], dtype=object)
+            fields["object"] = np.array([name or "" for name in laid.ids], dtype=object)
         polygons = self.local(polygons)
-        told["area"] = np.round(shapely.area(polygons), 3)
+        fields["area"] = np.round(shapely.area(polygons), 3)
         storeys = np.floor(heights / self.storey + 0.5)
-        told["storeysAboveGround"] = np.maximum(storeys, 1).astype(int)
+        fields["storeysAboveGround"] = np.maximum(storeys, 1).astype(int)
         groups = []
         low = self._low
         for number, name in enumerate(classes.names):
             own, lower = which == number, low[2] == number
             if not (own.any() or lower.any() or name == "building"):
                 continue
-            columns = {key: column[own].tolist() for key, column in told.items()}
-            # objects lower than buildings have an area alone
+            columns = {key: column[own].tolist() for key, column in fields.items()}
+            # objects lower than buildings only have an area
             areas = np.round(shapely.area(low[0][lower]), 3).tolist()
             more = dict.fromkeys(columns, [None] * len(areas)) | {"area": areas}
-            columns = {key: one + more[key] for key, one in columns.items()}
+            columns = {key: values + more[key] for key, values in columns.items()}
             kinds = [_CITY_OBJECTS.get(name, "Building")] * int(own.sum())
             kinds += [_CITY_OBJECTS.get(name, "OtherConstruction")] * len(areas)
             group = Group(
@@ -152,7 +151,7 @@ class Scene:
 
     @property
     def _low(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Polygons, heights and classes of what is lower than buildings."""
+        """Polygons, heights and classes of objects lower than buildings."""
         classes, city = self.classes, self.city
         count, first = len(classes), classes.buildings
         if count == first:
@@ -161,21 +160,22 @@ class Scene:
         corner = (0.0, self._size[1])
         unknown = np.full(count - first, np.nan)
         heights = classes.height[first:]
-        found = walls_of(labels, heights, unknown, city.metres_per_pixel, corner, site=city.site)
-        kinds = classes.classes[first:][found.buildings - 1]
-        return np.array(found.polygons, dtype=object), found.heights, kinds
+        walls = walls_of(labels, heights, unknown, city.metres_per_pixel, corner, site=city.site)
+        kinds = classes.classes[first:][walls.buildings - 1]
+        return np.array(walls.polygons, dtype=object), walls.heights, kinds
 
     def local(self, polygons: np.ndarray) -> np.ndarray:
-        """``polygons`` of the map's reference system in metres from its south-west corner."""
+        """Convert polygons from the map's reference system to metres from the map's south-west
+        corner."""
         return shapely.transform(polygons, lambda points: points - self._offset)
 
     @cached_property
     def about(self) -> About:
         """Name, attribution, place and measures."""
-        from evocity.io.polygons import placing  # GDAL takes a tenth of a second to load
+        from evocity.io.footprint_files import placement  # GDAL takes a tenth of a second to load
 
         city = self.city
-        crs, center = placing(city)
+        crs, center = placement(city)
         window = (*center, city.metres_per_pixel)
         measures = {name: float(value) for name, value in self.measures.items()}
         credit = self._attribution
@@ -195,64 +195,67 @@ class Scene:
 
     @property
     def _attribution(self) -> str:
-        """Whom to thank for the map, and for the objects on it."""
+        """The attribution of the map and of the objects on it."""
         lines = self.city.attribution.split("; ")
         if self.substitution is not None:
             lines += self.substitution.attribution.split("; ")
         return plain_text("; ".join(line for line in dict.fromkeys(lines) if line))
 
     def picture(self, **how: Any) -> "Image.Image":
-        """An axonometric picture, with shadows: parallel lines stay parallel, and lengths along the
-        horizontal are true to the scale bar.
+        """Draw an axonometric picture with shadows. Parallel lines stay parallel, and the scale bar
+        is true along the horizontal.
 
-        width : px, of what is drawn, 16 to 8192; its height follows.
-        azimuth, tilt : where one looks to, degrees clockwise from north, and from how many degrees
-            above the horizon, 1 to 90, from where it is a plan.
-        sun : where the sun stands, degrees clockwise from north and above the horizon.
-        shadows : whether what stands in its light casts them.
-        colours : "heights", of roofs, on the scale of maps; or "classes".
-        highest : metres at which the colours of heights end; None for the map's own.
-        legend : add name, colour scale, scale bar, north, the sun, and the attribution. Without it
-            who shows the picture owes the attribution.
+        width : width of the drawing in px, 16 to 8192; the height follows from it.
+        azimuth, tilt : direction of the view in degrees clockwise from north, and its angle above
+            the horizon in degrees. The tilt is 1 to 90; 90 gives a plan.
+        sun : direction of the sun in degrees clockwise from north, and its angle above the horizon
+            in degrees.
+        shadows : whether objects cast shadows.
+        colours : "heights" colours roofs by their height, on the scale of maps; "classes" colours
+            objects by their class.
+        highest : height in metres at which the colour scale ends; None takes the map's own.
+        legend : whether to add the name, colour scale, scale bar, north arrow, sun and attribution.
+            Without the legend the caller must show the attribution.
 
-        Raises `MapError` for what these cannot be. Source: the z-buffer, Catmull 1974; shadows by a
-        second one from the sun, Williams 1978. About .2 s for a dense map of 256².
+        Raises `MapError` for values out of range. Sources: the z-buffer is by Catmull 1974; shadows
+        by a second z-buffer from the sun are by Williams 1978. A dense map of 256² takes about .2
+        s.
         """
-        return drawn(self._thanked, self.groups, **how)
+        return draw_scene(self._credited_city, self.groups, **how)
 
     def triangles(
         self, colours: str = "heights", highest: float | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """All surfaces, to be drawn elsewhere: corners, float32 ``(t, 3, 3)``, metres from the
-        south-west corner, x to the east, y to the north, z up, against the clock as seen from
-        outside; and of each its colour, uint8 ``(t, 3)``. ``colours`` and ``highest`` as of
-        `picture`, which raises the same errors.
+        """Return all surfaces as triangles: their corners and their colours. Corners are float32
+        ``(t, 3, 3)`` in metres from the south-west corner. There x runs to the east, y to the
+        north, and z up. From outside they run counterclockwise. Colours are uint8 ``(t, 3)``. The
+        parameters and errors are as in `picture`.
         """
         return triangles(self.city, self.groups, colours, highest)
 
     def write(self, path: str | os.PathLike, **how: Any) -> None:
-        """Write the scene; the end of ``path`` chooses the format: `evocity.scene.SUFFIXES`. A .png
-        is drawn as ``how`` tells `picture`.
+        """Write the scene. The suffix of ``path`` chooses the format, one of
+        `evocity.scene.SUFFIXES`. For a ``.png``, ``how`` holds the options of `picture`.
 
-        Raises `MapError` for another end, no such folder, or where nothing can be written. Nothing
-        half-written is left, and a file that was there stays as it was.
+        Raises `MapError` for any other suffix, a missing folder, or a file that cannot be written.
+        If writing fails, no partial file remains, and a previous file stays as it was.
         """
         path = Path(path)
         suffix = check_suffix(path)
         if suffix == ".gpkg":
             walls, more = self._footprints
-            write_map(self._thanked, path, streets=self.streets, walls=walls, columns=more)
+            write_map(self._credited_city, path, streets=self.streets, walls=walls, columns=more)
         elif suffix == ".png":
             check_place(path)
             picture = self.picture(**how)
-            with whole(path) as temporary:
-                save_picture(picture, self._thanked, self.city.name, temporary)
+            with open_output(path) as temporary:
+                save_picture(picture, self._credited_city, self.city.name, temporary)
         else:
             write(self.groups, self.about, path)
 
     @property
-    def _thanked(self) -> CityMap:
-        """The map with the attribution of all that stands on it."""
+    def _credited_city(self) -> CityMap:
+        """The map with the attribution of all objects on it."""
         credit = self._attribution
         return (
             self.city
@@ -262,7 +265,7 @@ class Scene:
 
     @property
     def _footprints(self) -> tuple[Walls, dict[str, np.ndarray]]:
-        """What stands where, as `write_map` takes it, and columns of it: class and object."""
+        """The footprints as `write_map` takes them, with columns: class and object."""
         walls, classes = self.walls, self.classes
         names = np.array(classes.names, dtype=object)
         columns = {"class": names[classes.of_buildings[walls.buildings - 1]]}
@@ -270,12 +273,12 @@ class Scene:
         if laid is not None:
             polygons = tuple(laid.polygons)
             walls = replace(walls, polygons=polygons, heights=laid.heights)
-            columns["object"] = np.array([one or "" for one in laid.ids], dtype=object)
+            columns["object"] = np.array([name or "" for name in laid.ids], dtype=object)
         return walls, columns
 
 
 def _parts(shape: shapely.Geometry) -> np.ndarray:
-    """The polygons of what was made of polygons: shared points and lines are left out."""
+    """Return the polygons in a result of an overlay, without its points and lines."""
     parts = shapely.get_parts(np.atleast_1d(shape))
     parts = shapely.get_parts(parts)
     return parts[(shapely.get_type_id(parts) == 3) & (shapely.area(parts) > 1e-6)]
@@ -291,33 +294,34 @@ def scene(
     measures: Mapping[str, float] | None = None,
     **how: Any,
 ) -> Scene:
-    """A map in three dimensions: its buildings as solids with floors, walls and flat roofs, what
-    is lower than buildings, and its ground.
+    """Make a scene of a map, with its ground, its lower objects, and its buildings. Each building
+    is a solid with a floor, walls and a flat roof.
 
-    classes : what is told apart, and in which colours, or the path of its TOML file; None for the
-        seven of this package.
-    library : objects that take the place of buildings where they fit, or their folder; which of
-        several that fit alike, ``rng`` draws (None: of the seed 0).
-    streets : whether the streets are surfaces of their own.
+    classes : a table of classes and their colours, or the path of its TOML file. None takes the
+        seven classes of this package.
+    library : a `Library` of objects that replace buildings where they fit, or its folder. The
+        generator ``rng`` chooses at random between equal fits; None takes seed 0.
+    streets : whether the streets are separate surfaces.
     measures : values of the map's measures, by name, which CityJSON keeps as attributes.
-    ``how`` the walls are fitted: ``detail``, ``relative``, ``squared``, ``storeys``, ``least_area``
-        of `CityMap.walled`, which raises `MapError` for what they cannot be.
+    how : options for the walls: ``detail``, ``relative``, ``squared``, ``storeys`` and
+        ``least_area`` of `CityMap.walled`. `CityMap.walled` raises `MapError` for values out of
+        range.
     """
     if not isinstance(city, CityMap):
         raise MapError(
-            f"a scene of {shown(city)}",
+            f"a scene cannot be made of {spell(city)}",
             "a CityMap",
-            "read it first, with evocity.read_map(…), or evocity.decode(genome).city",
+            "read a map with evocity.read_map(…), or decode a genome: evocity.decode(genome).city",
         )
     if isinstance(classes, str | os.PathLike):
         classes = ClassTable.read(classes)
     if isinstance(library, str | os.PathLike):
         library = Library.read(library)
     walls = city.walled(**how) if how else city.walls
-    found = city.classes if classes is None else city.classified(classes)
+    table = city.classes if classes is None else city.classified(classes)
     laid = None
     if library is not None:
         rng = np.random.default_rng(0) if rng is None else rng
-        laid = substituted(city, library, rng, walls=walls, classes=found)
+        laid = substituted(city, library, rng, walls=walls, classes=table)
     storey = how.get("storeys") or STOREY
-    return Scene(city, walls, found, streets, laid, measures or {}, storey)
+    return Scene(city, walls, table, streets, laid, measures or {}, storey)

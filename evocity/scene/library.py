@@ -1,8 +1,9 @@
-"""A library of objects: footprints with heights, to stand where generated buildings are."""
+"""`Library`: objects, as footprints with heights, that may replace generated buildings."""
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -10,34 +11,28 @@ import scipy
 import shapely
 
 from evocity.citymap import CityMap, ClassTable
-from evocity.errors import MapError, keyword, shown, with_near_miss
-from evocity.scene.library_table import (
-    COLUMNS,
-    LAYER,
-    TABLE,
-    TALLEST,
-    check_ids,
-    read_table,
-    write_table,
-)
+from evocity.errors import MapError, add_near_miss, keyword, spell
+from evocity.scene.library_table import COLUMNS, check_ids, read_table, write_table
 
-#: Footprints under this area, m², are no objects: as `evocity.views.buildings.CRUMB`.
+#: The least area of an object, m²: as `evocity.views.buildings.CRUMB`.
 LEAST = 24.0
+# The columns of a library that are arrays; the others are tuples of texts.
+_ARRAYS = {"polygons": object, "heights": np.float64, "attached": bool}
 
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """Objects that may stand where generated buildings are.
+    """Objects that may replace generated buildings.
 
-    ids : of each object, n texts, none twice.
-    classes : of each, its class, as `CityMap.classes` names it.
-    polygons : objects ``(n,)``, valid shapely polygons, metres about their centroids, x to the
-        east, y to the north.
-    heights : float64 ``(n,)``, metres.
-    atmospheres : what kind of place each is of, in words; "" for none.
-    licences, attributions : under which licence each may be used, and the line that it asks for;
-        that may be "".
-    attached : bool ``(n,)``: whether it stands wall to wall with others.
+    ids : the ids of the n objects, all different texts.
+    classes : the class of each object, as in `CityMap.classes`.
+    polygons : the footprints, objects ``(n,)``. They are valid shapely polygons in metres about
+        their centroids, x to the east, y to the north.
+    heights : the height of each object in metres, float64 ``(n,)``.
+    atmospheres : the kind of place that each object suits, in words; "" for no kind.
+    licences, attributions : the licence of each object, and the attribution line that the licence
+        requires, which may be "".
+    attached : bool ``(n,)``: whether the object touches neighbouring buildings wall to wall.
 
     >>> import numpy as np, evocity
     >>> from evocity.scene.library import Library
@@ -71,31 +66,33 @@ class Library:
         attached: bool = True,
         table: ClassTable | None = None,
     ) -> "Library":
-        """The buildings of a map as objects, named by the map's name and their number there.
+        """Make one object of each building of a map. The id of an object is the map's name and the
+        building's number.
 
-        Their footprints are those of `CityMap.walls`, their classes those of `CityMap.classes`, or
-        by another ``table``. Left out are those under `LEAST` m², and what the map's border cuts.
+        The footprints are the polygons of `CityMap.walls`. The classes are those of
+        `CityMap.classes`, or of a table of your own. Buildings under `LEAST` m², and buildings that
+        the map's border cuts, are left out.
 
         Parameters
         ----------
-        licence : under which the map may be used, such as ``ODbL-1.0``.
-        attribution : the line it asks for; None for the map's own.
-        attached : whether those that stand wall to wall are taken too.
+        licence : the licence of the map, for example ``ODbL-1.0``.
+        attribution : the attribution line that the licence requires; None takes the map's own.
+        attached : whether to include buildings that stand wall to wall.
 
-        Raises `MapError` without a licence.
+        Raises `MapError` if there is no licence.
         """
         if not licence.strip():
             raise MapError(
-                f"{city.name} without a licence",
-                "the licence that its source gives it",
-                f'name it with {keyword("licence")}, such as "ODbL-1.0" or "CC0-1.0"',
+                f"{city.name} has no licence",
+                "the licence under which the map was published",
+                f'give the licence with {keyword("licence")}, for example "ODbL-1.0" or "CC0-1.0"',
             )
         walls, classes = city.walls, city.classified(table)
         polygons = np.array(walls.polygons, dtype=object)
         beside = np.zeros(len(polygons), bool)
         one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
         beside[one[one != other]] = True
-        kept = (shapely.area(polygons) >= LEAST) & ~_cut(city, polygons)
+        kept = (shapely.area(polygons) >= LEAST) & ~_cut_by_border(city, polygons)
         _, first, twice = np.unique(walls.buildings, return_index=True, return_counts=True)
         kept[np.setdiff1d(np.arange(len(polygons)), first[twice == 1])] = False
         if not attached:
@@ -106,7 +103,7 @@ class Library:
         return cls(
             tuple(f"{city.name}-{number}" for number in numbers),
             tuple(classes.names[k] for k in classes.of_buildings[numbers - 1]),
-            _centred(polygons[chosen]),
+            _center(polygons[chosen]),
             np.round(walls.heights[chosen], 3),
             (atmosphere,) * count,
             (licence.strip(),) * count,
@@ -116,55 +113,42 @@ class Library:
 
     @classmethod
     def joined(cls, libraries: "Iterable[Library]") -> "Library":
-        """All objects of several libraries. Raises `MapError` where an id is there twice."""
+        """Join several libraries. Raises `MapError` if an id occurs twice."""
         every = list(libraries)
-        ids = [one for library in every for one in library.ids]
-        check_ids(ids, "libraries to be joined")
-
-        def texts(name: str) -> tuple[str, ...]:
-            return tuple(text for library in every for text in getattr(library, name))
-
-        def arrays(name: str, kind) -> np.ndarray:
-            return np.concatenate([np.empty(0, kind), *(getattr(one, name) for one in every)])
-
-        return cls(
-            tuple(ids),
-            texts("classes"),
-            arrays("polygons", object),
-            arrays("heights", np.float64),
-            texts("atmospheres"),
-            texts("licences"),
-            texts("attributions"),
-            arrays("attached", bool),
-        )
+        check_ids([name for library in every for name in library.ids], "libraries to be joined")
+        columns = []
+        for column in fields(cls):
+            parts = [getattr(library, column.name) for library in every]
+            kind = _ARRAYS.get(column.name)
+            columns.append(
+                tuple(chain(*parts))
+                if kind is None
+                else np.concatenate([np.empty(0, kind), *parts])
+            )
+        return cls(*columns)
 
     def only(self, chosen: Sequence[int] | np.ndarray) -> "Library":
-        """Some of the objects: numbers, or bool ``(n,)``."""
+        """Select objects by their numbers, or by a mask, bool ``(n,)``."""
         at = np.arange(len(self))[np.asarray(chosen)]
-
-        def texts(column: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(column[k] for k in at)
-
-        return replace(
-            self,
-            ids=texts(self.ids),
-            classes=texts(self.classes),
-            polygons=self.polygons[at],
-            heights=self.heights[at],
-            atmospheres=texts(self.atmospheres),
-            licences=texts(self.licences),
-            attributions=texts(self.attributions),
-            attached=self.attached[at],
+        columns = (getattr(self, column.name) for column in fields(self))
+        return Library(
+            *(
+                column[at] if isinstance(column, np.ndarray) else tuple(column[k] for k in at)
+                for column in columns
+            )
         )
 
     def of_atmosphere(self, atmosphere: str) -> "Library":
-        """The objects of one ``atmosphere``. Raises `MapError` where none has it."""
+        """Select the objects with this ``atmosphere``, the kind of place they suit. Raises
+        `MapError` if no object has it."""
         chosen = [k for k, own in enumerate(self.atmospheres) if own == atmosphere]
         if not chosen:
-            known = ", ".join(sorted(map(shown, set(self.atmospheres))))
+            known = ", ".join(sorted(map(spell, set(self.atmospheres))))
             raise MapError(
-                with_near_miss(
-                    f"no object of the atmosphere {shown(atmosphere)}", atmosphere, self.atmospheres
+                add_near_miss(
+                    f"no object of the atmosphere {spell(atmosphere)}",
+                    atmosphere,
+                    self.atmospheres,
                 ),
                 f"one of {known}",
                 "choose one of them, or leave it out",
@@ -173,20 +157,20 @@ class Library:
 
     @classmethod
     def read(cls, folder: str | os.PathLike) -> "Library":
-        """The library in a ``folder``: the layer `LAYER` of its `TABLE`, a GeoPackage.
+        """Read the library in a folder, from the layer `LAYER` of its GeoPackage `TABLE`.
 
-        Footprints are polygons in metres, wherever they lie; the columns are `COLUMNS`.
+        Footprints are polygons in metres at any place; the columns are `COLUMNS`.
 
-        Raises `MapError`, naming the object, if there is no such folder, table, layer or column;
-        for an id that is missing or there twice; a footprint that is open, invalid or in degrees; a
-        height that is none of up to `TALLEST` metres; a class or licence that is missing; a column
-        ``path`` that names a mesh, wherever it lies.
+        Raises `MapError`, which names the object. Causes are a missing folder, table, layer,
+        column, class or licence, and a missing or repeated id. A footprint may be open, invalid or
+        in degrees. A height may be outside 0 to `TALLEST` metres, and a column ``path`` may name a
+        mesh.
         """
         polygons, columns = read_table(Path(folder))
         return cls(
             tuple(columns["id"]),
             tuple(columns["class"]),
-            _centred(polygons),
+            _center(polygons),
             columns["height"],
             tuple(columns["atmosphere"]),
             tuple(columns["licence"]),
@@ -195,35 +179,33 @@ class Library:
         )
 
     def write(self, folder: str | os.PathLike) -> Path:
-        """Write the table into a ``folder``, which is made if its own folder is there; a table that
-        is there is written over. Objects lie beside each other, to be looked at in a GIS. Returns
-        the table's path; raises `MapError` where it cannot be written."""
-        told = (self.ids, self.classes, self.heights, self.atmospheres, self.licences)
-        told += (self.attributions, self.attached)
-        return write_table(Path(folder), self.polygons, dict(zip(COLUMNS, told, strict=True)))
+        """Write the library's table into a folder, and return the path of the table. The method
+        creates the folder in an existing one, and overwrites a table there. Objects lie next to
+        each other, so that a GIS shows them all. Raises `MapError` if the table cannot be
+        written."""
+        values = (self.ids, self.classes, self.heights, self.atmospheres, self.licences)
+        values += (self.attributions, self.attached)
+        return write_table(Path(folder), self.polygons, dict(zip(COLUMNS, values, strict=True)))
 
 
-def _cut(city: CityMap, polygons: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: which polygons the border of a map, or of its site, cuts."""
+def _cut_by_border(city: CityMap, polygons: np.ndarray) -> np.ndarray:
+    """Tell, bool ``(n,)``, which polygons the border of a map, or of its site, cuts."""
     side, grain = city.metres_per_pixel, 1e-6
     if city.site is not None:
         inner = scipy.ndimage.binary_erosion(city.site)
         labels = np.unique(city.building_labels[~inner])
         return np.isin(city.walls.buildings, labels)
-    left, top = city.origin or (0.0, city.shape[0] * side)
+    left, top = city.north_west
     right, bottom = left + city.shape[1] * side, top - city.shape[0] * side
     west, south, east, north = shapely.bounds(polygons).reshape(-1, 4).T
     within = (west > left + grain) & (east < right - grain)
     return ~(within & (south > bottom + grain) & (north < top - grain))
 
 
-def _centred(polygons: np.ndarray) -> np.ndarray:
-    """The polygons about their centroids, to the millimetre, as valid as they were."""
+def _center(polygons: np.ndarray) -> np.ndarray:
+    """Move polygons to their centroids, to the millimetre, so that they stay valid."""
     moved = np.empty(len(polygons), object)
     for k, polygon in enumerate(polygons):
         x, y = np.round(shapely.get_coordinates(shapely.centroid(polygon))[0], 3)
         moved[k] = shapely.transform(polygon, lambda points, at=(x, y): points - at)
     return moved
-
-
-__all__ = ["COLUMNS", "LAYER", "LEAST", "TABLE", "TALLEST", "Library"]

@@ -1,4 +1,4 @@
-"""The table of a library's folder: one object a row, checked before any is taken."""
+"""The table of a library's folder, a GeoPackage: an object in each row, checked on reading."""
 
 import math
 import warnings
@@ -10,29 +10,29 @@ import shapely
 
 from evocity.errors import MapError
 from evocity.files import whole_file
-from evocity.views.walls.coverage import pinched
+from evocity.views.walls.coverage import find_pinched
 
 #: The table of a library's folder, and its layer.
 TABLE, LAYER = "objects.gpkg", "objects"
-#: What the table tells of each object besides its footprint; the last two may be left out.
+#: The columns of the table besides the footprint; the last two are optional.
 COLUMNS = ("id", "class", "height", "atmosphere", "licence", "attribution", "attached")
-#: No object is higher, metres: as `read_map` has it.
+#: The greatest height of an object, metres: as for `read_map`.
 TALLEST = 1000.0
 
 _NEEDED = ("id", "class", "height", "atmosphere", "licence")
-# Metres that lie nowhere on Earth.
+# Metres without a place on Earth.
 _METRES = (
     'ENGCRS["metres of a library of objects",EDATUM["none"],CS[Cartesian,2],'
     'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
 )
-# Metres left between objects where the table lays them out beside each other.
+# Metres between objects in the table's layout.
 _APART = 5.0
 
 
 def read_table(folder: Path) -> tuple[np.ndarray, dict[str, list | np.ndarray]]:
-    """Valid polygons of the objects in a library's ``folder``, and by name its `COLUMNS`.
+    """Read the valid polygons of the objects in a library's ``folder``, and its `COLUMNS` by name.
 
-    Raises `MapError` as `Library.read` tells.
+    Raises `MapError` as `Library.read`.
     """
     path = folder / TABLE
     shapes, fields, crs = _layer(folder, path)
@@ -40,9 +40,9 @@ def read_table(folder: Path) -> tuple[np.ndarray, dict[str, list | np.ndarray]]:
     missing = [name for name in _NEEDED if name not in fields]
     if missing:
         raise MapError(
-            f"{path}: no column {', '.join(missing)}",
+            f"{path}: these columns are missing: {', '.join(missing)}",
             f"the columns {', '.join(_NEEDED)}",
-            "add what is missing; evocity library new makes such a table",
+            "add the missing columns; evocity library new makes a table with all columns",
         )
     ids = _texts(fields["id"])
     check_ids(ids, str(path))
@@ -53,18 +53,20 @@ def read_table(folder: Path) -> tuple[np.ndarray, dict[str, list | np.ndarray]]:
     attached = fields.get("attached", np.zeros(count, bool))
     columns = {
         "id": ids,
-        "class": _told(fields["class"], names, "class", "building, or another class"),
+        "class": _required_texts(fields["class"], names, "class", "building, or another class"),
         "height": _heights(fields["height"], names),
         "atmosphere": _texts(fields["atmosphere"]),
-        "licence": _told(fields["licence"], names, "licence", "the licence it may be used under"),
+        "licence": _required_texts(
+            fields["licence"], names, "licence", "the licence it may be used under"
+        ),
         "attribution": _texts(fields.get("attribution", empty)),
         "attached": np.array([one in (True, 1) for one in attached], bool),
     }
-    return _checked(shapes, names), columns
+    return _check_polygons(shapes, names), columns
 
 
 def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]) -> Path:
-    """Write a table into a ``folder`` as `Library.write` tells; its path."""
+    """Write a table into a ``folder`` as `Library.write`; return its path."""
     kinds = {"height": float, "attached": bool}
     import pyogrio  # which loads pandas, if it is there
 
@@ -73,10 +75,10 @@ def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]
     try:
         folder.mkdir(exist_ok=True)
         with whole_file(folder / TABLE) as temporary, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GDAL's, of an empty layer
+            warnings.simplefilter("ignore")  # GDAL warns of an empty layer
             pyogrio.raw.write(
                 temporary,
-                geometry=shapely.to_wkb(_laid_out(polygons)),
+                geometry=shapely.to_wkb(_lay_out(polygons)),
                 field_data=fields,
                 fields=list(COLUMNS),
                 layer=LAYER,
@@ -85,29 +87,31 @@ def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]
                 crs=_METRES,
                 layer_options={"DESCRIPTION": thanks},
             )
-    except _trouble() as error:
+    except _file_errors() as error:
         raise MapError(
             f"{str(folder / TABLE)!r} cannot be written: {error}",
-            "a folder this user may write to, in one that is there",
+            "a folder that you may write to, inside an existing folder",
             "check the path, permissions and free space, or choose another place",
         ) from error
     return folder / TABLE
 
 
 def check_ids(ids: Sequence[str], where: str) -> None:
+    """Raise `MapError` for a missing or repeated id."""
     seen = set()
     for number, one in enumerate(ids, 1):
         if not one:
-            raise MapError(f"{where}: row {number} without an id", "an id each", "give it one")
+            raise MapError(f"{where}: row {number} has no id", "an id in each row", "add an id")
         if one in seen:
             raise MapError(
-                f"{where}: id {one} twice", "an id of its own each", "rename one of them"
+                f"{where}: id {one} occurs twice",
+                "a different id for each object",
+                "change one of the two ids",
             )
         seen.add(one)
 
 
-def _laid_out(polygons: np.ndarray) -> np.ndarray:
-    """The polygons beside each other in rows, in their order."""
+def _lay_out(polygons: np.ndarray) -> np.ndarray:
     laid = np.empty(len(polygons), object)
     if not len(polygons):
         return laid
@@ -125,49 +129,52 @@ def _laid_out(polygons: np.ndarray) -> np.ndarray:
 
 
 def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray], str | None]:
-    """Footprints as WKB, columns by name, and the reference system."""
+    """Read the footprints as WKB, the columns by name, and the reference system."""
     import pyogrio
 
-    from evocity.io.computed import check_views
-    from evocity.io.sources import content_of
+    from evocity.io.geopackage_sql import check_views
+    from evocity.io.reader_types import content_of
 
     if not path.is_file():
         what = "no table in it" if folder.is_dir() else "no such folder"
         raise MapError(
             f"{str(folder)!r}: {what}",
-            f"the folder of a library, with {TABLE} in it",
-            "make one with: evocity library new MAP… -o FOLDER",
+            f"a folder of a library, which contains {TABLE}",
+            "make a library with: evocity library new MAP… -o FOLDER",
         )
     try:
         with open(path, "rb") as file:
             content = content_of(file.read(1024))
         if content != "SQLite (GeoPackage)":
             raise MapError(
-                f"{path} holds {content}", "a GeoPackage", "export the table again as one"
+                f"{path} holds {content}", "a GeoPackage", "export the table again as a GeoPackage"
             )
         check_views(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if LAYER not in [str(name) for name, _ in pyogrio.list_layers(path)]:
-                raise MapError(f"{path}: no layer {LAYER}", f"a layer {LAYER}", "rename the layer")
+                raise MapError(
+                    f"{path}: there is no layer {LAYER}",
+                    f"a layer with the name {LAYER}",
+                    "rename the layer",
+                )
             meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
-    except (*_trouble(), UnicodeDecodeError) as error:
+    except (*_file_errors(), UnicodeDecodeError) as error:
         raise MapError(
             f"{path} cannot be read: {[*str(error).splitlines(), 'it is damaged'][0][:200]}",
-            "a whole GeoPackage",
-            "make or export it again; it may have been cut off",
+            "a complete GeoPackage",
+            "make or export the file again; it may be cut off",
         ) from error
     if shapes is None:
         raise MapError(
-            f"{path}: no footprints in its layer {LAYER}",
+            f"{path}: its layer {LAYER} has no footprints",
             "a polygon for each object",
             "export the table again, with its geometry",
         )
     return shapes, dict(zip(map(str, meta["fields"]), columns, strict=True)), meta["crs"]
 
 
-def _trouble() -> tuple[type[Exception], ...]:
-    """What is raised where a file cannot be read or written."""
+def _file_errors() -> tuple[type[Exception], ...]:
     from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, GeometryError
     from pyproj.exceptions import CRSError
 
@@ -175,7 +182,6 @@ def _trouble() -> tuple[type[Exception], ...]:
 
 
 def _check_metres(path: Path, crs: str | None) -> None:
-    """Raise if a table says that it is in other units than metres."""
     if crs is None:
         return
     from pyproj import CRS
@@ -187,14 +193,13 @@ def _check_metres(path: Path, crs: str | None) -> None:
         axes = []
     if any(not math.isclose(axis.unit_conversion_factor, 1.0) for axis in axes[:2]):
         raise MapError(
-            f"{path}: footprints in {axes[0].unit_name}",
+            f"{path}: its footprints are in {axes[0].unit_name}",
             "footprints in metres",
-            "project them to a system of metres first",
+            "project the footprints to a reference system in metres first",
         )
 
 
-def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Valid polygons of WKB."""
+def _check_polygons(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
     polygons = shapely.from_wkb(shapes, on_invalid="ignore")
     wanted = "a closed polygon that does not cross itself, metres"
     for polygon, name in zip(polygons, names, strict=True):
@@ -206,12 +211,12 @@ def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
         if not (polygon.is_valid and polygon.area > 0 and np.isfinite(polygon.bounds).all()):
             reason = shapely.is_valid_reason(polygon) if polygon.area > 0 else "no area"
             raise MapError(f"{name}: an invalid footprint, {reason}", wanted, "repair it")
-        if pinched(np.array([polygon]))[0]:
+        if find_pinched(np.array([polygon]))[0]:
             raise MapError(
-                f"{name}: a footprint that comes to one point twice, as where a courtyard touches "
-                "a wall",
-                "one whose walls stand apart, of which a solid can be made",
-                "move that corner by some centimetres, or open the courtyard",
+                f"{name}: a point of the footprint occurs twice, for example where a courtyard "
+                "touches a wall",
+                "a footprint whose walls do not touch, as a solid needs",
+                "move the point by some centimetres, or open the courtyard",
             )
     parts = [one.geoms[0] if one.geom_type == "MultiPolygon" else one for one in polygons]
     found = np.empty(len(parts), object)
@@ -220,41 +225,44 @@ def _checked(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
 
 
 def _heights(column: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    heights = np.array([_number(told) for told in column.tolist()], dtype=np.float64)
-    for height, told, name in zip(heights, column, names, strict=True):
+    heights = np.array([_number(value) for value in column.tolist()], dtype=np.float64)
+    for height, value, name in zip(heights, column, names, strict=True):
         if not 0 < height <= TALLEST:
             raise MapError(
-                f"{name}: a height of {told}", f"metres, above 0, at most {TALLEST:g}", "correct it"
+                f"{name}: the height {value} is out of range",
+                f"metres above 0, at most {TALLEST:g}",
+                "correct the height",
             )
     return heights
 
 
-def _number(told: object) -> float:
+def _number(value: object) -> float:
     try:
-        return float(told)
+        return float(value)
     except (TypeError, ValueError):
         return math.nan
 
 
 def _texts(column: np.ndarray) -> list[str]:
-    """A column as texts; "" where it has nothing."""
+    """Return a column as texts; "" for missing values."""
     return ["" if one is None or one != one else str(one).strip() for one in column.tolist()]
 
 
-def _told(column: np.ndarray, names: Sequence[str], what: str, expected: str) -> tuple[str, ...]:
+def _required_texts(
+    column: np.ndarray, names: Sequence[str], what: str, expected: str
+) -> tuple[str, ...]:
     texts = _texts(column)
     for text, name in zip(texts, names, strict=True):
         if not text:
-            raise MapError(f"{name} without a {what}", expected, f"tell it in the column {what}")
+            raise MapError(f"{name} without a {what}", expected, f"fill the column {what}")
     return tuple(texts)
 
 
 def _check_no_meshes(column: np.ndarray, names: Sequence[str]) -> None:
-    """Raise where a column ``path`` names a mesh: nothing would come of it."""
-    for told, name in zip(_texts(column), names, strict=True):
-        if told:
+    for path, name in zip(_texts(column), names, strict=True):
+        if path:
             raise MapError(
-                f"{name}: a mesh in the path {told!r}",
-                "a footprint with a height: no file beside the table is opened",
-                "leave the column path out",
+                f"{name}: its path {path!r} names a mesh",
+                "a footprint with a height, since a library has no files of meshes",
+                "remove the column path",
             )

@@ -1,7 +1,7 @@
-"""The lines of a city as polylines: the edge of its fabric, its skyline, its façades, its streets.
+"""Polylines of a city: the edge of its fabric, its skyline, its façades, its streets.
 
-Each is float ``(n, 2)``, as `evocity.shapes` takes lines: x to the east and y to the north, in the
-map's reference system if it has a place on Earth, else metres from its south-west corner.
+Each is float ``(n, 2)``, as for `evocity.shapes`: x to the east and y to the north, in the map's
+reference system if it has a place on Earth, else metres from its south-west corner.
 """
 
 import math
@@ -13,10 +13,10 @@ import shapely
 from evocity.citymap import CityMap
 from evocity.errors import MapError, setting
 from evocity.views.buildings import outlines
+from evocity.views.connected_components import pieces
 from evocity.views.ground.distance import nearest_built
-from evocity.views.pieces import pieces
 
-#: Gaps narrower than twice this, metres, are within the fabric.
+#: Gaps narrower than twice this, metres, belong to the fabric.
 REACH = 12.0
 #: Lines shorter than this, metres, are left out.
 SHORTEST = 50.0
@@ -25,20 +25,19 @@ SHORTEST = 50.0
 def fabric_edges(
     city: CityMap, reach: float = REACH, shortest: float = SHORTEST
 ) -> list[np.ndarray]:
-    """Closed lines about the fabric and about the open ground in it, the longest first.
+    """Trace closed lines around the fabric and around the open ground inside it, the longest first.
 
-    The fabric is what is built and what lies within ``reach`` metres of it, but for what lies as
-    near to the ground beyond (a closing by discs). Lines run from middle to middle of the sides of
-    pixels, so that what slants has no stairs; where the fabric goes on beyond the map, its frame is
-    the edge. Lines shorter than ``shortest`` metres are left out.
+    The fabric is a morphological closing of the built pixels by discs of radius ``reach`` in
+    metres. Lines run between the middles of the pixels' sides, so that slanted edges have no steps.
+    Along the map's border, the border is the edge. Lines shorter than ``shortest`` metres are left
+    out.
 
-    Raises `MapError` for numbers below 0, and for a map on which nothing is built.
+    Raises `MapError` for numbers below 0, and if the map has no buildings.
     """
     _check(reach=reach, shortest=shortest)
     if not city.built.any():
-        raise _nothing(city)
+        raise _nothing_built(city)
     pixel = city.metres_per_pixel
-    corner = city.origin or (0.0, city.shape[0] * pixel)
     wide = math.ceil(reach / pixel) + 2
     squared = (reach / pixel) ** 2
     built = np.pad(city.built, wide)
@@ -47,19 +46,19 @@ def fabric_edges(
     fabric = pieces(closed[wide:-wide, wide:-wide])[0]
     rings = [
         ring
-        for polygon in outlines(fabric.astype(np.int32), pixel, corner)
+        for polygon in outlines(fabric.astype(np.int32), pixel, city.north_west)
         for part in shapely.get_parts(polygon)
         for ring in (part.exterior, *part.interiors)
     ]
-    return _longest([_between_middles(ring, pixel) for ring in rings], shortest)
+    return _clean_lines([_between_middles(ring, pixel) for ring in rings], shortest)
 
 
 def skyline(city: CityMap, bearing: float) -> np.ndarray:
-    """The outline of the roofs against the sky, seen from far away towards a ``bearing``, degrees
-    from north by east: float ``(n, 2)``, metres from left to right and metres of height, a point a
-    pixel's width.
+    """Trace the outline of the roofs against the sky, as seen from far away. The view goes towards
+    a ``bearing``, in degrees from north by east. Return float ``(n, 2)``, metres from left to right
+    and metres of height, with a point for each pixel's width.
 
-    Each pixel hides all of the width that it takes up. Raises `MapError` for a bearing that is not
+    The height of a pixel applies to its whole width. Raises `MapError` if the bearing is not
     finite.
     """
     if not math.isfinite(bearing):
@@ -68,14 +67,14 @@ def skyline(city: CityMap, bearing: float) -> np.ndarray:
     rows, columns = (
         np.arange(n, dtype=float) + 0.5 - n / 2 for n in city.shape
     )  # to the south, to the east
-    right = math.cos(turn), -math.sin(turn)  # of who looks along (sin, cos): east and north
+    right = math.cos(turn), -math.sin(turn)  # of a view along (sin, cos): east and north
     across = right[0] * columns[None, :] + right[1] * -rows[:, None]
-    half = (abs(right[0]) + abs(right[1])) / 2  # what a pixel takes up
+    half = (abs(right[0]) + abs(right[1])) / 2  # of a pixel's width
     first = math.floor(across.min() - half + 1e-9)
     count = math.ceil(across.max() + half - 1e-9) - first
     heights = np.zeros(count)
     low = np.floor(across - half + 1e-6).astype(int) - first
-    for further in range(3):  # a pixel takes up √2 at most
+    for further in range(3):  # a pixel is at most √2 wide
         at = low + further
         seen = (at < count) & (at + first < across + half - 1e-6)
         np.maximum.at(heights, at[seen], city.heights[seen])
@@ -84,21 +83,21 @@ def skyline(city: CityMap, bearing: float) -> np.ndarray:
 
 
 def facades(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
-    """Closed lines of the walls: of each building its outer wall and those of its courts, the
-    longest first, straight as ``city.walls`` has them; shorter ones than ``shortest`` metres are
-    left out. Raises `MapError` as `fabric_edges`."""
+    """Trace the walls of buildings as closed, straight lines, as in ``city.walls``. The lines are
+    the outer wall of each building and the walls of its courts, the longest first. Lines shorter
+    than ``shortest`` metres are left out. Raises `MapError` as `fabric_edges`."""
     _check(shortest=shortest)
     if not city.built.any():
-        raise _nothing(city)
+        raise _nothing_built(city)
     parts = shapely.get_parts(np.array(city.walls.polygons, dtype=object))
     rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
-    return _longest([shapely.get_coordinates(ring) for ring in rings], shortest)
+    return _clean_lines([shapely.get_coordinates(ring) for ring in rings], shortest)
 
 
 def street_axes(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
-    """The middle lines of streets, the longest first: of each street of ``city.street_graph`` the
-    edges that go on straight over crossings, in one line. Shorter ones than ``shortest`` metres are
-    left out. Raises `MapError` for a number below 0."""
+    """Trace the axes of streets, the longest first. A line joins those edges of
+    ``city.street_graph`` that run straight on over crossings. Lines shorter than ``shortest``
+    metres are left out. Raises `MapError` for a number below 0."""
     _check(shortest=shortest)
     graph = city.street_graph
     edges = np.array(graph.edges, dtype=object)
@@ -106,11 +105,11 @@ def street_axes(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
     for street in np.unique(graph.street):
         joined = shapely.line_merge(shapely.MultiLineString(list(edges[graph.street == street])))
         found += [shapely.get_coordinates(part) for part in shapely.get_parts(joined)]
-    return _longest(found, shortest)
+    return _clean_lines(found, shortest)
 
 
 def _between_middles(ring: shapely.LinearRing, pixel: float) -> np.ndarray:
-    """The middles of the pixels' sides that a ring follows, joined by straight lines."""
+    """Join the middles of the pixels' sides that a ring follows by straight lines."""
     points = shapely.get_coordinates(ring)
     found = []
     for start, end in pairwise(points):
@@ -120,8 +119,8 @@ def _between_middles(ring: shapely.LinearRing, pixel: float) -> np.ndarray:
     return np.vstack([*found, found[0][:1]])
 
 
-def _longest(lines: list[np.ndarray], shortest: float) -> list[np.ndarray]:
-    """Without points that repeat the one before; short lines left out; the longest first."""
+def _clean_lines(lines: list[np.ndarray], shortest: float) -> list[np.ndarray]:
+    """Drop points that repeat the one before, and short lines; sort by length, descending."""
     lines = [line[np.append(True, (np.diff(line, axis=0) != 0).any(axis=1))] for line in lines]
     lengths = [np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)).sum() for line in lines]
     order = sorted(range(len(lines)), key=lambda k: -lengths[k])
@@ -134,8 +133,5 @@ def _check(**numbers: float) -> None:
             raise MapError(setting(name, value), "metres, 0 or more", "correct it")
 
 
-def _nothing(city: CityMap) -> MapError:
-    return MapError(f"{city.name}: nothing is built", "a map with buildings", "choose another map")
-
-
-__all__ = ["REACH", "SHORTEST", "fabric_edges", "facades", "skyline", "street_axes"]
+def _nothing_built(city: CityMap) -> MapError:
+    return MapError(f"{city.name} has no building", "a map with buildings", "choose another map")

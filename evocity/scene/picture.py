@@ -1,4 +1,4 @@
-"""A scene as a picture: axonometric, with shadows, by a z-buffer of our own."""
+"""Axonometric pictures of scenes, with shadows, by a z-buffer."""
 
 import math
 from collections.abc import Sequence
@@ -12,27 +12,27 @@ from evocity.errors import MapError, keyword, setting
 from evocity.formats import Group
 from evocity.formats.solids import ROOF
 from evocity.pictures.colours import FAINT, INK, PAPER, ramp, scale_end
-from evocity.pictures.legend import drawn_with_key, font, on_sheet, text_size, wrapped
+from evocity.pictures.legend import Key, draw_legend, draw_with_scale, font, text_size, wrap_text
 from evocity.scene._kernels import fill, light, outlined, painted
 
-#: What walls are drawn in where roofs have the colours of their heights, sRGB.
+#: The colour of walls where roofs have the colours of their heights, sRGB.
 _WALLS = np.array([228, 221, 210], float)
-#: Each pixel of a picture is the mean of so many, squared.
+#: The side of the square of samples whose mean is a pixel.
 _FINER = 2
-#: As many of these are held at once: a picture of any size is drawn in bands.
+#: Samples in memory at once: large pictures are drawn in bands.
 _AT_ONCE = 1 << 23
-#: Side of the picture seen from the sun, px.
+#: Side of the shadow map, px.
 _SUN_SIDE = 2048
-#: Light where the sun does not reach, of a roof in the sun; the most on a wall that faces it; and
-#: how dark edges are.
+#: Light in the shade, relative to a roof in the sun; the most on a wall that faces the sun; and the
+#: factor of edges.
 _AMBIENT, _MOST, _EDGE = 0.62, 1.08, 0.62
-#: Share of the width that is left free at each side.
+#: Free share of the width at each side.
 _MARGIN = 0.03
-#: No side of a picture is larger, px.
+#: The greatest side of a picture, px.
 _LARGEST = 8192
 
 
-def drawn(
+def draw_scene(
     city: CityMap,
     groups: Sequence[Group],
     *,
@@ -45,7 +45,7 @@ def drawn(
     highest: float | None = None,
     legend: bool = True,
 ) -> Image.Image:
-    """As `Scene.picture`, of the ``groups`` of a ``city``'s scene."""
+    """Draw `Scene.picture` of the ``groups`` of a ``city``'s scene."""
     _check("width", width, 16, _LARGEST)
     _check("azimuth", azimuth, -math.inf, math.inf)
     _check("tilt", tilt, 1, 90)
@@ -60,19 +60,17 @@ def drawn(
     surfaces = _surfaces(groups, colours, end)
     towards, sunwards = _directions(azimuth, tilt), _directions(sun[0] + 180, sun[1])
     view = _view(surfaces.corners, towards, int(width))
-    cast = _cast(surfaces, sunwards) if shadows else None
-    shown, covered = _painted(
-        surfaces.of(surfaces.normals @ towards[2] > 1e-9), view, sunwards, cast
-    )
+    cast = _shadow_map(surfaces, sunwards) if shadows else None
+    shown, covered = _paint(surfaces.of(surfaces.normals @ towards[2] > 1e-9), view, sunwards, cast)
     fabric = Image.fromarray(shown)
     if not legend:
         return fabric
-    fabric, covered = _with_north(fabric, covered, towards)
-    told = f"sun from {sun[0] % 360:.0f}°, {sun[1]:.0f}° high; seen towards {azimuth % 360:.0f}°"
-    fabric = _with_caption(fabric, covered, told)
+    fabric, covered = _add_north(fabric, covered, towards)
+    text = f"sun from {sun[0] % 360:.0f}°, {sun[1]:.0f}° high; seen towards {azimuth % 360:.0f}°"
+    fabric = _add_caption(fabric, covered, text)
     metres = city.metres_per_pixel * view.scale
     if colours == "heights":
-        return on_sheet(city, fabric, city.name, end, metres)
+        return draw_with_scale(city, fabric, city.name, end, metres)
     entries = [
         (
             tuple(round(255 * c) for c in group.colour),
@@ -81,16 +79,17 @@ def drawn(
         for group in groups
         if len(group)
     ]
-    return drawn_with_key(city, fabric, city.name, entries, metres)
+    return draw_legend(city, fabric, city.name, Key(entries), metres)
 
 
 def _check_colours(colours: str) -> None:
     if colours not in ("heights", "classes"):
-        raise MapError(f"colours = {colours!r}", "'heights' or 'classes'", "choose one of them")
+        raise MapError(
+            f"colours = {colours!r}", "'heights' or 'classes'", "choose 'heights' or 'classes'"
+        )
 
 
 def _end(city: CityMap, highest: float | None) -> float:
-    """Metres at which the colours of heights end."""
     if highest is not None:
         _check("highest", highest, 1e-3, 1e6)
     return scale_end(city) if highest is None else float(highest)
@@ -108,8 +107,9 @@ def _check(name: str, value: float, low: float, high: float) -> None:
 
 
 def _directions(azimuth: float, tilt: float) -> np.ndarray:
-    """Rows: to the right, up, and towards who looks along ``azimuth``, degrees clockwise from
-    north, down from ``tilt`` degrees above the horizon; x to the east, y to the north, z up."""
+    """Return unit vectors in rows: right, up, and towards a viewer who looks along ``azimuth``,
+    degrees clockwise from north, from ``tilt`` degrees above the horizon; x to the east, y to the
+    north, z up."""
     a, t = math.radians(azimuth % 360), math.radians(tilt)
     ahead = np.array([math.sin(a), math.cos(a), 0.0])
     right = np.array([math.cos(a), -math.sin(a), 0.0])
@@ -119,8 +119,8 @@ def _directions(azimuth: float, tilt: float) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Surfaces:
-    """Triangles: corners (t, 3, 3), normals (t, 3), which plane of which solid each is of (t,), and
-    their colours (t, 3), 0…255."""
+    """Triangles: corners (t, 3, 3), normals (t, 3), number of the plane of each (t,), and colours
+    (t, 3), 0…255."""
 
     corners: np.ndarray
     normals: np.ndarray
@@ -128,7 +128,7 @@ class _Surfaces:
     colours: np.ndarray
 
     def of(self, some: np.ndarray) -> "_Surfaces":
-        """Those of ``some``, bool (t,)."""
+        """Select the triangles ``some``, bool (t,)."""
         return _Surfaces(
             self.corners[some], self.normals[some], self.plane[some], self.colours[some]
         )
@@ -136,11 +136,10 @@ class _Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """From where a picture is seen.
+    """The view of a picture.
 
     towards : as of `_directions`. scale : px a metre. shape : height and width, px.
-    matrix, shift : from metres to finer pixels, x to the right and y down, and metres towards who
-        looks.
+    matrix, shift : from metres to samples, x to the right and y down, and metres to the viewer.
     """
 
     towards: np.ndarray
@@ -151,9 +150,9 @@ class _View:
 
 
 @dataclass(frozen=True, eq=False)
-class _Cast:
-    """What the sun sees: ``seen``, metres towards it of what is nearest; ``matrix`` and ``shift``,
-    as of a `_View`; ``texel``, metres a pixel."""
+class _ShadowMap:
+    """The view from the sun: ``seen``, metres towards it of the nearest surface; ``matrix`` and
+    ``shift``, as of a `_View`; ``texel``, metres a pixel."""
 
     seen: np.ndarray
     matrix: np.ndarray
@@ -162,7 +161,6 @@ class _Cast:
 
 
 def _view(corners: np.ndarray, towards: np.ndarray, width: int) -> _View:
-    """A picture that holds all ``corners``, with margins."""
     flat = corners.reshape(-1, 3) @ towards[:2].T
     low, high = flat.min(axis=0), flat.max(axis=0)
     wide, tall = high - low
@@ -181,8 +179,7 @@ def _view(corners: np.ndarray, towards: np.ndarray, width: int) -> _View:
     )
 
 
-def _cast(surfaces: _Surfaces, sunwards: np.ndarray) -> _Cast:
-    """All surfaces as the sun sees them."""
+def _shadow_map(surfaces: _Surfaces, sunwards: np.ndarray) -> _ShadowMap:
     flat = surfaces.corners.reshape(-1, 3) @ sunwards[:2].T
     low, high = flat.min(axis=0), flat.max(axis=0)
     texel = float((high - low).max()) / (_SUN_SIDE - 2)
@@ -193,14 +190,14 @@ def _cast(surfaces: _Surfaces, sunwards: np.ndarray) -> _Cast:
     towards = surfaces.normals @ sunwards[2] > 1e-9
     placed = surfaces.corners[towards] @ matrix.T + shift
     fill(placed, 0, seen, np.full(seen.shape, -1, np.int32))
-    return _Cast(seen, matrix, shift, texel)
+    return _ShadowMap(seen, matrix, shift, texel)
 
 
-def _painted(
-    surfaces: _Surfaces, view: _View, sunwards: np.ndarray, cast: _Cast | None
+def _paint(
+    surfaces: _Surfaces, view: _View, sunwards: np.ndarray, cast: _ShadowMap | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The picture, uint8 ``(H, W, 3)``, of ``surfaces`` that face who looks, and where any of them
-    is, bool ``(H, W)``."""
+    """Paint ``surfaces`` that face the viewer: uint8 ``(H, W, 3)``, and the covered pixels, bool
+    ``(H, W)``."""
     height, width = view.shape
     steep = np.clip(surfaces.normals @ sunwards[2], 0, 1)
     shade, sunlit = _brightness(surfaces.normals @ view.towards[2], steep, view, sunwards)
@@ -213,14 +210,14 @@ def _painted(
         back = np.linalg.inv(view.matrix)
         turned = cast.matrix @ back
         onto = np.column_stack([turned, cast.shift - turned @ view.shift])
-        # what one pixel from the sun covers of a slope lies at many depths
+        # a pixel of the shadow map covers many depths of a slope
         slope = np.clip(steep, 1e-6, 1)
         bias = cast.texel * (0.2 + 0.8 * np.sqrt(1 - slope**2) / slope)
     picture, covered = np.empty((height, width, 3), np.uint8), np.empty((height, width), bool)
     rows = max(1, _AT_ONCE // (width * _FINER**2))
     for top in range(0, height, rows):
         count = min(rows, height - top)
-        # a row more at each end, which edges are told by
+        # a row more at each end, for edges
         first, shape = top * _FINER - 1, (count * _FINER + 2, width * _FINER)
         depth, surface = np.full(shape, -np.inf, np.float32), np.full(shape, -1, np.int32)
         fill(placed, first, depth, surface)
@@ -236,16 +233,15 @@ def _painted(
 def _brightness(
     facing: np.ndarray, steep: np.ndarray, view: _View, sunwards: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of each triangle, in the shade and in the sun: Lambert's law, and a little darker where one
-    looks along it. ``facing`` and ``steep``: cosines to who looks and to the sun. A roof in the sun
-    has 1, so that its colour is that of the scale."""
+    """Compute the light of each triangle in the shade and in the sun: Lambert's law, and a little
+    darker at grazing angles. ``facing`` and ``steep``: cosines to the viewer and to the sun. A roof
+    in the sun has 1, so that it has the colour of the scale."""
     shade = _AMBIENT * (0.88 + 0.12 * np.clip(facing, 0, 1))
     roof = _AMBIENT * (0.88 + 0.12 * view.towards[2, 2])
     return shade, np.minimum(shade + (1 - roof) * steep / sunwards[2, 2], _MOST)
 
 
 def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surfaces:
-    """All triangles of ``groups``."""
     corners, normals, owners, own_colours = [], [], [], []
     solids = 0
     for group in groups:
@@ -260,7 +256,7 @@ def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surface
             own[roof] += 0.3 * (255 - own[roof])
         corners.append(mesh.points[mesh.triangles])
         normals.append(mesh.normals)
-        # surfaces of one kind are one: no line is drawn where two of them meet
+        # surfaces of one kind count as one solid: no line between them
         solid = mesh.owner if group.heights.any() else np.zeros_like(mesh.owner)
         owners.append(solid.astype(np.int64) + solids)
         own_colours.append(own)
@@ -277,18 +273,17 @@ def _surfaces(groups: Sequence[Group], colours: str, highest: float) -> _Surface
 def triangles(
     city: CityMap, groups: Sequence[Group], colours: str, highest: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `Scene.triangles`, of the ``groups`` of a ``city``'s scene."""
+    """Return `Scene.triangles` of the ``groups`` of a ``city``'s scene."""
     _check_colours(colours)
     found = _surfaces(groups, colours, _end(city, highest))
     shades = np.clip(np.round(found.colours), 0, 255)
     return found.corners.astype(np.float32), shades.astype(np.uint8)
 
 
-def _with_north(
+def _add_north(
     fabric: Image.Image, covered: np.ndarray, towards: np.ndarray
 ) -> tuple[Image.Image, np.ndarray]:
-    """With an arrow that points north, as it lies on the ground, in a corner where nothing is
-    drawn, or above."""
+    """Add an arrow that points north on the ground, in a free corner or above the drawing."""
     size = max(14, fabric.width // 30)
     way = np.array([towards[0, 1], -towards[1, 1]])
     across = np.array([towards[0, 0], -towards[1, 0]]) * 0.35
@@ -305,7 +300,7 @@ def _with_north(
         left, top = 0, 0
         full = covered[:deep, :wide].any(axis=1)
         free = int(full.argmax()) if full.any() else len(full)
-        fabric, covered = _extended(fabric, covered, deep - free, 0)
+        fabric, covered = _extend(fabric, covered, deep - free, 0)
     draw = ImageDraw.Draw(fabric)
     tip, right, notch, other, letter = (tuple(one) for one in points - low + (left, top))
     draw.polygon([tip, right, notch], INK)
@@ -314,16 +309,15 @@ def _with_north(
     return fabric, covered
 
 
-def _with_caption(fabric: Image.Image, covered: np.ndarray, text: str) -> Image.Image:
-    """With a ``text`` at the lower right, below what is drawn there."""
+def _add_caption(fabric: Image.Image, covered: np.ndarray, text: str) -> Image.Image:
     letters = font(text_size(fabric) * 0.85)
     step, gap = 1.25 * letters.size, math.ceil(letters.size / 2)
-    lines = wrapped(text, letters, fabric.width - 2 * gap)
+    lines = wrap_text(text, letters, fabric.width - 2 * gap)
     wide = math.ceil(max(letters.getlength(line) for line in lines)) + 2 * gap
     needed = math.ceil(step * len(lines)) + gap
     below = covered[:, -wide:].any(axis=1)[::-1]
     free = int(below.argmax()) if below.any() else len(below)
-    fabric, _ = _extended(fabric, covered, 0, max(0, needed - free))
+    fabric, _ = _extend(fabric, covered, 0, max(0, needed - free))
     draw = ImageDraw.Draw(fabric)
     for number, line in enumerate(reversed(lines)):
         low = fabric.height - gap - step * number
@@ -331,10 +325,9 @@ def _with_caption(fabric: Image.Image, covered: np.ndarray, text: str) -> Image.
     return fabric
 
 
-def _extended(
+def _extend(
     fabric: Image.Image, covered: np.ndarray, above: int, below: int
 ) -> tuple[Image.Image, np.ndarray]:
-    """With as many empty rows above and below."""
     sheet = Image.new("RGB", (fabric.width, fabric.height + above + below), PAPER)
     sheet.paste(fabric, (0, above))
     return sheet, np.pad(covered, ((above, below), (0, 0)))

@@ -1,4 +1,4 @@
-"""Generated buildings give way to objects of a library that nearly fill the same ground."""
+"""Substitution of generated buildings by library objects that nearly fill the same ground."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,21 +13,29 @@ from evocity.citymap import STOREY, CityMap, Classes, Walls
 from evocity.errors import MapError, keyword, setting
 from evocity.formats import Copies
 from evocity.scene.library import LEAST, Library
-from evocity.scene.likeness import SCALE, Boards, Placing, Sides, frames_of, likest, placed
+from evocity.scene.matching import (
+    SCALE,
+    Boards,
+    Placing,
+    Sides,
+    frames_of,
+    match_objects,
+    place_objects,
+)
 
-#: An object may stand so far out of its building's footprint, metres, on open ground; but no
-#: farther than a third of the way to the next building. 6 m: half a house's depth.
+#: Metres that an object may exceed its building's footprint on open ground, up to a third of the
+#: way to the next building. 6 m: half a house's depth.
 MARGIN = 6.0
-#: What fills less than this, as intersection over union, is no fit.
+#: The least fit, as intersection over union.
 LEAST_IOU = 0.6
 
-# Fits whose IoU differs by less are ties.
+# Fits with a smaller difference in IoU are ties.
 _TIE = 0.01
-# At what shares of the margin the ground about a building is bounded.
+# Shares of the margin at which the ground about a building is bounded.
 _RINGS = (0.125, 0.25, 0.5, 1.0)
-# So many of the likest objects are tried on boards; how many of the best placings are bettered
-# there, step by step finer: degrees, share of a scale, metres. Then the best are bettered on
-# polygons, and the next where none of them fits.
+# So many of the most similar objects are measured on boards. There, rounds of finer steps improve
+# so many of the best placings: degrees, share of a scale, metres. Then polygons improve the best,
+# and the next best where none of them fits.
 _LAST = (1.0, 0.015, 0.25)
 _TRIED = 200
 _STEPS = (
@@ -37,31 +45,32 @@ _STEPS = (
 )
 _FINELY = (_LAST, _LAST)
 _TURNS = ((0, 4), (4, 12), (12, 24))
-# How an object shrinks where it does not fit; the last tells that it does not.
+# Factors by which an object shrinks until it fits.
 _SHRINKS = (1.0, 0.99, 0.975, 0.95, 0.92, 0.89)
-# What is worse than a fit by more than this, what lies where it must not counted, is given up.
+# The search drops placings that miss a fit by more than this, forbidden ground included.
 _HOPE = 0.2
-# So much smaller than it might be an object is, metres, and what of it may then lie where it must
-# not, m²: rounding.
+# Objects are smaller by so many metres, and may then have so many m² on forbidden ground: rounding.
 _SLACK, _GRAIN = 2e-3, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Substitution:
-    """Buildings of a map, some of them objects of a library.
+    """Buildings of a map, some of them replaced by objects of a library.
 
-    polygons : objects ``(n,)``, where each stands now, in the order of ``walls``, in its reference
-        system. None overlaps another.
-    heights : float64 ``(n,)``, metres.
-    objects : int32 ``(n,)``: which of the library's objects it is; -1 where none fitted, and the
-        building keeps its own form.
-    transforms : float64 ``(n, 2, 3)``: from the object's metres about its centroid to the map's
-        system, x' = a x + b y + c; NaN where there is none.
-    vertical : float64 ``(n,)``: by how much its height is scaled; NaN where there is none.
-    iou : float64 ``(n,)``: intersection over union with the building's own polygon; NaN where there
-        is none.
-    attached : bool ``(n,)``: which stand wall to wall with others.
-    walls, library : what was given.
+    polygons : the footprint of each building, objects ``(n,)``. They are in the order and in the
+        reference system of ``walls``, and do not overlap.
+    heights : the height of each building in metres, float64 ``(n,)``.
+    objects : the number of the library's object for each building, int32 ``(n,)``. If no object
+        fits, the number is -1 and the building keeps its own form.
+    transforms : the affine maps of the objects, float64 ``(n, 2, 3)``; NaN without an object. Each
+        map leads from the object's metres about its centroid to the city's system: x' = a x + b y +
+        c.
+    vertical : float64 ``(n,)``: the factor by which the object's height is scaled; NaN without an
+        object.
+    iou : float64 ``(n,)``: intersection over union of the object and the building's own polygon;
+        NaN without an object.
+    attached : bool ``(n,)``: whether the building touches neighbours wall to wall.
+    walls, library : the walls and the library that the substitution was made from.
     """
 
     polygons: np.ndarray
@@ -79,31 +88,33 @@ class Substitution:
 
     @property
     def ids(self) -> tuple[str | None, ...]:
-        """Of each the id of its object, None where it keeps its own form."""
+        """The id of the object that replaces each building; None where the building keeps its own
+        form."""
         return tuple(None if k < 0 else self.library.ids[k] for k in self.objects)
 
     @cached_property
     def counts(self) -> dict[str, int]:
-        """How many buildings are ``isolated`` and how many ``attached``, how many are ``small``,
-        under `evocity.scene.library.LEAST` m², and counted there alone; of each how many were
-        fitted, ``isolated_fitted`` and so on; how many of all were ``fitted``, or ``kept`` their
-        own form."""
+        """Numbers of buildings: ``isolated`` and ``attached`` ones; ``small`` ones, under
+        `evocity.scene.library.LEAST` m², which count only there; the replaced ones of each,
+        ``isolated_fitted`` and so on; the replaced ones of all, ``fitted``, and the others,
+        ``kept``."""
         small = shapely.area(np.array(self.walls.polygons, dtype=object).reshape(-1)) < LEAST
         fitted = self.objects >= 0
-        told = {
+        kinds = {
             "isolated": ~self.attached & ~small,
             "attached": self.attached & ~small,
             "small": small,
         }
-        told |= {f"{name}_fitted": one & fitted for name, one in told.items()}
-        told |= {"fitted": fitted, "kept": ~fitted}
-        return {name: int(np.count_nonzero(one)) for name, one in told.items()}
+        kinds |= {f"{name}_fitted": chosen & fitted for name, chosen in kinds.items()}
+        kinds |= {"fitted": fitted, "kept": ~fitted}
+        return {name: int(np.count_nonzero(chosen)) for name, chosen in kinds.items()}
 
     def copies(
         self, offset: tuple[float, float], chosen: np.ndarray, more: int = 0
     ) -> Copies | None:
-        """Which of the buildings ``chosen``, bool ``(n,)``, are copies of which objects, in metres
-        from ``offset``; after them ``more`` that are none. None if no object is among them."""
+        """Return the objects that replace the buildings ``chosen``, bool ``(n,)``, as copies of
+        shapes, in metres from ``offset``. Further solids that are not copies follow at the end;
+        their number is ``more``. Return None if there is no copy."""
         objects = np.r_[self.objects[chosen], np.full(more, -1)]
         used, of = np.unique(objects, return_inverse=True)
         used, of = used[used >= 0], of - int((objects < 0).any())
@@ -115,7 +126,7 @@ class Substitution:
             angle, x, y = frames[number]
             turned = shapely.affinity.translate(library.polygons[number], -x, -y)
             shapes[k] = shapely.affinity.rotate(turned, -angle, origin=(0, 0), use_radians=True)
-        # what is scaled and turned in one, parted again
+        # split the transform into scale and turn
         laid = np.concatenate([self.transforms[chosen], np.full((more, 2, 3), np.nan)])
         own, x, y = frames[objects].T
         c, s = np.cos(own), np.sin(own)
@@ -132,7 +143,7 @@ class Substitution:
 
     @property
     def attribution(self) -> str:
-        """The lines that the licences of the objects used here ask for."""
+        """The attribution lines that the licences of the objects used here require."""
         used = np.unique(self.objects[self.objects >= 0])
         lines = (self.library.attributions[k] for k in used)
         return "; ".join(dict.fromkeys(line for line in lines if line))
@@ -148,29 +159,32 @@ def substituted(
     margin: float = MARGIN,
     least: float = LEAST_IOU,
 ) -> Substitution:
-    """Put objects of a library where the buildings of a map are.
+    """Replace buildings of a map by objects of a library.
 
-    Each building takes an object of its own class whose height differs by at most a storey (3 m),
-    turned by any angle, mirrored or not, each axis scaled by at most 15 %, so that it fills the
-    building's footprint best. It stands within the footprint and ``margin`` about it, on the map,
-    where any other building is at least twice as far: so no object crosses a neighbour, and of a
-    street or passage the middle third stays open. Of objects that fill it alike one is drawn. A
-    house that stands wall to wall with others is turned along its party walls, and stays between
-    them. What nothing fits keeps its own form.
+    Each building takes the object that fills its footprint best, among objects of its own class.
+    The object's height differs from the building's by at most a storey (3 m). The object may be
+    turned by any angle and mirrored, and its axes scaled by at most 15 %.
+
+    The object stands on the map, within the footprint and a ``margin`` around it. Any other
+    building is at least twice as far from that place. So no object crosses a neighbour, and the
+    middle third of a street or passage stays open. If the house stands wall to wall with others,
+    the object is aligned with the party walls and stays between them. A building without a fit
+    keeps its own form. The generator ``rng`` draws between equal fits.
 
     Parameters
     ----------
-    rng : what ties are drawn by; the same seed gives the same buildings.
-    walls : of the city, otherwise fitted (`CityMap.walled`); None for `CityMap.walls`.
-    classes : of the city, by another table (`CityMap.classified`); None for `CityMap.classes`.
-    margin : metres, 0 or more.
-    least : least intersection over union that is a fit, above 0, at most 1.
+    rng : the random generator that chooses between equal fits; the same seed gives the same
+        buildings.
+    walls : walls of the city from `CityMap.walled`; None takes `CityMap.walls`.
+    classes : classes of the city from `CityMap.classified`; None takes `CityMap.classes`.
+    margin : width of the margin around a footprint, metres, 0 or more.
+    least : the lowest intersection over union that counts as a fit, above 0, at most 1.
 
-    Raises `MapError` for numbers that are none of these.
+    Raises `MapError` for numbers out of range.
 
-    Sources: libraries of objects under the constraint of heights and of the footprint, Marsault
-    2002 (000 §6.2) and 2005 (001 §3.1), where it was "not been already implemented"; how, ours.
-    About 1 s for 300 buildings and some thousand objects.
+    Sources: Marsault 2002 (000 §6.2) and 2005 (001 §3.1) propose libraries of objects that keep
+    heights and footprint. There the proposal was "not been already implemented"; the method here is
+    ours. Some 300 buildings with some thousand objects take about 1 s.
     """
     _check("margin", margin, 0, 100, "metres, 0 to 100")
     _check("least", least, 1e-9, 1, "intersection over union, above 0, at most 1")
@@ -178,35 +192,33 @@ def substituted(
     classes = city.classes if classes is None else classes
     polygons = np.array(walls.polygons, dtype=object).reshape(-1)
     kinds = [classes.names[k] for k in classes.of_buildings[walls.buildings - 1]]
-    # from the map's corner, to the micrometre: the same is fitted wherever on Earth it lies
-    offset = np.array(city.origin or (0.0, city.shape[0] * city.metres_per_pixel))
+    # from the map's corner, to the micrometre: the fit does not depend on the place on Earth
+    offset = np.array(city.north_west)
     local = shapely.transform(polygons, lambda points: np.round(points - offset, 6))
     ground = _Ground(local, margin, _frame(city, offset))
     draws = rng.random((len(polygons), 2))
-    placing = likest(local, ground.party, walls.heights, kinds, library, STOREY, _TRIED)
-    best = _best(placing, ground, library, draws, least)
-    return _told(best, polygons, offset, ground, walls, library)
+    placing = match_objects(local, ground.party, walls.heights, kinds, library, STOREY, _TRIED)
+    best = _search(placing, ground, library, draws, least)
+    return _make_substitution(best, polygons, offset, ground, walls, library)
 
 
-def _check(name: str, value: object, low: float, high: float, wanted: str) -> None:
+def _check(name: str, value: object, low: float, high: float, expected: str) -> None:
     if not (isinstance(value, Real) and low <= value <= high):
-        raise MapError(setting(name, value), wanted, f"correct {keyword(name)}, or leave it out")
+        raise MapError(setting(name, value), expected, f"correct {keyword(name)}, or leave it out")
 
 
 def _frame(city: CityMap, offset: np.ndarray) -> shapely.Polygon:
-    """The map's rectangle."""
     deep, wide = (side * city.metres_per_pixel for side in city.shape)
-    left, top = city.origin or (0.0, deep)
-    left, top = left - offset[0], top - offset[1]
+    left, top = city.north_west - offset
     return shapely.box(left, top - deep, left + wide, top)
 
 
 class _Ground:
-    """Where each building, and what takes its place, may stand.
+    """The ground on which each building, or its object, may stand.
 
-    polygons : as they are. allowed : these, and ``margin`` about them but for what is less than
-    twice as far from others. attached : bool, which touch others. party : radians, the direction
-    of their party walls, up to quarter turns; NaN where there are none.
+    polygons : the buildings. allowed : these, and ``margin`` about them except where another
+    building is less than twice as far. attached : bool, which touch others. party : radians, the
+    direction of their party walls, up to quarter turns; NaN without party walls.
     """
 
     def __init__(self, polygons: np.ndarray, margin: float, frame: shapely.Polygon):
@@ -215,7 +227,7 @@ class _Ground:
         tree = shapely.STRtree(polygons)
         one, other = tree.query(polygons, predicate="intersects")
         one, other = one[one != other], other[one != other]
-        self.allowed = shapely.intersection(self._about(tree, margin), frame)
+        self.allowed = shapely.intersection(self._margins(tree, margin), frame)
         shared = shapely.intersection(polygons[one], polygons[other])
         length = shapely.length(shared)
         self.attached = np.zeros(len(polygons), bool)
@@ -226,9 +238,9 @@ class _Ground:
             self.party = _directions(shared[met], one[met], len(polygons))
         self.open = Sides(self.allowed)
 
-    def _about(self, tree: shapely.STRtree, margin: float) -> np.ndarray:
-        """The polygons, and what is about them: in rings, each as far as it reaches from its own
-        polygon or nearer, and twice as far from all others."""
+    def _margins(self, tree: shapely.STRtree, margin: float) -> np.ndarray:
+        """Return the polygons with rings about them; each point of a ring is at least twice as far
+        from all other polygons."""
         rings = [self.polygons]
         for share in _RINGS if margin else ():
             ring = shapely.buffer(self.polygons, share * margin, quad_segs=4)
@@ -244,8 +256,8 @@ class _Ground:
 
 
 def _directions(lines: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
-    """Radians ``(count,)``, up to quarter turns: the mean direction of each owner's ``lines``, by
-    length; NaN where there are none."""
+    """Compute the mean direction of each owner's ``lines``, weighted by length, in radians
+    ``(count,)`` up to quarter turns; NaN without lines."""
     parts, which = shapely.get_parts(lines, return_index=True)
     straight = shapely.get_type_id(parts) == 1
     points, line = shapely.get_coordinates(parts[straight], return_index=True)
@@ -261,92 +273,93 @@ def _directions(lines: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     return found
 
 
-def _best(
+def _search(
     placing: Placing, ground: _Ground, library: Library, draws: np.ndarray, least: float
 ) -> tuple[Placing, np.ndarray]:
-    """One placing a building that has any, and its IoU."""
-    placing = placing.joined(_centred(placing, ground.polygons))
+    placing = placing.join(_center_on_buildings(placing, ground.polygons))
     boards = Boards(ground.polygons, ground.allowed, library)
-    score = boards.measured(placing)
+    score = boards.measure(placing)
     for most, step in _STEPS:
-        kept = _first(placing.building, score, most)
-        placing, score = placing.only(kept), score[kept]
-        placing, score = _bettered(placing, score, boards.measured, step)
+        kept = _top_ranked(placing.building, score, most)
+        placing, score = placing.select(kept), score[kept]
+        placing, score = _improve(placing, score, boards.measure, step)
     hope = score > least - _HOPE
-    placing, score = placing.only(hope), score[hope]
-    found, scores = placing.only(np.zeros(0, int)), np.zeros(0)
-    exactly = _Exactly(ground, library)
+    placing, score = placing.select(hope), score[hope]
+    found, scores = placing.select(np.zeros(0, int)), np.zeros(0)
+    exactly = _PolygonScore(ground, library)
     for begin, end in _TURNS:  # the next best where the best do not fit
         waiting = ~np.isin(placing.building, found.building)
-        left, worth = placing.only(waiting), score[waiting]
-        rank = np.setdiff1d(_first(left.building, worth, end), _first(left.building, worth, begin))
-        fitted, new = exactly.fitted(left.only(rank), least)
-        found, scores = found.joined(fitted), np.concatenate([scores, new])
-    chosen = _drawn(found.building, scores, draws)
-    return found.only(chosen), scores[chosen]
+        left, worth = placing.select(waiting), score[waiting]
+        rank = np.setdiff1d(
+            _top_ranked(left.building, worth, end), _top_ranked(left.building, worth, begin)
+        )
+        fitted, new = exactly.fit(left.select(rank), least)
+        found, scores = found.join(fitted), np.concatenate([scores, new])
+    chosen = _draw_ties(found.building, scores, draws)
+    return found.select(chosen), scores[chosen]
 
 
-def _centred(placing: Placing, polygons: np.ndarray) -> Placing:
-    """The placings with the objects' centroids on those of their buildings: shapes of several wings
-    may be more alike so than in the rectangles about them."""
+def _center_on_buildings(placing: Placing, polygons: np.ndarray) -> Placing:
+    """Move the objects' centroids onto those of their buildings: shapes of several wings may match
+    better than in the rectangles about them."""
     there = shapely.get_coordinates(shapely.centroid(polygons)).reshape(-1, 2)
     numbers = placing.numbers.copy()
     numbers[:, 3:] += there[placing.building] - placing.matrices[:, :, 2]
     return replace(placing, numbers=numbers)
 
 
-class _Exactly:
-    """Placings measured by their polygons."""
+class _PolygonScore:
+    """Exact measurement of placings, by polygons."""
 
     def __init__(self, ground: _Ground, library: Library):
         self.ground, self.library, self.sides = ground, library, Sides(library.polygons)
         self.areas = shapely.area(library.polygons)
 
-    def fitted(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
-        """Those of the placings, bettered, that fit where they may stand, and their IoU."""
-        score = self.measured(placing)
+    def fit(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
+        """Improve placings, and return those that fit on allowed ground, and their IoU."""
+        score = self.measure(placing)
         for step in _FINELY:
-            placing, score = _bettered(placing, score, self.measured, step)
-        placing, score = self._shrunk(placing, least)
-        return placing.only(score >= least), score[score >= least]
+            placing, score = _improve(placing, score, self.measure, step)
+        placing, score = self._shrink_to_fit(placing, least)
+        return placing.select(score >= least), score[score >= least]
 
-    def measured(self, placing: Placing) -> np.ndarray:
-        """IoU of each placing, less four times the share of it that lies where it must not."""
-        return self._told(placing)[0]
+    def measure(self, placing: Placing) -> np.ndarray:
+        """Compute the IoU of each placing, less four times its share on forbidden ground."""
+        return self._areas(placing)[0]
 
-    def _told(self, placing: Placing) -> tuple[np.ndarray, np.ndarray]:
-        """As `measured`; and how much lies where it must not, m²."""
+    def _areas(self, placing: Placing) -> tuple[np.ndarray, np.ndarray]:
+        """Compute `measure`, and the area on forbidden ground, m²."""
         ground, areas = self.ground, self.areas[placing.object]
         areas = areas * placing.numbers[:, 1] * placing.numbers[:, 2]
-        common = self.sides.shared(placing, ground.sides)
-        beyond = areas - self.sides.shared(placing, ground.open)
+        common = self.sides.shared_areas(placing, ground.sides)
+        beyond = areas - self.sides.shared_areas(placing, ground.open)
         union = areas + ground.areas[placing.building] - common
         return common / union - 4 * beyond / areas, beyond
 
-    def _shrunk(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
-        """Each placing, shrunk until it stands where it may, and its IoU: below 0 where none
-        does."""
+    def _shrink_to_fit(self, placing: Placing, least: float) -> tuple[Placing, np.ndarray]:
+        """Shrink each placing until it stands on allowed ground, and return its IoU: below 0 where
+        it never does."""
         done, score = placing, np.full(len(placing), -1.0)
         waiting = np.arange(len(placing))
         for shrink in _SHRINKS:
-            trial = placing.only(waiting).shrunk(shrink).slackened(_SLACK, self.library)
-            found, beyond = self._told(trial)
+            trial = placing.select(waiting).shrink(shrink).slacken(_SLACK, self.library)
+            found, beyond = self._areas(trial)
             fits = (beyond <= _GRAIN) & trial.within_scale
             at = waiting[fits]
-            done, score[at] = done.replaced(at, trial.only(fits)), found[fits]
+            done, score[at] = done.assign(at, trial.select(fits)), found[fits]
             waiting = waiting[~fits & (found > least - _HOPE)]
             if not len(waiting):
                 break
         return done, score
 
 
-def _bettered(
+def _improve(
     placing: Placing,
     score: np.ndarray,
     measure: Callable[[Placing], np.ndarray],
     step: tuple[float, float, float],
 ) -> tuple[Placing, np.ndarray]:
-    """Each placing, or the best of some about it, one number of it changed after the other."""
+    """Improve each placing: try a step up and down of each of its numbers in turn."""
     for column, size in (
         (0, np.radians(step[0])),
         (1, step[1]),
@@ -355,24 +368,24 @@ def _bettered(
         (4, step[2]),
     ):
         for sign in (1, -1):
-            other = placing.changed(column, sign * size)
+            other = placing.shift(column, sign * size)
             found = measure(other)
             better = found > score + 1e-4
             placing, score = placing.where(better, other), np.where(better, found, score)
     return placing, score
 
 
-def _first(group: np.ndarray, score: np.ndarray, most: int) -> np.ndarray:
-    """Numbers of the ``most`` best of each group, by rising group."""
+def _top_ranked(group: np.ndarray, score: np.ndarray, most: int) -> np.ndarray:
+    """Return the indices of the ``most`` best of each group, by rising group."""
     order = np.lexsort((np.arange(len(score)), -score, group))
     ranked = group[order]
     rank = np.arange(len(ranked)) - np.searchsorted(ranked, ranked)
     return order[rank < most]
 
 
-def _drawn(group: np.ndarray, score: np.ndarray, draws: np.ndarray) -> np.ndarray:
-    """Of each group's best, which differ by less than `_TIE`, one, by its own draw."""
-    order = _first(group, score, len(score))
+def _draw_ties(group: np.ndarray, score: np.ndarray, draws: np.ndarray) -> np.ndarray:
+    """Draw one of each group's best, which differ by less than `_TIE`."""
+    order = _top_ranked(group, score, len(score))
     chosen = []
     for k in np.unique(group):
         own = order[group[order] == k]
@@ -381,7 +394,7 @@ def _drawn(group: np.ndarray, score: np.ndarray, draws: np.ndarray) -> np.ndarra
     return np.array(chosen, int)
 
 
-def _told(best, polygons, offset, ground, walls, library) -> Substitution:
+def _make_substitution(best, polygons, offset, ground, walls, library) -> Substitution:
     placing, score = best
     count, at = len(polygons), placing.building
     shapes, heights = polygons.copy(), walls.heights.astype(np.float64)
@@ -395,7 +408,7 @@ def _told(best, polygons, offset, ground, walls, library) -> Substitution:
     matrices = placing.matrices
     matrices[:, :, 2] += offset
     transforms[at] = matrices
-    stood = placed(placing, library.polygons)
+    stood = place_objects(placing, library.polygons)
     shapes[at] = shapely.transform(stood, lambda points: points + offset)
     own = library.heights[placing.object]
     vertical[at] = np.clip(heights[at] / own, 1 - SCALE, 1 + SCALE)
@@ -404,6 +417,3 @@ def _told(best, polygons, offset, ground, walls, library) -> Substitution:
     for array in columns:
         array.setflags(write=False)
     return Substitution(shapes, *columns, ground.attached, walls, library)
-
-
-__all__ = ["LEAST_IOU", "MARGIN", "Substitution", "substituted"]

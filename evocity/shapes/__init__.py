@@ -1,27 +1,28 @@
-"""Shapes of few numbers: iterated function systems of the plane and of space, without any city.
+"""Shapes and curves of few numbers: iterated function systems of the plane and of space.
 
 - `shape`: `Shape`, maps with a primitive, a language and colours, and its pieces
-- `checks`: what a shape may be made of
-- `languages`: which words of maps act: automata, counts, union, concatenation, complement
-- `contraction`: whether maps contract, proved or refuted
-- `primitives`: what is drawn at each place
+- `checks`: checks of maps, colours and primitives, and their errors
+- `languages`: regular languages of words of maps: automata, counts, union, concatenation,
+  complement
+- `contraction`: proofs and refutations that maps contract
+- `primitives`: points, lines and faces at each place
 - `dimension`: exact dimensions, and by counting boxes
-- `drawing`: masks, pictures, SVG
-- `colouring`: palettes carried to other forms, colours stolen from a picture
+- `rendering`: masks, pictures, SVG
+- `colours`: palettes for other forms, colours stolen from a picture
 - `solids`: shapes of space in GLB
-- `classics`: shapes that everybody knows
-- `curve`: curves of few control points, Bézier curves and splines among them
-- `detail`: a line as a curve with what it lacks, level by level: `Detailed`
-- `filters`: a polygon and its details taken apart and put together
-- `fitting`: maps fitted to a line
-- `lines`: polylines: what may be one, where one crosses itself
-- `wires`: a segment replaced by a line again and again; metamorphosis
-- `files`: shapes and curves in files; `documents`: JSON and Parquet
+- `classics`: well-known shapes
+- `curve`: curves of few control points, such as Bézier curves and splines
+- `detail`: a line as a curve with details, level by level: `Detailed`
+- `filters`: analysis of a polygon into parts and details, and synthesis
+- `curve_fit`: maps fitted to a line
+- `lines`: checks, resampling and crossings of polylines
+- `wires`: a segment replaced by a line, iterated; metamorphosis
+- `files`: shapes and curves in files, JSON and Parquet
 - `linear`: small matrices
 
 Source: Tosan, Excoffier, Rondet-Mignotte 2005, and Hnaidi, Guérin, Akkouche for curves.
 """
 
-from evocity.rooms import lazily
+from evocity.lazy_imports import lazy_names
 
-__getattr__, __dir__, __all__ = lazily(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

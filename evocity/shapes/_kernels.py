@@ -1,10 +1,10 @@
-"""Compiled walks through the products of a shape's maps. Slow twins stand in tests/naive.py."""
+"""Compiled walks through the products of a shape's maps; tests/naive.py has slow versions."""
 
 import numpy as np
 
 from evocity.accelerate import kernel
 
-#: No word is longer.
+#: The greatest length of a word.
 DEEPEST = 63
 
 
@@ -12,17 +12,18 @@ DEEPEST = 63
 def walked(
     maps, table, ending, corners, depth, fine, base, mix, found, lengths, colours, grid, most
 ):
-    """How many pieces a shape has, in lexicographic order of their words; as many as there is room
-    for are written: their products into ``found`` ``(room, m, m + 1)``, the lengths of their words
-    into ``lengths`` and their colours into ``colours`` ``(room, C)``. If ``grid`` tells of cells,
-    each marks the cell of its middle instead, and the later covers the earlier: ``grid`` is (marks
+    """Count the pieces of a shape, in lexicographic order of their words, and write those that fit.
+
+    It writes their products into ``found`` ``(room, m, m + 1)``, the lengths of their words into
+    ``lengths`` and their colours into ``colours`` ``(room, C)``. If ``grid`` has cells, each piece
+    marks the cell of its middle instead, and later ones cover earlier ones: ``grid`` is (marks
     uint8 ``(side**m,)``, paint ``(side**m, C)``, middle ``(m,)``, scale, offset ``(m,)``, side).
 
     ``maps`` ``(N, m, m + 1)``; ``table`` ``(S, N)`` the automaton, −1 for none; ``ending``
-    ``(S,)``: where a branch may end; ``corners`` ``(n, m)``: it ends where their box is smaller
-    than ``fine`` on every side, or at ``depth`` ≤ `DEEPEST`; beyond ``most`` pieces it stops.
-    ``base`` ``(N, C)``: colours of the letters, of which each counts ``mix`` times as much as the
-    one before.
+    ``(S,)``: the states in which a branch may end; ``corners`` ``(n, m)``: it ends where their box
+    is smaller than ``fine`` on every side, or at ``depth`` ≤ `DEEPEST`. It stops beyond ``most``
+    pieces. ``base`` ``(N, C)``: colours of the letters; each letter counts ``mix`` times as much as
+    the letter before.
     """
     marks, paint, middle, scale, offset, side = grid
     letters, size = maps.shape[0], maps.shape[1]
@@ -75,8 +76,8 @@ def walked(
 
 @kernel
 def _colour(letter, level, base, mix, colour):
-    """The colour of a word of ``level`` letters: of each, ``mix`` times as much as of the one
-    before it."""
+    """Mix the colour of a word of ``level`` letters: each counts ``mix`` times as much as the
+    letter before."""
     for c in range(base.shape[1]):
         total, share, shares = 0.0, 1.0, 0.0
         for k in range(level):
@@ -88,8 +89,7 @@ def _colour(letter, level, base, mix, colour):
 
 @kernel
 def _cell(product, middle, scale, offset, side):
-    """The number of the cell that a piece's middle lies in: rows from the north, then columns, then
-    layers."""
+    """Number the cell of a piece's middle: rows from the north, then columns, then layers."""
     size = product.shape[0]
     cell = 0
     for axis in range(size):
@@ -104,7 +104,7 @@ def _cell(product, middle, scale, offset, side):
 
 @kernel
 def _small(product, corners, fine):
-    """Whether the box of a piece is smaller than ``fine`` on every side."""
+    """Tell whether the box of a piece is smaller than ``fine`` on every side."""
     size = product.shape[0]
     for i in range(size):
         low, high = np.inf, -np.inf
@@ -120,12 +120,14 @@ def _small(product, corners, fine):
 
 @kernel
 def farthest(maps, table, points, centre, radius, direction, slack):
-    """How far the attractor reaches in a ``direction`` ``(m,)``, by up to ``slack`` too little: the
-    greatest of its dot products with known ``points`` ``(S, m)``, one of each state's attractor,
-    under all products of which a ball about ``centre`` with ``radius`` could reach farther.
+    """Compute how far the attractor reaches in a ``direction`` ``(m,)``, up to ``slack`` too
+    little.
+
+    It takes the greatest dot product with ``points`` ``(S, m)``, one of each state's attractor,
+    under all products for which a ball about ``centre`` with ``radius`` could reach farther.
     ``table`` has no dead ends."""
     letters, size = maps.shape[0], maps.shape[1]
-    # of a product, the direction as it has it, and how far its origin lies along it
+    # of each product: the direction in its own frame, and its origin's distance along the direction
     rows = np.empty((DEEPEST + 1, size))
     rows[0] = direction
     along = np.zeros(DEEPEST + 1)
@@ -165,13 +167,13 @@ def farthest(maps, table, points, centre, radius, direction, slack):
 
 @kernel
 def played(maps, backwards, edges, chances, latest, draws, found):
-    """The chaos game of a shape's language, run backwards: the newest letter is the outermost.
+    """Play the chaos game of a shape's language backwards: the newest letter is the outermost.
 
-    ``backwards`` ``(S + 1,)`` where the edges into each state begin in ``edges`` ``(E, 2)``: (state
+    ``backwards`` ``(S + 1,)``: starts of the edges into each state in ``edges`` ``(E, 2)``: (state
     from which, letter); ``chances`` ``(E,)`` cumulative within a state; ``latest`` ``(S, m)``, the
-    last point of each state, kept for the next call; ``draws`` uniform in 0…1. Where no edge
-    leads to a state, the game goes on from another that was drawn. Writes a point into ``found``
-    ``(len(draws), m)`` whenever it comes to state 0, and returns how many.
+    last point of each state, kept for the next call; ``draws`` uniform in 0…1. If no edge leads to
+    a state, the game continues from a drawn state. It writes a point into ``found``
+    ``(len(draws), m)`` whenever it comes to state 0, and returns the number of points.
     """
     size, states = maps.shape[1], len(backwards) - 1
     state, count = 0, 0

@@ -1,11 +1,11 @@
-"""Shapes that everybody knows, by name."""
+"""Well-known shapes by name."""
 
 from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 
-from evocity.errors import shown, with_near_miss
+from evocity.errors import add_near_miss, spell
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.primitives import Primitive
 from evocity.shapes.shape import Shape
@@ -48,9 +48,9 @@ def _fern() -> Shape:
 
 
 def _menger() -> Shape:
-    at = [one for one in product(range(3), repeat=3) if one.count(1) < 2]
+    cells = [cell for cell in product(range(3), repeat=3) if cell.count(1) < 2]
     third = np.eye(3) / 3
-    return Shape([np.column_stack([third, np.array(one) / 3]) for one in at], "cube")
+    return Shape([np.column_stack([third, np.array(cell) / 3]) for cell in cells], "cube")
 
 
 _KNOWN: dict[str, Callable[[], Shape]] = {
@@ -62,23 +62,20 @@ _KNOWN: dict[str, Callable[[], Shape]] = {
     "fern": _fern,
     "menger": _menger,
 }
-#: Their names.
+#: The names of well-known shapes.
 KNOWN = tuple(_KNOWN)
 
 
 def known(name: str) -> Shape:
-    """A shape by one of the names `KNOWN`. Raises `ShapeError` for another.
+    """Make the shape with one of the names in `KNOWN`. Raises `ShapeError` for any other name.
 
     Source: Sierpinski 1915 and 1916, von Koch 1904, Davis & Knuth 1970 (Heighway's dragon), Lévy
     1938, Barnsley 1988 (fern), Menger 1926.
     """
     if name not in _KNOWN:
         raise ShapeError(
-            with_near_miss(f"shape {shown(name)}", name, _KNOWN),
+            add_near_miss(f"shape {spell(name)}", name, _KNOWN),
             f"one of {', '.join(KNOWN)}",
-            "choose one",
+            "choose one of them",
         )
     return _KNOWN[name]()
-
-
-__all__ = ["KNOWN", "known"]

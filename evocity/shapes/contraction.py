@@ -1,4 +1,4 @@
-"""Whether affine maps contract: proved, refuted, or neither."""
+"""Contraction of affine maps: bounds of their joint spectral radius."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ import numpy as np
 from evocity.shapes.languages import Language
 from evocity.shapes.linear import norms, radii
 
-#: So many products are looked at, at most.
+#: The most products of one length.
 MOST_PRODUCTS = 4096
 
 
 @dataclass(frozen=True)
 class Contraction:
-    """What products of some ``length`` say of the joint spectral radius of maps: it lies between
-    ``lower`` and ``upper``. Below 1 long products contract to points, from 1 on they need not.
-    ``word``: of the product whose spectral radius gives ``lower``."""
+    """Bounds of the joint spectral radius of maps, from products of some length. The radius lies
+    between ``lower`` and ``upper``. Below 1 long products contract to points; at 1 or more they
+    need not. The ``word`` names the product whose spectral radius gives ``lower``."""
 
     lower: float
     upper: float
@@ -29,18 +29,17 @@ class Contraction:
 
     @property
     def refuted(self) -> bool:
-        """Whether some products never do."""
+        """Whether some products never contract."""
         return self.lower >= 1
 
 
 def contraction_of(maps: np.ndarray, language: Language) -> Contraction:
-    """Bounds of the joint spectral radius of ``maps`` ``(N, m, m + 1)`` in the words of a
-    ``language``, by products of growing length until one bound decides it or there are more than
-    `MOST_PRODUCTS`.
+    """Bound the joint spectral radius of ``maps`` ``(N, m, m + 1)`` in the words of a ``language``,
+    by products of growing length, until a bound decides it or there are more than `MOST_PRODUCTS`.
 
-    The upper bound is the largest spectral norm of products of length k, to the power 1 / k; the
-    lower one the largest spectral radius of such of them as lead from a state back to it, which can
-    be repeated. Source: ../shared/SHAPES.md §0.
+    The upper bound is the largest spectral norm of products of length k, to the power 1 / k. The
+    lower bound is the largest spectral radius of products that lead from a state back to it, and
+    can be repeated. Source: ../shared/SHAPES.md §0.
     """
     size = maps.shape[1]
     parts = maps[:, :, :size]
@@ -63,13 +62,10 @@ def contraction_of(maps: np.ndarray, language: Language) -> Contraction:
         upper = min(upper, float(norms(products).max()) ** (1 / length))
         round_trips = np.flatnonzero(starts == ends)
         if len(round_trips):
-            found = radii(products[round_trips])
-            best = int(found.argmax())
-            if found[best] ** (1 / length) > lower:
-                lower = float(found[best]) ** (1 / length)
+            own = radii(products[round_trips])
+            best = int(own.argmax())
+            if own[best] ** (1 / length) > lower:
+                lower = float(own[best]) ** (1 / length)
                 word = tuple(words[round_trips[best]].tolist())
         if upper < 1 or lower >= 1 or length == 64:
             return Contraction(lower, upper, length, word)
-
-
-__all__ = ["MOST_PRODUCTS", "Contraction", "contraction_of"]

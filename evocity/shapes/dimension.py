@@ -1,4 +1,4 @@
-"""Dimensions of shapes: exact ones by their ratios and languages, and by counting boxes."""
+"""Dimensions of shapes: exact, by ratios and languages, and by counting boxes."""
 
 from dataclasses import dataclass
 
@@ -6,17 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from evocity.shapes.drawing import line_mask, mask_of
+from evocity.shapes.checks import finite_language_error
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.linear import norms, radii
+from evocity.shapes.rendering import line_mask, mask_of
 from evocity.shapes.shape import Shape
 
-#: By so much, relative, a map may differ from a similarity.
+#: The greatest relative difference of a map from a similarity.
 SIMILAR = 1e-9
 
 
 def ratios_of(shape: Shape) -> np.ndarray:
-    """How much each map shrinks ``(N,)``. Raises `ShapeError` where one is no similarity."""
+    """Compute the ratio of each map ``(N,)``. Raises `ShapeError` for maps other than
+    similarities."""
     parts = shape.maps[:, :, : shape.size]
     ratios = norms(parts)
     squares = np.einsum("kji,kjl->kil", parts, parts)
@@ -24,28 +26,25 @@ def ratios_of(shape: Shape) -> np.ndarray:
     wrong = np.flatnonzero(off > SIMILAR * np.maximum(ratios**2, 1e-300))
     if len(wrong):
         raise ShapeError(
-            f"map {wrong[0]}, which shrinks by other amounts in other directions",
-            "similarities, of which the dimension is known",
-            "count boxes instead: boxes_of",
+            f"map {wrong[0]} does not shrink equally in all directions",
+            "maps that are similarities, since only their dimension is known",
+            "count boxes instead, with boxes_of",
         )
     return ratios
 
 
 def dimension_of(shape: Shape) -> float:
-    """The similarity dimension: the s at which the automaton's matrix of the sums of rˢ has a
-    spectral radius of 1; of all words Σ rˢ = 1. It is the attractor's own where its pieces do not
-    overlap (the open set condition). 0 for a shape of single points.
+    """Compute the similarity dimension s. At s, the automaton's matrix of the sums of rˢ has a
+    spectral radius of 1. If all words act, Σ rˢ = 1. It equals the attractor's own dimension if
+    pieces do not overlap (the open set condition). A shape of single points has the dimension 0.
 
-    Raises `ShapeError` unless all maps are similarities, and for a language without words of any
-    length.
+    Raises `ShapeError` if a map is not a similarity, and if the language has finitely many words.
 
     Source: Moran 1946; Mauldin & Williams 1988.
     """
     ratios, language = ratios_of(shape), shape.language.minimal
     if not language.lasts:
-        raise ShapeError(
-            "a language without words of any length", "one whose words go on", "change it"
-        )
+        raise finite_language_error("choose another language")
     kept = np.flatnonzero(language.lasting)
     at = np.full(len(language.table) + 1, -1)
     at[kept] = np.arange(len(kept))
@@ -67,8 +66,8 @@ def dimension_of(shape: Shape) -> float:
 
 @dataclass(frozen=True)
 class Boxes:
-    """How many boxes a mask fills, ``counts`` of ``sides`` px, and the ``dimension`` that their
-    slope tells."""
+    """Box counts of a mask: ``counts`` is the number of boxes with ``sides`` px that the mask
+    fills. The ``dimension`` is the slope of the logarithms of these counts."""
 
     dimension: float
     sides: tuple[int, ...]
@@ -76,11 +75,11 @@ class Boxes:
 
 
 def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
-    """The box dimension of a ``mask``, bool of 2 or 3 axes: boxes of ``base``ʲ px, from four px or
-    ``base`` to a quarter of the shortest axis, the least count over offsets of the grid, and the
-    slope of their logarithms.
+    """Compute the box dimension of a mask, bool with 2 or 3 axes. The boxes have sides of ``base``ʲ
+    px, from four px or ``base`` to a quarter of the shortest axis. Each count is the least over
+    offsets of the grid. The dimension is the slope of the logarithms of these counts.
 
-    Raises `ShapeError` for a mask with nothing in it, or too small for three sides.
+    Raises `ShapeError` if the mask is empty, or too small for three sizes of boxes.
     """
     mask = np.asarray(mask, bool)
     sides = []
@@ -90,11 +89,13 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
         side *= base
     if not mask.any() or len(sides) < 3:
         raise ShapeError(
-            f"a mask of {' × '.join(map(str, mask.shape))} with {np.count_nonzero(mask)} cells",
-            f"some cells, and {4 * base ** (4 if base == 2 else 3)} or more along each axis",
-            "draw it larger",
+            f"a mask of {' × '.join(map(str, mask.shape))} with {np.count_nonzero(mask)} cells is "
+            "too small",
+            f"a mask with cells, and at least {4 * base ** (4 if base == 2 else 3)} along each "
+            "axis",
+            "draw the mask larger",
         )
-    parts = 4 if base == 2 else base  # of a box, which offsets of the grid are multiples of
+    parts = 4 if base == 2 else base  # of a box; offsets of the grid are multiples of a part
     fine, counts, side = mask, [], 1
     for wide in sides:
         fine, side = _blocks(fine, wide // parts // side, 0), wide // parts
@@ -107,9 +108,8 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
 
 
 def box_dimension(shape: Shape, side: int | None = None) -> Boxes:
-    """The box dimension of a shape, of a mask of it of at most ``side`` px (4096, in space 256),
-    with boxes that grow as its maps do: by the whole number that all of them shrink by, else by 2.
-    """
+    """Compute the box dimension of a shape, from a mask of at most ``side`` px (4096, in space
+    256). If all maps shrink by the same whole number, boxes grow by this number, otherwise by 2."""
     base = _base_of(shape)
     most = side or (4096 if shape.size == 2 else 256)
     whole = base
@@ -119,8 +119,9 @@ def box_dimension(shape: Shape, side: int | None = None) -> Boxes:
 
 
 def line_dimension(line: ArrayLike, side: int = 1024) -> Boxes:
-    """The box dimension of a line ``(n, 2)`` in a raster of ``side`` px: how rough it is at the
-    scales that its points reach; 1 for a smooth one. Raises `ShapeError` as `line_of`."""
+    """Compute the box dimension of a line ``(n, 2)`` in a raster of ``side`` px. The dimension
+    measures the line's roughness at the scales of its points; a smooth line has 1. Raises
+    `ShapeError` as `line_of`."""
     return boxes_of(line_mask(line, side))
 
 
@@ -131,13 +132,10 @@ def _base_of(shape: Shape) -> int:
 
 
 def _blocks(mask: np.ndarray, side: int, *offsets: int) -> np.ndarray:
-    """Whether each block of ``side`` cells along every axis holds something; the first blocks are
-    by ``offsets`` cells shorter."""
+    """Tell whether each block of ``side`` cells along every axis has a filled cell; the first
+    blocks are shorter by ``offsets`` cells."""
     for axis in range(mask.ndim):
         offset = offsets[axis] if len(offsets) > 1 else 0
         starts = np.arange(-offset, mask.shape[axis], side)
         mask = np.logical_or.reduceat(mask, np.maximum(starts, 0), axis=axis)
     return mask
-
-
-__all__ = ["Boxes", "box_dimension", "boxes_of", "dimension_of", "line_dimension", "ratios_of"]

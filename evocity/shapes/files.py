@@ -1,25 +1,35 @@
-"""Shapes and curves in files: JSON or Parquet that says what it is, bounded, nothing executed."""
+"""Files of shapes and curves: JSON, or Parquet of one row, with a type, a version and bounds."""
 
+import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from evocity.errors import shown
+from evocity.columns import array_of
+from evocity.errors import reason_of, spell
+from evocity.files import whole_file
 from evocity.shapes.curve import Curve
 from evocity.shapes.detail import Detailed
-from evocity.shapes.documents import read_document, write_document
 from evocity.shapes.languages import Language, ShapeError
 from evocity.shapes.primitives import PRIMITIVES, Primitive, primitive_of
 from evocity.shapes.shape import Shape
 
+#: The largest file to read, bytes, and the most numbers in a Parquet file.
+MOST_BYTES, MOST_NUMBERS = 64_000_000, 4_000_000
+_ABOUT = b"evocity.document"
 _VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
 class StoredCurve:
-    """A curve with what a file tells besides: in which reference system it lies (``crs``, a code
-    or a PROJ string; None for nowhere on Earth), and what its source's licence asks for."""
+    """A curve, with the other content of its file. Field ``crs`` is its reference system: a code, a
+    PROJ string, or None without a place on Earth. Field ``attribution`` is the line that its
+    licence requires."""
 
     detailed: Detailed
     crs: str | None = None
@@ -27,21 +37,18 @@ class StoredCurve:
 
 
 def write_shape(shape: Shape, path: str | os.PathLike) -> None:
-    """Write a shape, as Parquet if the name ends in .parquet, else as JSON; the file appears whole
-    or not at all.
+    """Write a shape, as Parquet if the name ends in ``.parquet``, otherwise as JSON. If writing
+    fails, no partial file remains.
 
     Keys: ``evocity`` ("shape"), ``version``, ``maps``, ``primitive`` (a name, or points, lines,
     faces; null for the box of the attractor), ``language`` (table, accepting; null for all words),
     ``colours`` (null for none), ``mix``.
     """
     primitive = shape.primitive
-    told: object = None
+    written: object = None
     if primitive is not None:
-        names = [
-            name for name in PRIMITIVES
-            if _same(primitive_of(name), primitive)
-        ]  # fmt: skip
-        told = names[0] if names else {
+        names = [name for name in PRIMITIVES if _equal_primitives(primitive_of(name), primitive)]
+        written = names[0] if names else {
             "points": primitive.points.tolist(),
             "lines": primitive.lines.tolist(),
             "faces": primitive.faces.tolist(),
@@ -54,7 +61,7 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
         "evocity": "shape",
         "version": _VERSION,
         "maps": shape.maps.tolist(),
-        "primitive": told,
+        "primitive": written,
         "language": language,
         "colours": None if shape.colours is None else shape.colours.tolist(),
         "mix": shape.mix,
@@ -63,31 +70,31 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
 
 
 def read_shape(path: str | os.PathLike) -> Shape:
-    """The shape of a file that `write_shape` wrote, or that has the same keys.
+    """Read a shape from a file that `write_shape` wrote, or that has the same keys.
 
-    Raises `ShapeError` for what is none, and whatever is wrong with it by its key.
+    Raises `ShapeError`, which names the wrong key, for other files.
     """
     return _read(path, "shape", _shape_of)
 
 
 def write_curve(
-    one: Detailed, path: str | os.PathLike, crs: str | None = None, attribution: str = ""
+    detailed: Detailed, path: str | os.PathLike, crs: str | None = None, attribution: str = ""
 ) -> None:
     """Write a curve with its details, as Parquet if the name ends in .parquet, else as JSON.
 
     Keys: ``evocity`` ("curve"), ``version``, ``maps``, ``shared``, ``depth``, ``kept``, ``points``,
-    ``crs``, ``attribution``. ``points`` are those of all polygons at level ``kept``, below which
-    there are no details: so a curve of which k levels are dropped takes N**-k of the room.
+    ``crs``, ``attribution``. The key ``points`` holds the points of all polygons at level ``kept``;
+    finer levels have no details. A curve without its k finest levels takes N**-k of the room.
     """
     write_document(
         {
             "evocity": "curve",
             "version": _VERSION,
-            "maps": one.curve.maps.tolist(),
-            "shared": one.shared,
-            "depth": one.depth,
-            "kept": one.kept,
-            "points": one.points(one.kept).tolist(),
+            "maps": detailed.curve.maps.tolist(),
+            "shared": detailed.shared,
+            "depth": detailed.depth,
+            "kept": detailed.kept,
+            "points": detailed.points(detailed.kept).tolist(),
             "crs": crs,
             "attribution": attribution,
         },
@@ -96,18 +103,24 @@ def write_curve(
 
 
 def read_curve(path: str | os.PathLike) -> StoredCurve:
-    """The curve of a file that `write_curve` wrote, or that has the same keys. Raises `ShapeError`
-    for what is none."""
+    """Read a curve from a file that `write_curve` wrote, or that has the same keys. Raises
+    `ShapeError` for other files."""
     return _read(path, "curve", _curve_of)
 
 
 def _read(path: str | os.PathLike, kind: str, made):
     document = read_document(path)
     if document.get("evocity") != kind:
-        raise ShapeError(f"{path}: no {kind}", f'"evocity": "{kind}"', f"write it by write_{kind}")
+        raise ShapeError(
+            f"{path} is not a {kind}",
+            f'the entry "evocity": "{kind}"',
+            f"write the file with write_{kind}",
+        )
     if document.get("version") != _VERSION:
         raise ShapeError(
-            f"{path}: version {shown(document.get('version'))}", f"{_VERSION}", "update evocity"
+            f"{path}: the file has version {spell(document.get('version'))}",
+            f"version {_VERSION}",
+            "update evocity",
         )
     try:
         return made(document)
@@ -115,26 +128,29 @@ def _read(path: str | os.PathLike, kind: str, made):
         raise ShapeError(f"{path}: {error.found}", error.expected, error.remedy) from None
     except (TypeError, ValueError, OverflowError, KeyError, AttributeError):
         raise ShapeError(
-            f"{path}: numbers that are none",
-            f"lists of numbers, as write_{kind} tells",
-            "correct it",
+            f"{path}: keys are missing, or values are not numbers",
+            f"lists of numbers, as write_{kind} writes them",
+            "correct the file",
         ) from None
 
 
 def _curve_of(document: dict) -> StoredCurve:
     maps, points = (np.array(document[name], np.float64) for name in ("maps", "points"))
     depth, kept, shared = (document[name] for name in ("depth", "kept", "shared"))
-    whole = all(isinstance(one, int) and not isinstance(one, bool) for one in (depth, kept))
+    whole = all(isinstance(n, int) and not isinstance(n, bool) for n in (depth, kept))
     crs, attribution = document.get("crs"), document.get("attribution", "")
     if not whole or not isinstance(shared, bool) or not 0 <= kept <= depth <= 64:
         raise ShapeError(
-            "depth, kept or shared that are none", "whole numbers, kept ≤ depth; true or false",
-            "correct them",
-        )  # fmt: skip
+            "invalid depth, kept or shared",
+            "whole numbers with kept ≤ depth; shared is true or false",
+            "correct these values",
+        )
     if not isinstance(crs, str | None) or not isinstance(attribution, str):
-        raise ShapeError("crs or attribution that is no text", "text, or null", "correct it")
+        raise ShapeError(
+            "crs or attribution is not a text", "a text, or null", "correct this value"
+        )
     if maps.ndim != 3:
-        Curve(np.zeros((2, 2)), maps)  # which says what maps are
+        Curve(np.zeros((2, 2)), maps)  # raises for their shape
     return StoredCurve(Detailed.drawn(points, maps, shared, kept, depth), crs, attribution)
 
 
@@ -146,7 +162,9 @@ def _shape_of(document: dict) -> Shape:
         )
     elif primitive is not None and not isinstance(primitive, str):
         raise ShapeError(
-            "a primitive that is none", "a name, or points, lines, faces", "correct it"
+            "the primitive is invalid",
+            "a name, or points, lines and faces",
+            "correct the primitive",
         )
     language = document.get("language")
     if language is not None:
@@ -158,9 +176,94 @@ def _shape_of(document: dict) -> Shape:
     )
 
 
-def _same(one: Primitive, other: Primitive) -> bool:
-    pairs = ((one.points, other.points), (one.lines, other.lines), (one.faces, other.faces))
-    return all(np.array_equal(a, b) for a, b in pairs)
+def _equal_primitives(first: Primitive, second: Primitive) -> bool:
+    names = ("points", "lines", "faces")
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
 
 
-__all__ = ["StoredCurve", "read_curve", "read_shape", "write_curve", "write_shape"]
+def write_document(document: dict, path: str | os.PathLike) -> None:
+    """Write a JSON document; as Parquet if the name ends in .parquet: lists of numbers as columns,
+    the rest in the schema's metadata."""
+    try:
+        with whole_file(path) as temporary:
+            if Path(path).suffix.lower() == ".parquet":
+                columns: dict[str, np.ndarray] = {}
+                rest = _without_arrays(document, columns, "")
+                table = pa.table({name: [array.ravel()] for name, array in columns.items()})
+                about = {_ABOUT: json.dumps(rest, allow_nan=False)}
+                pq.write_table(
+                    table.replace_schema_metadata(about), temporary, compression="zstd",
+                    write_page_checksum=True,
+                )  # fmt: skip
+            else:
+                temporary.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ShapeError(
+            f"{os.fspath(path)} cannot be written: {reason_of(error)}",
+            "a file name in an existing folder",
+            "choose another name",
+        ) from None
+
+
+def read_document(path: str | os.PathLike) -> dict:
+    """Read the document of a file; {} for other content. Raises `ShapeError` for a file that is too
+    large, or cannot be read."""
+    path = Path(path)
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise ShapeError(
+            f"{path}: {reason_of(error)}", "a file of a shape or a curve", "check the path"
+        ) from None
+    if len(content) > MOST_BYTES:
+        raise ShapeError(
+            f"{path} exceeds {MOST_BYTES} bytes", "a smaller file", "simplify the shape or curve"
+        )
+    try:
+        if content[:4] == b"PAR1":
+            return _of_parquet(content)
+        document = json.loads(content.decode())
+    except (ValueError, RecursionError, OSError, KeyError, TypeError, pa.ArrowException):
+        document = None
+    return document if isinstance(document, dict) else {}
+
+
+def _of_parquet(content: bytes) -> dict:
+    file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+    about = file.metadata
+    groups = [about.row_group(k) for k in range(about.num_row_groups)]
+    numbers = sum(each.column(k).num_values for each in groups for k in range(each.num_columns))
+    if about.num_rows != 1 or numbers > MOST_NUMBERS:
+        raise ValueError(f"{about.num_rows} rows, {numbers} numbers")
+    document = json.loads((file.schema_arrow.metadata or {})[_ABOUT])
+    columns = file.read()
+    for name, holder, key in list(_places(document, "")):
+        shape = holder[key]["array"]
+        holder[key] = array_of(columns[name].combine_chunks().flatten()).reshape(shape).tolist()
+    return document if isinstance(document, dict) else {}
+
+
+def _without_arrays(node: object, columns: dict[str, np.ndarray], name: str) -> object:
+    """Replace lists of numbers in ``node`` by their shapes, and put the numbers into
+    ``columns``."""
+    if isinstance(node, dict):
+        return {
+            key: _without_arrays(value, columns, f"{name}.{key}".lstrip("."))
+            for key, value in node.items()
+        }
+    if isinstance(node, list):
+        array = np.array(node)
+        if array.size and array.dtype.kind in "bif":
+            columns[name] = array
+            return {"array": list(array.shape)}
+    return node
+
+
+def _places(node: object, name: str) -> Iterator[tuple[str, dict, str]]:
+    for key, value in node.items() if isinstance(node, dict) else ():
+        below = f"{name}.{key}".lstrip(".")
+        if isinstance(value, dict) and set(value) == {"array"}:
+            yield below, node, key
+        else:
+            yield from _places(value, below)

@@ -1,6 +1,6 @@
-"""Small matrices: norms, radii, products. What asks LAPACK stands here alone.
+"""Linear algebra of small matrices: norms, radii, solutions, affine maps; all uses of LAPACK.
 
-No birth of a search waits for it: matrices of 3 × 3 and automata of some states.
+Matrices are of 3 × 3, or of an automaton's states; no birth of a search depends on its speed.
 """
 
 import numpy as np
@@ -8,27 +8,27 @@ import scipy
 
 
 def norms(parts: np.ndarray) -> np.ndarray:
-    """Spectral norms ``(k,)`` of matrices ``(k, m, m)``."""
+    """Compute the spectral norms ``(k,)`` of matrices ``(k, m, m)``."""
     return np.linalg.norm(parts, ord=2, axis=(1, 2)) if len(parts) else np.zeros(0)
 
 
 def radii(parts: np.ndarray) -> np.ndarray:
-    """Spectral radii ``(k,)`` of matrices ``(k, m, m)``."""
+    """Compute the spectral radii ``(k,)`` of matrices ``(k, m, m)``."""
     return np.abs(np.linalg.eigvals(parts)).max(axis=1) if len(parts) else np.zeros(0)
 
 
 def determinants(parts: np.ndarray) -> np.ndarray:
-    """Determinants ``(k,)`` of matrices ``(k, m, m)``."""
+    """Compute the determinants ``(k,)`` of matrices ``(k, m, m)``."""
     return np.linalg.det(parts)
 
 
-def solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """x of ``matrix`` x = ``right``."""
+def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve ``matrix`` x = ``right``."""
     return np.linalg.solve(matrix, right)
 
 
-def fixed_of(matrix: np.ndarray) -> np.ndarray:
-    """The vector of sum 1 that a ``matrix`` whose columns sum to 1 leaves as it is."""
+def fixed_vector(matrix: np.ndarray) -> np.ndarray:
+    """Find the fixed vector of sum 1 of a ``matrix`` whose columns sum to 1."""
     size = len(matrix)
     rows = np.vstack([matrix - np.eye(size), np.ones((1, size))])
     right = np.append(np.zeros(size), 1.0)
@@ -36,62 +36,47 @@ def fixed_of(matrix: np.ndarray) -> np.ndarray:
 
 
 def conditions(matrix: np.ndarray) -> float:
-    """How many times longer a ``matrix`` makes one vector than another; 1 of an empty one."""
+    """Compute the condition number of a ``matrix``; 1 for an empty one."""
     lengths = np.linalg.svd(matrix, compute_uv=False)
     return float(lengths[0] / max(lengths[-1], 1e-300)) if len(lengths) else 1.0
 
 
-def nothing_of(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal rows ``(n - m, n)`` of which a ``matrix`` ``(m, n)`` of rank m makes nothing."""
+def null_rows(matrix: np.ndarray) -> np.ndarray:
+    """Find orthonormal rows ``(n - m, n)`` of the null space of a ``matrix`` ``(m, n)`` of rank
+    m."""
     rows, columns = matrix.shape
     return np.linalg.qr(matrix.T, mode="complete")[0].T[rows:] if rows else np.eye(columns)
 
 
-def lower_of(matrix: np.ndarray) -> np.ndarray:
-    """The lower triangle L of a positive definite ``matrix`` L Lᵀ."""
+def cholesky(matrix: np.ndarray) -> np.ndarray:
+    """Compute the lower triangle L of a positive definite ``matrix`` L Lᵀ."""
     return np.linalg.cholesky(matrix)
 
 
-def banded_solved(diagonals: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """x of a positive definite matrix told by its lower ``diagonals`` ``(b, n)``, of ``right``
-    ``(n,)`` or ``(n, k)``, real or complex. What ``diagonals`` have beyond the matrix does not
-    count."""
+def solve_banded(diagonals: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve a positive definite matrix, given by its lower ``diagonals`` ``(b, n)``, for ``right``
+    ``(n,)`` or ``(n, k)``, real or complex. Entries of ``diagonals`` beyond the matrix are
+    ignored."""
     diagonals = diagonals[: len(right)]
     return scipy.linalg.solveh_banded(diagonals, right, lower=True, check_finite=False)
 
 
 def polar(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A ``matrix`` as a turn, orthogonal, after a symmetric stretch."""
+    """Decompose a ``matrix`` into an orthogonal turn after a symmetric stretch."""
     left, lengths, right = np.linalg.svd(matrix)
     turn = np.einsum("ij,jk->ik", left, right)
     return turn, np.einsum("ji,j,jk->ik", right, lengths, right)
 
 
-def after(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Affine maps ``(…, m, m + 1)``: ``inner`` first, then ``outer``."""
+def compose_maps(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """Compose affine maps ``(…, m, m + 1)``: ``inner`` first, then ``outer``."""
     size = outer.shape[-2]
-    found = np.einsum("...ij,...jk->...ik", outer[..., :size], inner)
-    found[..., size] += outer[..., size]
-    return found
+    composed = np.einsum("...ij,...jk->...ik", outer[..., :size], inner)
+    composed[..., size] += outer[..., size]
+    return composed
 
 
-def moved(maps: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Where affine ``maps`` ``(…, m, m + 1)`` take ``points`` ``(n, m)``: ``(…, n, m)``."""
+def apply_maps(maps: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Apply affine ``maps`` ``(…, m, m + 1)`` to ``points`` ``(n, m)``: ``(…, n, m)``."""
     size = maps.shape[-2]
     return np.einsum("...ij,nj->...ni", maps[..., :size], points) + maps[..., None, :, size]
-
-
-__all__ = [
-    "after",
-    "banded_solved",
-    "conditions",
-    "determinants",
-    "fixed_of",
-    "lower_of",
-    "moved",
-    "norms",
-    "nothing_of",
-    "polar",
-    "radii",
-    "solved",
-]

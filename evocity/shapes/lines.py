@@ -1,4 +1,4 @@
-"""Polylines of the plane: what may be one, the same with other points, where one crosses itself."""
+"""Polylines of the plane: checks, resampling, and crossings."""
 
 import warnings
 
@@ -14,60 +14,62 @@ MOST_LINE = 2**20
 
 
 def line_of(given: ArrayLike) -> np.ndarray:
-    """A polyline as float ``(n, 2)``.
+    """Convert to a polyline, float ``(n, 2)``.
 
-    Raises `ShapeError` for fewer than two points, points that follow each other at one place, and
-    numbers that are not finite. The last point may be the first: then the line is closed.
+    Raises `ShapeError` for fewer than two points, points equal to the one before, and numbers that
+    are not finite. In a closed line the last point equals the first.
     """
     try:
         line = np.array(given, np.float64)
     except (TypeError, ValueError):
         line = np.zeros(0)
     if line.ndim != 2 or line.shape[1] != 2:
-        raise ShapeError(f"a line of shape {line.shape}", "(n, 2): x and y", "give a row a point")
+        raise ShapeError(
+            f"the line has the shape {line.shape}", "(n, 2): x and y", "give a row for each point"
+        )
     if not 2 <= len(line) <= MOST_LINE:
         raise ShapeError(
-            f"a line of {len(line)} {'point' if len(line) == 1 else 'points'}",
-            f"2…{MOST_LINE}",
-            "give another",
+            f"the line has {len(line)} {'point' if len(line) == 1 else 'points'}",
+            f"2 to {MOST_LINE} points",
+            "give another line",
         )
     if not np.isfinite(line).all():
         at = int(np.argwhere(~np.isfinite(line))[0, 0])
-        raise ShapeError(f"point {at} that is not finite", "finite numbers", "correct it")
+        raise ShapeError(f"point {at} is not finite", "finite numbers", "correct the point")
     same = np.flatnonzero((line[1:] == line[:-1]).all(axis=1))
     if len(same):
         raise ShapeError(
-            f"points {same[0]} and {same[0] + 1} of a line at one place, {place_of(line[same[0]])}",
-            "points that each lie elsewhere than the one before",
-            "leave the second out",
+            f"points {same[0]} and {same[0] + 1} of the line coincide at {place_of(line[same[0]])}",
+            "points that differ from the point before",
+            "leave the second point out",
         )
     return line
 
 
 def lengths_of(line: np.ndarray) -> np.ndarray:
-    """How far along a line ``(n, 2)`` each of its points lies, ``(n,)``, in its units."""
+    """Compute the distance of each point along a line ``(n, 2)``, ``(n,)``, in its units."""
     steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def resampled(line: ArrayLike, count: int) -> np.ndarray:
-    """``count`` points ``(count, 2)`` at equal steps along a line, its ends among them.
+    """Resample a line at ``count`` points ``(count, 2)`` in equal steps; its two ends stay.
 
-    Raises `ShapeError` as `line_of`, and for a count beyond 2…`MOST_LINE`.
+    Raises `ShapeError` as `line_of` does, and if ``count`` is outside 2…`MOST_LINE`.
     """
     line = line_of(line)
     if isinstance(count, bool) or not 2 <= count <= MOST_LINE:
         raise ShapeError(setting("count", count), f"2…{MOST_LINE}", "choose another")
     along = lengths_of(line)
     at = np.linspace(0, along[-1], count)
-    found = np.column_stack([np.interp(at, along, line[:, axis]) for axis in (0, 1)])
-    found[0], found[-1] = line[0], line[-1]
-    return found
+    points = np.column_stack([np.interp(at, along, line[:, axis]) for axis in (0, 1)])
+    points[0], points[-1] = line[0], line[-1]
+    return points
 
 
 def crossing_of(line: ArrayLike) -> np.ndarray | None:
-    """A place ``(2,)`` where a line meets itself, None if it does nowhere. That the end is the
-    beginning counts for nothing."""
+    """Find a place ``(2,)`` where a line crosses or touches itself; None if there is no such place.
+    Ends that coincide do not count."""
     line = line_of(line)
     if shapely.is_simple(shapely.linestrings(line)):
         return None
@@ -77,17 +79,17 @@ def crossing_of(line: ArrayLike) -> np.ndarray | None:
     if (line[0] == line[-1]).all():
         apart &= (first != 0) | (second != len(parts) - 1)
     pairs = np.column_stack([first, second])[apart]
-    if not len(pairs):  # it turns back upon itself
+    if not len(pairs):  # the line turns back on itself
         follows = parts[:-1], parts[1:]
         back = shapely.length(shapely.intersection(*follows)) > 0
         return line[1 + int(back.argmax())]
-    one, other = pairs[np.lexsort(pairs.T[::-1])[0]]
-    met = shapely.intersection(parts[one], parts[other])
+    first, second = pairs[np.lexsort(pairs.T[::-1])[0]]
+    met = shapely.intersection(parts[first], parts[second])
     return shapely.get_coordinates(met)[0]
 
 
-def tell_crossing(line: np.ndarray, name: str) -> bool:
-    """Warn if a line meets itself, and where; whether it does."""
+def warn_crossing(line: np.ndarray, name: str) -> bool:
+    """Warn, with the place, if a line meets itself; return whether it does."""
     place = crossing_of(line)
     if place is not None:
         warnings.warn(f"{name} crosses itself at {place_of(place)}", stacklevel=4)
@@ -95,15 +97,5 @@ def tell_crossing(line: np.ndarray, name: str) -> bool:
 
 
 def place_of(point: np.ndarray) -> str:
+    """Format a point for messages."""
     return f"({point[0]:.6g}, {point[1]:.6g})"
-
-
-__all__ = [
-    "MOST_LINE",
-    "crossing_of",
-    "lengths_of",
-    "line_of",
-    "place_of",
-    "resampled",
-    "tell_crossing",
-]

@@ -1,4 +1,4 @@
-"""What a shape is drawn of: points, lines and faces that its maps take everywhere."""
+"""`Primitive`: points, lines and faces that a shape's maps transform."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,19 +7,20 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evocity.errors import shown, with_near_miss
+from evocity.errors import add_near_miss, spell
 from evocity.shapes.languages import ShapeError
 
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """Points with the lines or faces between them.
+    """Points, with the lines or faces between them.
 
     Parameters
     ----------
-    points : float ``(n, m)``, of the plane or of space.
-    lines : pairs of points ``(k, 2)`` by number.
-    faces : triangles ``(k, 3)`` by number; in space counterclockwise seen from outside.
+    points : float ``(n, m)``, in the plane or in space.
+    lines : pairs of points ``(k, 2)``, by the numbers of the points.
+    faces : triangles ``(k, 3)``, by the numbers of the points; in space counterclockwise as seen
+        from outside.
     """
 
     points: np.ndarray
@@ -31,35 +32,39 @@ class Primitive:
         points = np.array(points, np.float64)
         if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
             raise ShapeError(
-                f"points of shape {points.shape}", "one or more of 2 or 3 numbers", "correct them"
+                f"the points have the shape {points.shape}",
+                "points of 2 or 3 numbers",
+                "correct the points",
             )
         if not np.isfinite(points).all():
-            raise ShapeError("a point that is not finite", "finite numbers", "correct it")
+            raise ShapeError("a point is not finite", "finite numbers", "correct the point")
         parts = []
         for name, given, corners in (("lines", lines, 2), ("faces", faces, 3)):
             part = np.array(given, np.int64).reshape(-1, corners)
             if part.size and not (part.min() >= 0 and part.max() < len(points)):
                 raise ShapeError(
-                    f"{name} with point {part.max()}", f"0…{len(points) - 1}", "correct them"
+                    f"{name} use a missing point; the highest number is {part.max()}",
+                    f"points 0 to {len(points) - 1}",
+                    f"correct the {name}",
                 )
             parts.append(part)
         return cls(points, *parts)
 
     @classmethod
     def polyline(cls, points: Sequence) -> "Primitive":
-        """A line through two points or more."""
+        """Make a line through at least two points."""
         count = len(points)
         return cls.of(points, np.column_stack([np.arange(count - 1), np.arange(1, count)]))
 
     @classmethod
     def polygon(cls, points: Sequence) -> "Primitive":
-        """A filled convex polygon of three corners or more."""
+        """Make a filled convex polygon with at least three corners."""
         count = len(points)
         return cls.of(points, (), [(0, k, k + 1) for k in range(1, count - 1)])
 
     @property
     def size(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of coordinates: 2 in the plane, 3 in space."""
         return self.points.shape[1]
 
 
@@ -74,7 +79,7 @@ def _cube() -> Primitive:
 
 
 def _sphere(rings: int = 8, around: int = 16) -> Primitive:
-    """Of radius ½ about (½, ½, ½)."""
+    """Make a sphere of radius ½ about (½, ½, ½)."""
     tilt = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1]
     turn = np.arange(around) * 2 * np.pi / around
     ring = [(np.cos(t) * np.cos(a), np.cos(t) * np.sin(a), np.sin(t)) for t in tilt for a in turn]
@@ -92,7 +97,7 @@ def _sphere(rings: int = 8, around: int = 16) -> Primitive:
 
 
 def _cylinder(around: int = 16) -> Primitive:
-    """Of radius ½ about (½, ½), from height 0 to 1."""
+    """Make a cylinder of radius ½ about (½, ½), from height 0 to 1."""
     turn = np.arange(around) * 2 * np.pi / around
     ring = np.column_stack([np.cos(turn), np.sin(turn)]) / 2 + 0.5
     points = np.vstack([np.column_stack([ring, np.full(around, z)]) for z in (0.0, 1.0)])
@@ -113,21 +118,18 @@ _MAKERS = {
     "sphere": _sphere,
     "cylinder": _cylinder,
 }
-#: Names of primitives; a polyline, a polygon and a polyhedron are given as `Primitive`.
+#: Names of primitives; give a polyline, a polygon or a polyhedron as `Primitive`.
 PRIMITIVES = tuple(_MAKERS)
 
 
 def primitive_of(given: "str | Primitive") -> Primitive:
-    """A primitive by its name, in the unit square or cube, or as it is."""
+    """Return a primitive by its name, in the unit square or cube; a `Primitive` stays."""
     if isinstance(given, Primitive):
         return given
     if given not in _MAKERS:
         raise ShapeError(
-            with_near_miss(f"primitive {shown(given)}", str(given), _MAKERS),
+            add_near_miss(f"primitive {spell(given)}", str(given), _MAKERS),
             f"one of {', '.join(PRIMITIVES)}, or a Primitive",
-            "choose one",
+            "choose one of them",
         )
     return _MAKERS[given]()
-
-
-__all__ = ["PRIMITIVES", "Primitive", "primitive_of"]

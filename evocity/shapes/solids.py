@@ -16,9 +16,7 @@ _INK = (0.75, 0.75, 0.72)
 
 
 @dataclass(frozen=True, eq=False)
-class _Coloured:
-    """What `glb` asks of a group of solids: the pieces that have one colour."""
-
+class _ColourGroup:
     name: str
     colour: tuple[float, float, float]
     mesh: Mesh
@@ -32,23 +30,25 @@ class _Coloured:
 def glb_of(
     shape: Shape, depth: int | None = None, pixel: float | None = None, name: str = "shape"
 ) -> bytes:
-    """The bytes of a .glb with the pieces of a shape, z up, a mesh a colour; ``depth`` or ``pixel``
-    as of `Shape.pieces`. Those of the plane lie on the ground, seen from above.
+    """Return the bytes of a ``.glb`` file with the pieces of a shape, z up, one mesh per colour.
+    Choose ``depth`` or ``pixel`` as in `Shape.pieces`. Shapes of the plane lie on the ground.
 
-    Raises `ShapeError` as `Shape.pieces`, for a primitive without faces, and for more than
-    `MOST_TRIANGLES`.
+    Raises `ShapeError` as `Shape.pieces` does, for a primitive without faces, and for more than
+    `MOST_TRIANGLES` triangles.
     """
     pieces = shape.pieces(depth, pixel)
     faces = pieces.primitive.faces
     if not len(faces):
         raise ShapeError(
-            "a primitive without faces",
-            "one with faces, such as cube, sphere or cylinder",
-            "choose another primitive=",
+            "the primitive has no faces",
+            "a primitive with faces: cube, sphere or cylinder",
+            "choose another primitive with primitive=",
         )
     if len(pieces) * len(faces) > MOST_TRIANGLES:
         raise ShapeError(
-            f"{len(pieces) * len(faces)} triangles", f"at most {MOST_TRIANGLES}", "lower the depth"
+            f"the shape has {len(pieces) * len(faces)} triangles",
+            f"at most {MOST_TRIANGLES} triangles",
+            "lower the depth",
         )
     points = pieces.points
     if shape.size == 2:
@@ -65,11 +65,8 @@ def glb_of(
         owner = np.repeat(np.arange(len(own), dtype=np.int32), len(faces))
         part = np.full(len(triangles), WALL, np.uint8)
         mesh = Mesh(points[own].reshape(-1, 3), triangles, owner, part)
-        groups.append(_Coloured(f"{name} {number}", tuple(colour), mesh, len(own)))
+        groups.append(_ColourGroup(f"{name} {number}", tuple(colour), mesh, len(own)))
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     size = float(high[0] - low[0]), float(high[1] - low[1])
     middle = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2
     return glb(groups, About(name, "", None, (0.0, 0.0), size, (*middle, 1.0)))
-
-
-__all__ = ["MOST_TRIANGLES", "glb_of"]

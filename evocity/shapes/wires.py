@@ -1,4 +1,4 @@
-"""Wire forms: a segment replaced by a line, again and again; and one shape turning into another.
+"""Wire forms, a segment replaced by a line and iterated; and metamorphosis between shapes.
 
 Source: Tosan, Excoffier, Rondet-Mignotte 2005, §3.1 and §3.2; Dubuc 1987; Prusinkiewicz & Sandness
 1988; Bowman 1995 and Burch & Hart 1997 (metamorphosis).
@@ -22,34 +22,42 @@ def wire(
     flipped: Sequence[bool] = (),
     **more: Any,
 ) -> Shape:
-    """The form of a segment from (0, 0) to (1, 0) that is replaced by arcs between ``points``.
+    """Make a wire form: arcs between points replace the segment from (0, 0) to (1, 0), again and
+    again.
 
     points : float ``(n, 2)``, or n complex numbers.
-    arcs : (start, end) of each by number, any graph; from each point to the next unless told.
-    flipped : whether an arc's own form lies on its other side, one for each; none unless told.
-    more : as of `Shape`; the primitive is the segment unless told.
+    arcs : the numbers (start, end) of the points that each arc joins, which may form any graph. By
+        default arcs join each point to the next.
+    flipped : whether the form of each arc lies on its other side; by default no arc is flipped.
+    more : further arguments of `Shape`; the default primitive is the segment.
 
-    Each arc is a similarity; arcs that share a point go on sharing it, so the form hangs together
-    as the graph does. Raises `ShapeError` for fewer than two points, for arcs between points that
-    are not there, and for arcs so long that they do not contract.
+    Each arc is a similarity. Arcs with a common point keep it at every depth, so the form is
+    connected if the graph is. Raises `ShapeError` for fewer than two points, for arcs between
+    missing points, and for arcs that are too long to contract.
     """
     given = np.asarray(points)
     at = given if np.iscomplexobj(given) else np.asarray(points, float)
     if not np.iscomplexobj(given):
         if at.ndim != 2 or at.shape[1] != 2:
-            raise ShapeError(f"points of shape {at.shape}", "(n, 2)", "correct them")
+            raise ShapeError(
+                f"the points have the shape {at.shape}", "(n, 2)", "correct the points"
+            )
         at = at[:, 0] + 1j * at[:, 1]
     count = len(at)
     if count < 2:
-        raise ShapeError(f"{count} points", "two or more", "give another")
+        raise ShapeError(f"the wire form has {count} points", "at least two points", "add points")
     pairs = [(k, k + 1) for k in range(count - 1)] if arcs is None else list(arcs)
     if not all(0 <= end < count for pair in pairs for end in pair):
         raise ShapeError(
-            "an arc to a point that is not there", f"points 0…{count - 1}", "correct it"
+            "an arc joins a missing point", f"points 0 to {count - 1}", "correct the arc"
         )
     mirrors = list(flipped) or [False] * len(pairs)
     if len(mirrors) != len(pairs):
-        raise ShapeError(f"{len(mirrors)} flags for {len(pairs)} arcs", "one each", "correct them")
+        raise ShapeError(
+            f"{len(mirrors)} flags are given for {len(pairs)} arcs",
+            "one flag for each arc",
+            "correct the number of flags",
+        )
     maps = []
     for (start, end), mirror in zip(pairs, mirrors, strict=True):
         turn, sign = at[end] - at[start], -1.0 if mirror else 1.0
@@ -60,20 +68,22 @@ def wire(
     return Shape(np.array(maps), **{"primitive": "segment"} | more)
 
 
-def hangs_together(shape: Shape) -> float:
-    """How far apart, at most, one map of a wire form ends and the next begins: of the segment from
-    (0, 0) to (1, 0). 0 for a line."""
+def joint_gap(shape: Shape) -> float:
+    """Measure the greatest gap between the end of a map of a wire form and the start of the next,
+    for the segment from (0, 0) to (1, 0). 0 for a line."""
     ends = shape.maps[:, :, 0] + shape.maps[:, :, 2]
     return float(np.sqrt(((ends[:-1] - shape.maps[1:, :, 2]) ** 2).sum(axis=1)).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Metamorphosis:
-    """One shape turning into another: called with t of 0…1 it gives the shape in between.
+    """The metamorphosis of a shape into another shape. A call with t of 0…1 returns the shape in
+    between.
 
-    ``pairs``: which map of the one becomes which of the other. ``linear``: whether maps are
-    interpolated as they are, which keeps what hangs together at both ends together in between;
-    else rotations turn by the shorter way, and stretch and translation are interpolated.
+    ``pairs``: each map of the first shape, with the map of the last shape that it becomes.
+    Parameter ``linear``: whether to interpolate maps directly, which keeps connected forms
+    connected. Otherwise rotations turn the shorter way, and stretch and translation are
+    interpolated.
     """
 
     first: Shape
@@ -84,51 +94,55 @@ class Metamorphosis:
     def __call__(self, t: float) -> Shape:
         if not 0 <= t <= 1:
             raise ShapeError(setting("t", t), "a number of 0…1", "correct it")
-        ones = self.first.maps[[one for one, _ in self.pairs]]
-        others = self.last.maps[[other for _, other in self.pairs]]
+        before, after = (list(numbers) for numbers in zip(*self.pairs, strict=True))
+        ones, others = self.first.maps[before], self.last.maps[after]
         if self.linear:
             maps = (1 - t) * ones + t * others
         else:
-            maps = np.stack([_between(a, b, t) for a, b in zip(ones, others, strict=True)])
+            maps = np.stack([_interpolate(a, b, t) for a, b in zip(ones, others, strict=True)])
         colours = None
         if self.first.colours is not None and self.last.colours is not None:
-            early = self.first.colours[[one for one, _ in self.pairs]]
-            colours = (1 - t) * early + t * self.last.colours[[other for _, other in self.pairs]]
+            colours = (1 - t) * self.first.colours[before] + t * self.last.colours[after]
         nearer = self.first if t < 0.5 else self.last
         return Shape(maps, nearer.primitive, None, colours, nearer.mix)
 
 
 def metamorphosis(first: Shape, last: Shape, linear: bool | None = None) -> Metamorphosis:
-    """What turns the ``first`` shape into the ``last``, both of the plane or both of space and of
-    all words.
+    """Make the metamorphosis of the ``first`` shape into the ``last``. Both must lie in the plane
+    or both in space, and have the language of all words.
 
-    ``linear``: see `Metamorphosis`; unless told, for two wire forms whose arcs follow each other
-    without gaps. Of shapes with other numbers of maps the poorer one's last map is several of the
-    other's: of a wire form it is shrunk to its end for all but the first of these, so that the line
-    stays whole.
+    ``linear``: see `Metamorphosis`; the default is true for two wire forms whose arcs follow each
+    other without gaps. If one shape has fewer maps, its last map becomes several maps of the other
+    shape. In a wire form all but the first of these maps begin as the end point. So the line stays
+    connected.
 
-    Raises `ShapeError` for a plane one and one of space, and for restricted languages.
+    Raises `ShapeError` if only one shape lies in space, and for restricted languages.
     """
     if first.size != last.size:
         raise ShapeError(
-            "a shape of the plane and one of space", "two of the same", "choose another"
+            "one shape lies in the plane, the other in space",
+            "two shapes with the same number of coordinates",
+            "choose another shape",
         )
-    for one in (first, last):
-        if one.language != type(one.language).every(len(one)):
-            raise ShapeError("a shape of some words alone", "all words", "restrict it afterwards")
-    joined = first.size == 2 and max(hangs_together(first), hangs_together(last)) < 1e-9
+    for shape in (first, last):
+        if shape.language != type(shape.language).every(len(shape)):
+            raise ShapeError(
+                "the language of a shape is restricted",
+                "the language of all words",
+                "restrict the result instead",
+            )
+    joined = first.size == 2 and max(joint_gap(first), joint_gap(last)) < 1e-9
     if linear is None:
         linear = joined
     count = max(len(first), len(last))
     pairs = tuple((min(k, len(first) - 1), min(k, len(last) - 1)) for k in range(count))
     if linear and len(first) != len(last):
-        first, last = (_lengthened(one, count) for one in (first, last))
+        first, last = (_pad_maps(shape, count) for shape in (first, last))
         pairs = tuple((k, k) for k in range(count))
     return Metamorphosis(first, last, pairs, linear)
 
 
-def _lengthened(shape: Shape, count: int) -> Shape:
-    """With more maps, to the end of the last one."""
+def _pad_maps(shape: Shape, count: int) -> Shape:
     end = shape.maps[-1, :, 0] + shape.maps[-1, :, 2]
     points = np.zeros((count - len(shape), 2, 3))
     points[:, :, 2] = end
@@ -138,20 +152,20 @@ def _lengthened(shape: Shape, count: int) -> Shape:
     return Shape(np.concatenate([shape.maps, points]), shape.primitive, None, colours, shape.mix)
 
 
-def _between(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
-    """A map between two: turns by the shorter way, stretches and translations linearly."""
+def _interpolate(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
+    """Interpolate two maps: turns the shorter way, stretches and translations linearly."""
     size = a.shape[0]
     (turn_a, stretch_a), (turn_b, stretch_b) = polar(a[:, :size]), polar(b[:, :size])
     stretch = (1 - t) * stretch_a + t * stretch_b
     back = np.einsum("ji,jk->ik", turn_a, turn_b)
-    turn = np.einsum("ij,jk->ik", turn_a, _part_of(back, t))
+    turn = np.einsum("ij,jk->ik", turn_a, _partial_rotation(back, t))
     part = np.einsum("ij,jk->ik", turn, stretch)
     return np.column_stack([part, (1 - t) * a[:, size] + t * b[:, size]])
 
 
-def _part_of(turn: np.ndarray, t: float) -> np.ndarray:
-    """A rotation by a share ``t`` of the angle of ``turn``; of one that mirrors, its sign changes
-    with the sine, so that halfway it is flat."""
+def _partial_rotation(turn: np.ndarray, t: float) -> np.ndarray:
+    """Rotate by a share ``t`` of the angle of ``turn``; interpolate a mirror linearly, so that it
+    is flat halfway."""
     size = len(turn)
     if size == 2:
         if turn[0, 0] * turn[1, 1] - turn[0, 1] * turn[1, 0] < 0:
@@ -168,6 +182,3 @@ def _part_of(turn: np.ndarray, t: float) -> np.ndarray:
     angle = float(np.arccos(cosine)) * t
     twice = np.einsum("ij,jk->ik", across, across)
     return np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * twice
-
-
-__all__ = ["Metamorphosis", "hangs_together", "metamorphosis", "wire"]

@@ -1,22 +1,15 @@
-"""A run on disk: births and membership in Parquet, and the reading of them.
+"""Run folders on disk: births and membership in Parquet, provenance, sources, events.
 
-- `open_run`: a run folder, read only, safe on a stranger's folder and while the run goes on
-- `RunWriter`: creates a run folder, or takes one up again, and adds whole generations to it
-- `Behind`: has a writer write while the next generation is bred
-- `Anew`: the log of a run written anew under another header, beside the old one
+- `RunLog`: reads a run folder; safe on a stranger's folder and while the run goes on
+- `RunWriter`, `BackgroundWriter`, `LogRewrite`: write generations, in a thread, under a new header
 - `set_aside`: moves damaged files at the end of a run away, so that it can go on
-- `Birth`, `Member`, `Header`: one born individual, one living one, what all births share
-- `Again`: how a birth is bred once more whose genome the log leaves out
-- `Thumbnails`: how births are kept as small maps
-- `Source`: a source city and its genome, as the run started from them
-- `append_command`, `read_commands`: what other processes ask of a run that goes on
-- `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: what provenance records
+- `Birth`, `Member`, `Header`, `Source`, `Thumbnails`, `Reconstruction`: the parts of a log
+- `append_command`, `read_commands`: requests of other processes to a run that goes on
+- `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: entries of provenance
 """
 
-from evocity.store.again import GENOMES, MOST_BREEDINGS, Again, generator_at, state_of
-from evocity.store.anew import Anew
-from evocity.store.behind import Behind
-from evocity.store.commands import append_command, read_commands
+from evocity.store.background_writer import BackgroundWriter
+from evocity.store.events import append_command, read_commands
 from evocity.store.membership import Member
 from evocity.store.provenance import (
     environment,
@@ -25,7 +18,15 @@ from evocity.store.provenance import (
     hash_of_mask,
     hash_of_text,
 )
-from evocity.store.run import Run, open_run
+from evocity.store.reconstruction import (
+    GENOMES,
+    MOST_BREEDINGS,
+    Reconstruction,
+    generator_at,
+    state_of,
+)
+from evocity.store.rewrite import LogRewrite
+from evocity.store.run_log import RunLog
 from evocity.store.schema import SCHEMA_VERSIONS, STATUSES, Birth, Header
 from evocity.store.sources import Source
 from evocity.store.thumbnails import Thumbnails
@@ -36,13 +37,13 @@ __all__ = [
     "MOST_BREEDINGS",
     "SCHEMA_VERSIONS",
     "STATUSES",
-    "Again",
-    "Anew",
-    "Behind",
+    "BackgroundWriter",
     "Birth",
     "Header",
+    "LogRewrite",
     "Member",
-    "Run",
+    "Reconstruction",
+    "RunLog",
     "RunWriter",
     "Source",
     "Thumbnails",
@@ -53,7 +54,6 @@ __all__ = [
     "hash_of_map",
     "hash_of_mask",
     "hash_of_text",
-    "open_run",
     "read_commands",
     "refuse_existing",
     "set_aside",

@@ -1,4 +1,9 @@
-"""`events.jsonl`: starts, stops, resumes, retries, warnings, one JSON document a line."""
+"""`events.jsonl` and `commands.jsonl`: what happened to a run, and what other processes request of
+it, one JSON document per line, oldest first.
+
+A process appends a command; the run reads it between two generations, and an event states by the
+number of the line what was done.
+"""
 
 import json
 import os
@@ -9,24 +14,26 @@ from pathlib import Path
 from pydantic_core import from_json
 
 from evocity.errors import RunError
-from evocity.store.parts import open_to_append, read_bytes
+from evocity.store.safe_open import open_to_append, read_bytes
 
 #: Lines of a file of events, or of commands, at most.
 MOST_LINES = 200_000
-#: Events of a run's beginnings and ends.
+#: Bytes of a command, at most.
+LONGEST = 1 << 20
+#: Events of starts and ends.
 TURNS = ("start", "resume", "stop", "finish")
-#: Why a run ended whose last turn is a beginning.
-UNTOLD = "killed, or the machine went down"
+#: Why a run ended whose last turn is a start.
+KILLED = "killed, or the machine went down"
 
 
 def append_event(path: Path, event: str, **details) -> None:
-    """Add what happened, see `append_line`."""
+    """Append an event, see `append_line`."""
     append_line(path, {"event": event, **details})
 
 
 def append_line(path: Path, document: dict) -> None:
-    """Add a line with the ``document`` and the time, and flush it. A line cut short by a crash is
-    closed off first. Raises OSError."""
+    """Append a line with the ``document`` and the time, and flush it. A line that a crash cut short
+    is closed first. Raises OSError."""
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     line = json.dumps({"time": now, **document}, ensure_ascii=False)
     with open_to_append(path) as file:
@@ -39,15 +46,15 @@ def append_line(path: Path, document: dict) -> None:
         os.fsync(file.fileno())
 
 
-def ended_untold(events: Sequence[Mapping]) -> bool:
-    """Whether a run that nobody is at ended without a word, by its ``events``."""
+def was_killed(events: Sequence[Mapping]) -> bool:
+    """Return whether a run that no process holds ended without an event."""
     last = next((one["event"] for one in reversed(events) if one.get("event") in TURNS), None)
     return last in ("start", "resume")
 
 
 def lines_of(content: bytes, path: Path) -> list[bytes]:
-    """The lines of ``content``, read at ``path``, what follows the last end of a line too. Raises
-    `RunError` for more than `MOST_LINES`."""
+    """Return the lines of ``content``, read at ``path``, with the text after the last end of line.
+    Raises `RunError` for more than `MOST_LINES`."""
     count = content.count(b"\n")
     if count > MOST_LINES:
         raise RunError(
@@ -59,13 +66,33 @@ def lines_of(content: bytes, path: Path) -> list[bytes]:
 
 
 def read_events(path: Path) -> list[dict]:
-    """All whole lines, oldest first; what was cut short is left out. Raises OSError, `RunError`."""
-    events = []
-    for line in lines_of(read_bytes(path), path):
-        try:
-            event = from_json(line)
-        except ValueError:
-            continue
-        if isinstance(event, dict):
-            events.append(event)
-    return events
+    """Return all whole events, oldest first. Raises OSError, `RunError`."""
+    lines = lines_of(read_bytes(path), path)
+    return [event for event in map(_document, lines) if event is not None]
+
+
+def append_command(path: Path, command: dict) -> None:
+    """Append a command to the file at ``path``, which may be missing, and flush it. Raises
+    OSError."""
+    append_line(path, command)
+
+
+def read_commands(path: Path, first: int = 0) -> list[tuple[int, dict | None]]:
+    """Return whole lines from number ``first`` on, with their numbers; None for a line that is not
+    a JSON object. Nothing without a file. Raises OSError, `RunError`."""
+    if not os.path.lexists(path):
+        return []
+    *lines, _ = lines_of(read_bytes(path), path)  # what follows the last is not whole
+    return [
+        (number, _document(line) if len(line) <= LONGEST else None)
+        for number, line in enumerate(lines)
+        if number >= first
+    ]
+
+
+def _document(line: bytes) -> dict | None:
+    try:
+        document = from_json(line)
+    except ValueError:
+        return None
+    return document if isinstance(document, dict) else None

@@ -1,4 +1,4 @@
-"""Where things lie in a run folder, and which file holds which generation."""
+"""Paths of a run folder, and the generations that each file holds."""
 
 import contextlib
 import os
@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from evocity.store.parts import plain_file, plain_folder
+from evocity.store.safe_open import plain_file, plain_folder
 
-#: Generations of single files that are merged into one segment.
+#: Single generations that are merged into a segment.
 SEGMENT = 64
-#: Generations of segments, each as many of those before: of 10 000 there are 89 files at most.
+#: Generations of a short and of a long segment: 10 000 generations are 89 files at most.
 SPANS = (SEGMENT, 8 * SEGMENT)
 
 BIRTHS, MEMBERSHIP = "births", "membership"
-#: How the folder begins in which a log is written anew; the hash of a recipe follows.
-ANEW = ".measures-"
+#: Prefix of the folder of a rewritten log; the hash of a recipe follows.
+REWRITTEN = ".measures-"
 
 _HASH = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
@@ -32,7 +32,7 @@ _UNFINISHED = re.compile(
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether ``path`` is named as a part of a run is until it is whole."""
+    """Return whether ``path`` has the temporary name of a part of a run."""
     return _UNFINISHED.fullmatch(path.name) is not None
 
 
@@ -46,13 +46,13 @@ class Piece:
 
 
 class Folder:
-    """Paths of the parts of the run folder ``root``; ``recipe_hash``: of the header that its births
-    have, where it may be one that the log was written anew for, see `evocity.store.anew`."""
+    """Paths of the run folder ``root``. ``recipe_hash``: of the births' header, for which the log
+    may have been rewritten, see `evocity.store.rewrite`."""
 
     def __init__(self, root, recipe_hash: str | None = None):
         self.root = Path(root)
         known = recipe_hash is not None and _HASH.fullmatch(recipe_hash)
-        self.anew = self.root / f"{ANEW}{recipe_hash}" if known else None
+        self.rewritten = self.root / f"{REWRITTEN}{recipe_hash}" if known else None
         self.recipe = self.root / "recipe.toml"
         self.provenance = self.root / "provenance.json"
         self.sources = self.root / "sources"
@@ -65,24 +65,26 @@ class Folder:
         self.damaged = self.root / "damaged"
 
     def place(self, kind: str) -> Path:
-        """Where the files of a ``kind`` lie: in the folder that the log was written anew in, until
-        they are moved from there. Raises `RunError` if that is a link."""
-        if self.anew is not None and os.path.lexists(self.anew):
+        """Return the folder of the files of a ``kind``: that of the rewritten log, until they are
+        moved from there. Raises `RunError` if that is a link."""
+        if self.rewritten is not None and os.path.lexists(self.rewritten):
             with contextlib.suppress(FileNotFoundError):  # moved in this moment
-                if os.path.lexists(plain_folder(self.anew) / kind):
-                    return self.anew / kind
+                if os.path.lexists(plain_folder(self.rewritten) / kind):
+                    return self.rewritten / kind
         return self.root / kind
 
     def single(self, kind: str, generation: int) -> Path:
+        """Return the path of a single generation."""
         return self.place(kind) / f"generation-{generation:08d}.parquet"
 
     def segment(self, kind: str, first: int, last: int) -> Path:
+        """Return the path of several generations."""
         return self.place(kind) / f"segment-{first:08d}-{last:08d}.parquet"
 
     def files(self, kind: str) -> list[Piece]:
-        """All whole Parquet files of ``kind``, overlapping ones too. Raises `RunError` for a
-        link, or what else is no plain file."""
-        found = []
+        """Return all whole Parquet files of ``kind``, overlapping ones too. Raises `RunError` for a
+        link, and other files that are not plain."""
+        pieces = []
         with os.scandir(plain_folder(self.place(kind))) as entries:
             for entry in entries:
                 match = _NAME.fullmatch(entry.name)
@@ -96,11 +98,11 @@ class Folder:
                 piece = Piece(int(single or first), int(single or last), Path(entry.path))
                 span = piece.last - piece.first + 1
                 if single or (span in SPANS and piece.first % span == 0):
-                    found.append(piece)
-        return sorted(found)
+                    pieces.append(piece)
+        return sorted(pieces)
 
     def unfinished(self) -> list[Path]:
-        """Files that a crash left before they were whole."""
+        """Return the files that a crash left before they were whole."""
         places = (self.root, *(plain_folder(self.place(kind)) for kind in (BIRTHS, MEMBERSHIP)))
         return [
             path
@@ -110,7 +112,7 @@ class Folder:
         ]
 
     def pieces(self, kind: str) -> list[Piece]:
-        """Files that together hold each generation once, in order.
+        """Return the files that together hold each generation once, in order.
 
         A segment goes before the files it was merged from, which a crash may have left.
         """
@@ -121,12 +123,12 @@ class Folder:
         return chosen
 
     def last_generation(self, kind: str) -> int:
-        """Highest generation g such that ``kind`` holds 0…g without a gap; -1 if none."""
+        """Return the highest g such that ``kind`` holds 0…g without a gap; -1 if none."""
         return last_whole(self.pieces(kind))
 
 
 def last_whole(pieces: Sequence[Piece]) -> int:
-    """Highest generation g such that ``pieces``, in order, hold 0…g without a gap; -1 if none."""
+    """Return the highest g such that ``pieces``, in order, hold 0…g without a gap; -1 if none."""
     last = -1
     for piece in pieces:
         if piece.first != last + 1:

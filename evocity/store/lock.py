@@ -1,14 +1,15 @@
-"""One process writes a run: a lock that the operating system frees when its holder dies."""
+"""The lock of a run folder: one process writes it. The system frees the lock when its holder
+dies."""
 
 import contextlib
 import os
 import time
 from pathlib import Path
 
-from evocity.errors import RunError
-from evocity.store.parts import open_to_append, open_to_read
+from evocity.errors import RunError, reason_of
+from evocity.store.safe_open import open_to_append, open_to_read
 
-#: Who only looks holds a lock for a moment: tries to take it, and seconds between them.
+# A process that only looks holds a lock for a moment: tries to take it, and seconds between them.
 _TRIES, _BETWEEN_TRIES = 5, 0.01
 
 if os.name == "nt":
@@ -30,9 +31,9 @@ else:
 
 
 class Lock:
-    """Holds ``path`` locked until `release`, or until the process ends, however it ends.
+    """Holds ``path`` locked until `release`, or until the process ends.
 
-    Raises `RunError` if another process holds it, or if nothing can be written there.
+    Raises `RunError` if another process holds it, or if the folder is not writable.
     """
 
     def __init__(self, path: Path):
@@ -40,18 +41,18 @@ class Lock:
             self._file = open_to_append(path)
         except OSError as error:
             raise RunError(
-                f"{path.parent} cannot be written: {error.strerror or error}",
-                "a run folder that this user may write to",
-                "make it writable, or copy it to where it is; reading needs no more than that",
+                f"{path.parent} cannot be written: {reason_of(error)}",
+                "a run folder that you may write to",
+                "make the folder writable, or copy it to a writable place; reading needs neither",
             ) from error
         try:
-            _patiently(_take, self._file)
+            _retry(_take, self._file)
         except (BlockingIOError, PermissionError):
             self._file.close()
             raise RunError(
                 f"{path.parent} is being written by another process",
-                "one process a run",
-                "wait for it or stop it; `evocity status` may be used meanwhile",
+                "one writing process per run",
+                "wait for that process, or stop it; `evocity status` works meanwhile",
             ) from None
         except BaseException:
             self._file.close()
@@ -63,10 +64,10 @@ class Lock:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a process holds ``path`` locked now; nothing is made or changed, nobody kept out.
+    """Return whether a process holds ``path`` locked; changes nothing and keeps no process out.
 
-    False where nothing can be read, or where the file system knows no locks. Raises `RunError` for
-    a link, or what else is no plain file.
+    False where nothing can be read, or where the file system has no locks. Raises `RunError` for a
+    link, and other files that are not plain.
     """
     try:
         file = open_to_read(path)
@@ -74,7 +75,7 @@ def is_held(path: Path) -> bool:
         return False
     with file:
         try:
-            _patiently(_share, file)
+            _retry(_share, file)
         except (BlockingIOError, PermissionError):
             return True
         except OSError:
@@ -82,8 +83,8 @@ def is_held(path: Path) -> bool:
     return False
 
 
-def _patiently(take, file) -> None:
-    """``take(file)``, again if it fails: another may just be looking."""
+def _retry(take, file) -> None:
+    """Call ``take(file)``, again if it fails: another process may only look."""
     for _ in range(_TRIES - 1):
         with contextlib.suppress(BlockingIOError, PermissionError):
             return take(file)

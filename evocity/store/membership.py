@@ -1,4 +1,4 @@
-"""What a row of `membership` holds, and what a generation's summary tells; to and from Arrow."""
+"""Rows of `membership` and the summaries of generations, to and from Arrow."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -12,9 +12,9 @@ from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN, STRICT, Finite, H
 
 @dataclass(frozen=True)
 class Member:
-    """Who lived in a generation: slot, individual, front (0 = first), and what the run's algorithm
-    tells of it besides, by the names of `Header.marks`; on which island, where there are several:
-    an individual may live on more than one, and slots count anew on each."""
+    """A living individual of a generation: slot, id, front (0 = first), and the algorithm's values,
+    named by `Header.marks`. ``island``: where it lives; an individual may live on several islands,
+    and slots count on each island."""
 
     slot: int
     id: int
@@ -24,7 +24,7 @@ class Member:
 
 
 class IslandSummary(BaseModel):
-    """What a generation's summary tells of one island."""
+    """The summary of one island."""
 
     model_config = STRICT
 
@@ -36,7 +36,7 @@ class IslandSummary(BaseModel):
 
 
 class Summary(BaseModel):
-    """What a generation's membership file tells besides its rows; all of it may be lacking."""
+    """The summary of a generation; each part may be missing."""
 
     model_config = STRICT
 
@@ -53,8 +53,8 @@ _SUMMARIES = TypeAdapter(dict[str, Summary])
 
 
 def summaries_of(metadata: Mapping[bytes, bytes]) -> dict[int, dict]:
-    """Generation -> what its summary states, by the ``metadata`` of a membership file. Raises
-    KeyError, or ValueError for anything else."""
+    """Return generation -> summary, by the ``metadata`` of a membership file. Raises KeyError,
+    ValueError."""
     checked = _SUMMARIES.validate_json(metadata[ABOUT_GENERATIONS])
     return {int(number): about.model_dump(exclude_unset=True) for number, about in checked.items()}
 
@@ -68,7 +68,7 @@ _MEMBERSHIP = (
 
 
 def membership_schema(header: Header) -> pa.Schema:
-    """Columns of a membership file."""
+    """Return the columns of a membership file."""
     marks = ((name, pa.float64()) for name in header.marks)
     return pa.schema([*_MEMBERSHIP, *marks, *island_column(header)])
 
@@ -76,16 +76,16 @@ def membership_schema(header: Header) -> pa.Schema:
 def membership_table(
     generation: int, members: Iterable[Member], summary: Mapping, header: Header
 ) -> pa.Table:
-    """Arrow table of one generation's members; ``summary`` travels in its metadata."""
+    """Return an Arrow table of one generation's members, with its ``summary`` in the metadata."""
     members = list(members)
     summaries = json.dumps({str(generation): dict(summary)}, allow_nan=False)
     schema = membership_schema(header).with_metadata(
         {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
     )
     columns = [[getattr(m, name) for m in members] for name in ("slot", "id", "rank")]
-    one = not header.islands  # islands have other marks each
+    alone = not header.islands  # each island has its own marks
     columns += [
-        [m.marks[name] if one else m.marks.get(name) for m in members] for name in header.marks
+        [m.marks[name] if alone else m.marks.get(name) for m in members] for name in header.marks
     ]
     columns += [[m.island for m in members]] if header.islands else []
     return pa.table(

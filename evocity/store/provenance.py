@@ -1,4 +1,4 @@
-"""What a run was made with: command, versions, hashes."""
+"""Provenance of a run: command, versions, hashes."""
 
 import functools
 import hashlib
@@ -13,23 +13,14 @@ import numpy as np
 from evocity import __version__
 from evocity.citymap import CityMap
 
-_LIBRARIES = (
-    "numpy",
-    "scipy",
-    "numba",
-    "deap",
-    "moocore",
-    "nlopt",
-    "pyarrow",
-    "pydantic",
-)
+_LIBRARIES = ("numpy", "scipy", "numba", "deap", "moocore", "nlopt", "pyarrow", "pydantic")
 
 
 def environment() -> dict:
-    """Command, versions of evocity and of what computes for it, Python, platform. Of absolute paths
-    in the command the names alone: whoever gets the run need not know the user's folders."""
+    """Return the command, the versions of evocity and of its libraries, Python and platform.
+    Absolute paths in the command are cut to their names, to keep the user's folders private."""
     return {
-        "command": [_told(word) for word in sys.argv],
+        "command": [_without_folders(word) for word in sys.argv],
         "versions": {"evocity": __version__} | {name: _version(name) for name in _LIBRARIES},
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -38,7 +29,7 @@ def environment() -> dict:
     }
 
 
-def _told(word: str) -> str:
+def _without_folders(word: str) -> str:
     option, joint, value = word.partition("=")
     if joint and os.path.isabs(value):
         return f"{option}={Path(value).name}"
@@ -46,12 +37,13 @@ def _told(word: str) -> str:
 
 
 def hash_of_text(text: str) -> str:
-    """Hexadecimal hash of a text, line ends apart."""
+    """Return the hexadecimal hash of a text, whatever its line ends."""
     return hashlib.blake2b(text.replace("\r\n", "\n").encode(), digest_size=16).hexdigest()
 
 
 def hash_of_file(*paths: str | os.PathLike) -> str:
-    """Hexadecimal hash of a file's bytes, or of several one after the other. Raises OSError."""
+    """Return the hexadecimal hash of a file's bytes, or of several files in turn. Raises
+    OSError."""
     state = hashlib.blake2b(digest_size=16)
     for path in paths:
         state.update(Path(path).read_bytes())
@@ -59,7 +51,7 @@ def hash_of_file(*paths: str | os.PathLike) -> str:
 
 
 def hash_of_map(city: CityMap) -> str:
-    """Hexadecimal hash of a map's heights and pixel size."""
+    """Return the hexadecimal hash of a map's heights and pixel size."""
     state = hashlib.blake2b(digest_size=16)
     state.update(repr((city.shape, city.metres_per_pixel)).encode())
     state.update(city.heights.tobytes())
@@ -67,7 +59,7 @@ def hash_of_map(city: CityMap) -> str:
 
 
 def hash_of_mask(mask: np.ndarray) -> str:
-    """Hexadecimal hash of booleans and their shape."""
+    """Return the hexadecimal hash of booleans and their shape."""
     state = hashlib.blake2b(digest_size=16)
     state.update(repr(mask.shape).encode())
     state.update(np.packbits(mask).tobytes())

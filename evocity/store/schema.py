@@ -1,4 +1,4 @@
-"""What all births of a run share, and what a row of `births` holds, to and from Arrow tables."""
+"""The header of a run, and rows of `births`, to and from Arrow tables."""
 
 import json
 import math
@@ -21,22 +21,25 @@ from evocity.errors import RunError, cut_short, plain_text
 from evocity.genome import Genome
 from evocity.kinds import KINDS, Kind
 from evocity.pavement import Pavement
-from evocity.store.again import GENOMES, Again, again_columns, again_fields, again_in
+from evocity.store.reconstruction import (
+    GENOMES,
+    Reconstruction,
+    reconstruction_columns,
+    reconstruction_fields,
+    reconstruction_in,
+)
 from evocity.store.thumbnails import LONGEST, Thumbnails, thumbnail_columns, thumbnail_fields
 
-#: Versions of a run folder's layout and columns that are read, raised by one with every change
-#: a reader must know of. 2 has a locked layer. 3 has no one side of range blocks, lists of any
-#: length, a kind of chromosome, and tells whether roofs are settled. 4 has measures that are
-#: recorded besides. 5 has what the run's algorithm tells of the living, where it is not crowding
-#: distance alone. 6 has what the run's algorithm tells of all the living together. 7 has islands.
-#: 8 leaves genomes out. 9 breeds another kind of chromosome than fabric. 10 has thumbnails,
-#: and lists without nulls.
+#: Versions of a run folder's layout and columns that are read. 2 has a locked layer. 3 has range
+#: blocks of many sides, lists of any length, a kind of chromosome, and settled roofs or not. 4 has
+#: recorded measures. 5 has other marks of the living than crowding distance. 6 has figures of all
+#: the living. 7 has islands. 8 leaves genomes out. 9 has other kinds of chromosomes than fabric.
+#: 10 has thumbnails, and lists without nulls.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
 SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 
-#: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid` is a
-#: measure without a finite value; `died` a worker that ended in the middle; `memory` a birth that
-#: took more than it may, or than there is.
+#: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid`: a measure has
+#: no finite value; `died`: the worker ended early; `memory`: the birth took too much memory.
 STATUSES = ("ok", "error", "timeout", "died", "invalid", "memory")
 
 ABOUT_RUN = b"evocity.run"
@@ -44,7 +47,7 @@ ABOUT_GENERATIONS = b"evocity.generations"
 
 _WORD = pa.dictionary(pa.int32(), pa.string())
 
-# Of a stranger's file nothing is taken for granted: neither types nor bounds.
+# Types and bounds of a stranger's file are checked.
 STRICT = ConfigDict(strict=True, extra="forbid")
 
 
@@ -60,7 +63,7 @@ def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-#: What algorithms tell of the living in runs whose header says nothing of it.
+#: Marks of the living in runs whose header names none.
 CROWDING = ("crowding",)
 
 _Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
@@ -72,19 +75,18 @@ _Names = Annotated[tuple[str, ...], AfterValidator(_each_once)]
 class Header:
     """What all births of a run share, kept in the metadata of every Parquet file.
 
-    ``measures`` names those that something is wanted of and ``recorded`` those that are logged
-    besides, all of them columns ``fitness.<name>``; ``cities`` the sources that the genomes'
-    ``parent`` points into, ``population`` how many are born in a generation, and live
-    at most unless the algorithm says otherwise. ``locked`` is the digest of the condensation that
-    all genomes have, None if they have none. ``kind`` names the kind of
-    chromosome, see `evocity.kinds`; ``settle`` tells whether decoding settles roofs. ``block`` is
-    the one side of all range blocks in runs of older releases, None in others. ``marks`` names
-    what the run's algorithm tells of each of the living, columns of the membership, and
-    ``figures`` what it tells of all of them, in each generation's summary. ``islands`` names those
-    that the run has: births and membership then have a column ``island``, marks are those of all
-    islands, and each island's figures stand in the summary. ``genomes`` tells of what births the
-    log holds the genomes, see `evocity.search.leaving`. ``thumbnails`` tells how the small maps of
-    births are made that the log holds, None if it holds none.
+    ``measures``: measures with a goal or bounds; ``recorded``: measures that are only logged; all
+    are columns ``fitness.<name>``. ``cities``: the sources that the genomes' ``parent`` points
+    into. ``population``: births of a generation, and the most that live unless the algorithm says
+    otherwise. ``locked``: the digest of the condensation of all genomes, None without. ``kind``:
+    the kind of chromosome, see `evocity.kinds`. ``settle``: whether decoding settles roofs.
+    ``block``: the side of all range blocks in runs of older releases, None in others. ``marks``:
+    the algorithm's values of each living individual, columns of the membership; ``figures``: its
+    values of all the living, in each generation's summary. ``islands``: names; births and
+    membership then have a column ``island``, marks are those of all islands, and the summary has
+    each island's figures. ``genomes``: the births whose genomes the log keeps, see
+    `evocity.search.breeding.omitted_genomes`. ``thumbnails``: how small maps of births are made,
+    None if the log has none.
     """
 
     height: _Side
@@ -114,6 +116,7 @@ class Header:
 
     @property
     def schema_version(self) -> int:
+        """The oldest version of the layout that has all of its parts."""
         if self.block is None:
             if self.thumbnails is not None:
                 return 10
@@ -135,7 +138,7 @@ class Header:
 
     @property
     def chromosome(self) -> Kind:
-        """What the run's genomes are."""
+        """The kind of the run's genomes."""
         return KINDS[self.kind]
 
     def to_json(self) -> str:
@@ -154,8 +157,7 @@ class Header:
 
     @classmethod
     def from_json(cls, text: str | bytes, path) -> "Header":
-        """Raises `RunError` for another schema version; KeyError, TypeError, ValueError or
-        `GenomeError` for damage."""
+        """Raises `RunError` for another schema version; other errors for damage."""
         about = from_json(text)
         version = about.pop("schema_version")
         check_version(version, path)
@@ -168,12 +170,9 @@ class Header:
         if set(header.measures) & set(header.recorded):
             raise ValueError(f"measured and recorded: {header.recorded}")
         if version != header.schema_version:
-            told = (
-                f"recorded = {header.recorded}, marks = {header.marks}, "
-                f"figures = {header.figures}, islands = {header.islands}, "
-                f"genomes = {header.genomes}, thumbnails = {header.thumbnails}"
-            )
-            raise ValueError(f"schema version {version} with {told}")
+            parts = ("recorded", "marks", "figures", "islands", "genomes", "thumbnails")
+            stated = ", ".join(f"{name} = {getattr(header, name)}" for name in parts)
+            raise ValueError(f"schema version {version} with {stated}")
         if header.thumbnails is not None:
             shape = header.thumbnails.shape(header.height, header.width)
             if max(shape) > LONGEST:
@@ -192,14 +191,12 @@ def _header_model() -> TypeAdapter:
 class Birth:
     """One evaluated individual.
 
-    ``values`` maps measures to raw values, as far as they were reached and, of those that are
-    recorded besides or constraints alone, have one (``error`` tells why they have none); ``made``
-    is what the operator recorded (its parameters, what it reached). ``genome`` is None where
-    breeding itself failed, and where the log leaves it out: ``again`` tells then how it is had.
-    ``seconds`` of one worker, breeding and evaluation. ``feasible``: ok,
-    and no constraint of the recipe is broken. ``island``: on which it was born, where there are
-    several. ``thumbnail``: of one that is to be logged, the small map that the log holds, see
-    `Thumbnails`; it is not read back with the birth.
+    ``values``: measure -> raw value, as far as measures were reached; a recorded measure or a
+    constraint may lack its value, and ``error`` says why. ``made``: the parameters and results that
+    the operator recorded. ``genome``: None where breeding failed, and where the log leaves it out;
+    then ``reconstruction`` says how to breed it again. ``seconds``: of one worker, breeding and
+    evaluation. ``feasible``: ok, and no constraint is broken. ``island``: where it was born.
+    ``thumbnail``: the logged small map, see `Thumbnails`; not read back with the birth.
     """
 
     generation: int
@@ -214,24 +211,29 @@ class Birth:
     made: Mapping = field(default_factory=dict)
     feasible: bool = True
     island: str | None = None
-    again: Again | None = None
+    reconstruction: Reconstruction | None = None
     thumbnail: bytes | None = field(default=None, repr=False, compare=False)
 
     @property
     def ok(self) -> bool:
+        """Whether it was bred and measured."""
         return self.status == "ok"
 
     @property
     def left_out(self) -> bool:
         """Whether the log leaves its genome out."""
-        return self.genome is None and self.again is not None and self.again.breedings > 0
+        return (
+            self.genome is None
+            and self.reconstruction is not None
+            and self.reconstruction.breedings > 0
+        )
 
     @property
     def digest(self) -> str | None:
-        """The hash of its genome, of one that is left out too; None where breeding failed."""
+        """The hash of its genome, also of one that is left out; None where breeding failed."""
         if self.genome is not None:
             return self.genome.digest
-        return self.again.digest if self.left_out else None
+        return self.reconstruction.digest if self.left_out else None
 
 
 #: Columns of births and membership in which every row has a value.
@@ -240,7 +242,7 @@ _NEVER_NULL = frozenset(
 ) | {"breedings", "slot", "rank"}
 
 
-#: An error's text has no more than that in the log, bytes: a measure may raise with a gigabyte.
+#: Bytes of an error's text in the log, at most.
 LONGEST_ERROR = 1000
 
 
@@ -248,9 +250,9 @@ LONGEST_ERROR = 1000
 _FOLDERS = re.compile(r"(?<![\w.~])(?:[A-Za-z]:)?[/\\](?:[^\s/\\:()]+[/\\])*(?=[^\s/\\:()]+\.py\b)")
 
 
-def told_short(error: str | None) -> str | None:
-    """An ``error`` as the log keeps it: in `LONGEST_ERROR` bytes, without control characters, and
-    without the user's folders: of a measure's file the name, "~" for home."""
+def shortened_error(error: str | None) -> str | None:
+    """Return an ``error`` as the log keeps it: in `LONGEST_ERROR` bytes, without control characters
+    and the user's folders: only the name of a measure's file, "~" for home."""
     if error is None:
         return None
     text = _FOLDERS.sub("", error[: 4 * LONGEST_ERROR])
@@ -260,12 +262,12 @@ def told_short(error: str | None) -> str | None:
 
 
 def island_column(header: Header) -> list[tuple[str, pa.DataType]]:
-    """The column of islands, where there are some."""
+    """Return the column of islands, if there are any."""
     return [("island", _WORD)] if header.islands else []
 
 
 def births_schema(header: Header) -> pa.Schema:
-    """Columns of a births file; ``genome`` is the digest, ``made`` a JSON document."""
+    """Return the columns of a births file; ``genome`` is the digest, ``made`` a JSON document."""
     columns = [
         ("generation", pa.int32()),
         ("id", pa.int64()),
@@ -279,7 +281,7 @@ def births_schema(header: Header) -> pa.Schema:
         *((f"fitness.{name}", pa.float64()) for name in header.columns),
         ("feasible", pa.bool_()),
         ("genome", pa.string()),
-        *again_fields(header),
+        *reconstruction_fields(header),
         *thumbnail_fields(header),
         *header.chromosome.fields(header),
     ]
@@ -289,16 +291,15 @@ def births_schema(header: Header) -> pa.Schema:
 
 
 def _without_nulls(kind: pa.DataType) -> pa.DataType:
-    """A ``kind`` of lists with elements that are never null: reading them is a sixth faster. Any
-    other ``kind`` as it is."""
+    """A ``kind`` of lists without null elements, which is read a sixth faster; other kinds stay."""
     if not pa.types.is_list(kind):
         return kind
     return pa.list_(kind.value_field.with_nullable(False))
 
 
 def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
-    """Raise ValueError if a ``table`` read from a file lacks a value that every row has; of a
-    ``membership`` its marks too, unless islands have others each."""
+    """Raise ValueError if a ``table`` read from a file lacks a value that every row has; in a
+    ``membership`` its marks too, unless islands have their own."""
     marks = header.marks if membership and not header.islands else ()
     for name in set(table.column_names) & {*_NEVER_NULL, *marks}:
         if table[name].null_count:
@@ -310,24 +311,19 @@ def check_rows(table: pa.Table, header: Header, membership: bool) -> None:
 
 
 def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
-    """Arrow table with one row a birth, columns as `births_schema`."""
+    """Return an Arrow table with a row per birth, with the columns of `births_schema`."""
     schema = births_schema(header)
-    columns = {
-        "generation": [b.generation for b in births],
-        "id": [b.id for b in births],
-        "island": [b.island for b in births],
+    plain_columns = ("generation", "id", "island", "operator", "status", "seconds")
+    columns = {name: [getattr(b, name) for b in births] for name in plain_columns} | {
         "parents": [list(b.parents) for b in births],
-        "operator": [b.operator for b in births],
         "made": [json.dumps(b.made, default=plain) for b in births],
-        "status": [b.status for b in births],
-        "error": [told_short(b.error) for b in births],
-        "seconds": [b.seconds for b in births],
+        "error": [shortened_error(b.error) for b in births],
         "feasible": [b.ok and b.feasible for b in births],
         "genome": [b.digest for b in births],
     }
     for name in header.columns:
         columns[f"fitness.{name}"] = [b.values.get(name) for b in births]
-    columns |= again_columns(births, header) | thumbnail_columns(births, header)
+    columns |= reconstruction_columns(births, header) | thumbnail_columns(births, header)
     columns |= header.chromosome.columns([b.genome for b in births], header)
     arrays = [
         column.cast(kind.type) if isinstance(column, pa.Array) else pa.array(column, kind.type)
@@ -338,8 +334,8 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
 
 
 def genome_of(row: Mapping, header: Header, condensation: Condensation | None = None) -> Genome:
-    """The genome in one row (column -> Arrow scalar) of a births table, which does not repeat
-    the run's ``condensation``."""
+    """Return the genome in one row (column -> Arrow scalar) of a births table, which does not
+    repeat the run's ``condensation``."""
     made = dict(from_json(row["made"].as_py()))
     return header.chromosome.genome(row, header, condensation, made)
 
@@ -350,13 +346,13 @@ _PLAIN = ("generation", "id", "operator", "status", "error", "seconds", "feasibl
 def births_of(
     table: pa.Table, header: Header, condensation: Condensation | None = None
 ) -> list[Birth]:
-    """`births_table` the other way round; genomes that are left out stay so."""
+    """Return the births of a `births_table`; genomes that are left out stay so."""
     births = []
     for index in range(len(table)):
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
-        again, genome = again_in(row, header), None
-        if again is None and row["genome"].is_valid:
+        plan, genome = reconstruction_in(row, header), None
+        if plan is None and row["genome"].is_valid:
             genome = genome_of(row, header, condensation)
         if genome is not None and genome.digest != row["genome"].as_py():
             raise ValueError(f"the genome of individual {row['id']} is not the one that was bred")
@@ -370,29 +366,29 @@ def births_of(
                 genome=genome,
                 island=row["island"].as_py() if header.islands else None,
                 made=dict(from_json(row["made"].as_py())),
-                again=again,
+                reconstruction=plan,
             )
         )
     return births
 
 
-def _check_ok(row: Mapping, values: Mapping, wanted: Sequence[str]) -> None:
-    if not row["genome"].is_valid or any(values[name] is None for name in wanted):
+def _check_ok(row: Mapping, values: Mapping, measures: Sequence[str]) -> None:
+    if not row["genome"].is_valid or any(values[name] is None for name in measures):
         raise ValueError(f"individual {row['id']} without a genome or a value, though it is ok")
     if not all(math.isfinite(value) for value in values.values() if value is not None):
         raise ValueError(f"individual {row['id']} with a value that is not finite, though it is ok")
 
 
 def check_version(version, path) -> None:
-    """Raise `RunError` unless ``version`` is one that this release reads."""
+    """Raise `RunError` unless this release reads the ``version``."""
     if version not in SCHEMA_VERSIONS:
         raise RunError(
             f"{path} has run schema version {version}",
             f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
-            "read it with the release of evocity that wrote it",
+            "read the run with the release of evocity that wrote it",
         )
 
 
 def plain(value):
-    """JSON for what operators may leave in ``made``: numpy numbers, arrays, tuples."""
+    """Return JSON for values in ``made``: numpy numbers, arrays, tuples."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)

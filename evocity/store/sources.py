@@ -1,31 +1,34 @@
-"""What a run started from: the source cities, their maps and genomes, the maps of other cities that
-measures compare with, and what is locked."""
+"""The start of a run: source cities with maps and genomes, reference cities, parts of the map,
+locked heights, and files of the user's own measures. Nothing here executes them."""
 
 import json
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
+from evocity.errors import RunError
 from evocity.files import whole_file
 from evocity.genome import Genome
 from evocity.kinds import Kind
-from evocity.store.parts import open_to_read, plain_file, plain_folder, read_bytes
+from evocity.store.safe_open import open_to_read, plain_file, plain_folder, read_bytes
 
+#: The folder of the user's own measures in a run.
+MEASURES_FOLDER = "fitness"
 _MASK = re.compile(r"(\d{2,3})\.npy", re.ASCII)
 _DESCRIBED = re.compile(r"(\d{2,3})-[A-Za-z0-9_-]*\.json", re.ASCII)
 
 
 @dataclass(frozen=True)
 class Source:
-    """A source city: its map as read, and the genome it was encoded to."""
+    """A source city: its map as read, and its genome."""
 
     city: CityMap
     genome: Genome
@@ -36,7 +39,7 @@ class Source:
 
 
 class _About(BaseModel):
-    """What describes a map's heights; `CityMap` checks the numbers."""
+    """The description of a map's heights; `CityMap` checks the numbers."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
@@ -49,14 +52,14 @@ class _About(BaseModel):
 
 
 def write_sources(folder: Path, sources: Sequence[Source]) -> None:
-    """Those of `write_maps`, and the genome of each source (Parquet)."""
+    """Write the maps, see `write_maps`, and the genome of each source (Parquet)."""
     for index, source in enumerate(sources):
         source.genome.write(folder / f"{_stem(index, source.city)}.genome.parquet")
     write_maps(folder, [source.city for source in sources])
 
 
 def write_maps(folder: Path, cities: Sequence[CityMap]) -> None:
-    """Two files a city: heights (NPY), what describes them (JSON)."""
+    """Write two files per city: heights (NPY) and their description (JSON)."""
     for index, city in enumerate(cities):
         stem = _stem(index, city)
         about = {
@@ -78,8 +81,8 @@ def _stem(index: int, city: CityMap) -> str:
 
 
 def read_sources(folder: Path, kind: Kind) -> list[Source]:
-    """The sources of a run of this ``kind``. Raises what reading damaged files raises:
-    OSError, ValueError, MemoryError, EvocityError."""
+    """Return the sources of a run of this ``kind``. Raises the errors of damaged files: OSError,
+    ValueError, MemoryError, EvocityError."""
     return [
         Source(city, kind.read(plain_file(path.with_suffix(".genome.parquet"))))
         for path, city in _described(folder)
@@ -87,48 +90,48 @@ def read_sources(folder: Path, kind: Kind) -> list[Source]:
 
 
 def read_maps(folder: Path) -> list[CityMap]:
-    """What `write_maps` wrote. Raises as `read_sources`."""
+    """Return the maps of `write_maps`. Raises as `read_sources`."""
     return [city for _, city in _described(folder)]
 
 
 def _described(folder: Path) -> list[tuple[Path, CityMap]]:
-    """The cities of a folder in their order, each with the file that describes it."""
-    found = {}
+    """The cities of a folder in order, each with its description."""
+    cities = {}
     for path in plain_folder(folder).iterdir():
         if match := _DESCRIBED.fullmatch(path.name):
             about = _About.model_validate_json(read_bytes(path))
             heights = _array(path.with_suffix(".npy"))
-            found[int(match[1])] = path, CityMap(heights, **about.model_dump())
-    return [found[number] for number in sorted(found)]
+            cities[int(match[1])] = path, CityMap(heights, **about.model_dump())
+    return [cities[number] for number in sorted(cities)]
 
 
 def write_masks(folder: Path, masks: Sequence[np.ndarray]) -> None:
-    """An NPY file a mask: bool ``(H, W)``."""
+    """Write an NPY file per mask: bool ``(H, W)``."""
     for index, mask in enumerate(masks):
         with whole_file(folder / f"{index:02d}.npy") as temporary:
             np.save(temporary, np.asarray(mask, bool), allow_pickle=False)
 
 
 def read_masks(folder: Path) -> list[np.ndarray]:
-    """What `write_masks` wrote. Raises as `read_sources`."""
-    found = {}
+    """Return the masks of `write_masks`. Raises as `read_sources`."""
+    masks = {}
     for path in plain_folder(folder).iterdir():
         if match := _MASK.fullmatch(path.name):
             mask = _array(path)
             if mask.ndim != 2 or mask.dtype != bool:
                 raise ValueError(f"{mask.dtype} of shape {mask.shape}")
-            found[int(match[1])] = mask
-    return [found[number] for number in sorted(found)]
+            masks[int(match[1])] = mask
+    return [masks[number] for number in sorted(masks)]
 
 
 def write_condensation(path: Path, condensation: Condensation) -> None:
-    """One NPY file: float32 ``(H, W)``, metres, NaN where nothing is locked."""
+    """Write one NPY file: float32 ``(H, W)``, metres, NaN where nothing is locked."""
     with whole_file(path) as temporary:
         np.save(temporary, condensation.raster, allow_pickle=False)
 
 
 def read_condensation(path: Path, digest: str) -> Condensation:
-    """The layer of this ``digest``. Raises as `read_sources`; ValueError if it is another."""
+    """Return the layer with this ``digest``. Raises as `read_sources`, and for another layer."""
     raster = _array(path)
     if raster.ndim != 2 or raster.dtype != np.float32:
         raise ValueError(f"{raster.dtype} of shape {raster.shape}")
@@ -139,8 +142,7 @@ def read_condensation(path: Path, digest: str) -> Condensation:
 
 
 def _array(path: Path) -> np.ndarray:
-    """The array in an NPY file, once the file is as long as its header says: that may tell of
-    terabytes."""
+    """The array in an NPY file that is as long as its header says, which may say terabytes."""
     with open_to_read(path) as file:
         major, minor = np.lib.format.read_magic(file)
         read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
@@ -150,9 +152,42 @@ def _array(path: Path) -> np.ndarray:
             shape, _, kind = read[major](file)
         except Exception as error:  # a damaged header raises whatever Python's parser does
             raise ValueError(f"no header of NPY: {str(error)[:80]}") from error
-        told = math.prod(shape) * kind.itemsize
         there = os.fstat(file.fileno()).st_size - file.tell()
-        if kind.hasobject or told != there:
+        if kind.hasobject or math.prod(shape) * kind.itemsize != there:
             raise ValueError(f"{there} bytes for {kind} of shape {shape}")
         file.seek(0)
         return np.load(file, allow_pickle=False)
+
+
+def write_measures(root: Path, files: Mapping[str, bytes]) -> None:
+    """Write each of ``files``, place within the run folder ``root`` -> content."""
+    for place, content in files.items():
+        path = _within(root, place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for folder in path.relative_to(root).parents:
+            plain_folder(root / folder)
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
+
+
+def measure_file(root: Path, place: str) -> Path:
+    """Return the file at a ``place`` such as "fitness/my_measure.py" of the run folder ``root``.
+
+    Raises FileNotFoundError if it is missing; `RunError` for a place outside the folder of the
+    user's own measures, or through a link.
+    """
+    path = _within(root, place)
+    for folder in list(path.relative_to(root).parents)[-2::-1]:  # from the outermost inwards
+        plain_folder(root / folder)
+    return plain_file(path)
+
+
+def _within(root: Path, place: str) -> Path:
+    parts = PurePosixPath(place).parts if isinstance(place, str) else ()
+    if len(parts) < 2 or parts[0] != MEASURES_FOLDER or ".." in parts or "\\" in place:
+        raise RunError(
+            f"{root}: provenance.json names {place!r} as the source of a measure",
+            f"a file in {MEASURES_FOLDER}/ of the run folder",
+            "bring provenance.json back from a copy",
+        )
+    return root.joinpath(*parts)

@@ -1,4 +1,4 @@
-"""Thumbnails: births as small maps in the log. Many are looked at, and none need be decoded."""
+"""Thumbnails: births as small maps in the log, shown without decoding."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field
 
 from evocity.citymap import MAX_SIDE, CityMap
 
-#: Cells of a thumbnail along its longer side, at most. A map of no more pixels has none: it is
-#: decoded as soon.
+#: Cells of a thumbnail along its longer side, at most. Maps of no more pixels have none: they
+#: decode as fast.
 LONGEST = 128
 
 _STEPS = 255  # of heights
@@ -20,8 +20,8 @@ _STEPS = 255  # of heights
 @dataclass(frozen=True)
 class Thumbnails:
     """How the thumbnails of a log are made: mean heights of cells of ``pixels`` × ``pixels`` of the
-    map, of what is left of it in the last row and column, in 255ths of ``metres``, rounded; what is
-    higher is told as high as that."""
+    map, smaller in the last row and column, in 255ths of ``metres``, rounded, at most
+    ``metres``."""
 
     pixels: Annotated[int, Field(ge=2, le=MAX_SIDE)]
     metres: Annotated[float, Field(gt=0, le=float(np.finfo(np.float32).max))]
@@ -30,17 +30,17 @@ class Thumbnails:
 
     @classmethod
     def of(cls, height: int, width: int, metres: float) -> "Thumbnails | None":
-        """Those of maps of ``height`` × ``width`` px whose colours end at ``metres``; None if the
-        maps are small."""
+        """Return those of maps of ``height`` × ``width`` px up to ``metres``; None for small
+        maps."""
         pixels = -(-max(height, width) // LONGEST)
         return cls(pixels, float(metres)) if pixels > 1 else None
 
     def shape(self, height: int, width: int) -> tuple[int, int]:
-        """Cells of a thumbnail of a map of ``height`` × ``width`` px, rows and columns."""
+        """Return the rows and columns of a thumbnail of a map of ``height`` × ``width`` px."""
         return -(-height // self.pixels), -(-width // self.pixels)
 
     def packed(self, city: CityMap) -> bytes:
-        """The thumbnail of a ``city``: a byte a cell, row by row, the first in the north-west."""
+        """Return the thumbnail of a ``city``: a byte per cell, row by row from the north-west."""
         means = city.heights
         for axis, size in enumerate(city.shape):
             starts = np.arange(0, size, self.pixels)
@@ -51,14 +51,14 @@ class Thumbnails:
         return steps.astype(np.uint8).tobytes()
 
     def unpacked(self, content: bytes, height: int, width: int, metres_per_pixel: float) -> CityMap:
-        """`packed` the other way round: a map of cells, of a map of ``height`` × ``width`` px."""
+        """Return the map of cells of a thumbnail, of a map of ``height`` × ``width`` px."""
         steps = np.frombuffer(content, np.uint8).reshape(self.shape(height, width))
         heights = steps * np.float32(self.metres / _STEPS)
         return CityMap(heights, metres_per_pixel * self.pixels)
 
 
 def thumbnail_fields(header) -> list[tuple[str, pa.DataType]]:
-    """The column of births in runs by a ``header`` whose log has thumbnails; else none."""
+    """Return the column of births of a log with thumbnails; none for other logs."""
     if header.thumbnails is None:
         return []
     rows, columns = header.thumbnails.shape(header.height, header.width)
@@ -66,8 +66,5 @@ def thumbnail_fields(header) -> list[tuple[str, pa.DataType]]:
 
 
 def thumbnail_columns(births: Sequence, header) -> dict[str, list]:
-    """This column of ``births``: null of those of which nothing was decoded."""
+    """Return this column of ``births``: null where nothing was decoded."""
     return {} if header.thumbnails is None else {"thumbnail": [one.thumbnail for one in births]}
-
-
-__all__ = ["LONGEST", "Thumbnails", "thumbnail_columns", "thumbnail_fields"]

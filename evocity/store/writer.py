@@ -1,4 +1,4 @@
-"""`RunWriter`: a run folder being written, one whole generation at a time."""
+"""`RunWriter`: writes a run folder, one whole generation at a time."""
 
 import contextlib
 import json
@@ -14,31 +14,31 @@ import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import RunError
+from evocity.errors import RunError, reason_of
 from evocity.files import whole_file
-from evocity.store.anew import Anew, drop, finish
-from evocity.store.commands import read_commands
-from evocity.store.ending import Ending
-from evocity.store.events import append_event
+from evocity.store.checksums import digests_of
+from evocity.store.events import append_event, read_commands
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
+from evocity.store.log import LastGeneration
 from evocity.store.membership import Member, membership_table
 from evocity.store.merge import drop_leftovers, merge, write_single
-from evocity.store.own import OWN, write_own
-from evocity.store.run import Run, open_run
+from evocity.store.rewrite import LogRewrite, drop, finish
+from evocity.store.run_log import RunLog
 from evocity.store.schema import Birth, Header, births_table
-from evocity.store.seals import digests_of
 from evocity.store.sources import (
+    MEASURES_FOLDER,
     Source,
     write_condensation,
     write_maps,
     write_masks,
+    write_measures,
     write_sources,
 )
 
 
 def refuse_existing(path: str | os.PathLike) -> None:
-    """Raise `RunError` if ``path`` exists: a run never writes into what is there."""
+    """Raise `RunError` if ``path`` exists: a run never writes into an existing folder."""
     if os.path.lexists(path):
         raise RunError(
             f"the output folder {path} exists already",
@@ -50,8 +50,8 @@ def refuse_existing(path: str | os.PathLike) -> None:
 class RunWriter:
     """The only writer of a run folder; holds its lock from creation to `close`.
 
-    Made by `create` or `reopen`. All methods raise `RunError` if the disk is full, the folder
-    has gone, or it was closed; the generations written before stay readable.
+    Made by `create` or `reopen`. All methods raise `RunError` if the disk is full, the folder is
+    gone, or the writer was closed; earlier generations stay readable.
     """
 
     def __init__(self, folder: Folder, header: Header, lock: Lock):
@@ -77,11 +77,10 @@ class RunWriter:
     ) -> "RunWriter":
         """Create the run folder ``path``; it appears with all its parts, or not at all.
 
-        ``condensation`` is the one whose digest the ``header`` tells as ``locked``; ``own`` are the
-        files of the user's own measures, see `keep`; ``references`` the cities, other than the
-        ``sources``, that measures compare with; ``parts`` the parts of the map that they are taken
-        of, bool ``(H, W)`` each.
-        Raises `RunError` if it exists or cannot be written.
+        ``condensation``: the layer with the digest ``header.locked``; ``own``: files of the user's
+        own measures, see `keep`; ``references``: cities, other than the ``sources``, that measures
+        compare with; ``parts``: parts of the map that measures take, bool ``(H, W)`` each. Raises
+        `RunError` if it exists or cannot be written.
         """
         path = Path(path).absolute()
         refuse_existing(path)
@@ -105,12 +104,12 @@ class RunWriter:
                 write_masks(folder.within, parts)
             if condensation is not None:
                 write_condensation(folder.locked, condensation)
-            write_own(hidden, own or {})
+            write_measures(hidden, own or {})
             files = digests_of(hidden, folder.sources, folder.references, folder.within)
             _write_provenance(folder, {**provenance, "files": files}, header)
             folder.events.touch()
             refuse_existing(path)
-            if os.name == "nt":  # there a folder with an open file in it cannot be renamed
+            if os.name == "nt":  # Windows cannot rename a folder with an open file
                 lock.release()
             hidden.rename(path)
             folder = Folder(path)
@@ -120,8 +119,8 @@ class RunWriter:
             return writer
         except OSError as error:
             raise RunError(
-                f"the run folder {path} cannot be written: {error.strerror or error}",
-                "a place with space, where files may be created",
+                f"the run folder {path} cannot be written: {reason_of(error)}",
+                "a folder that you may write to, with space left",
                 "free space, or choose another folder with --out",
             ) from error
         finally:
@@ -131,13 +130,13 @@ class RunWriter:
 
     @classmethod
     def reopen(cls, path: str | os.PathLike) -> "RunWriter":
-        """Take up the run in ``path`` after its last whole generation; what a crash left of
-        the next one is deleted.
+        """Take up the run in ``path`` after its last whole generation; delete what a crash left of
+        the next.
 
-        Raises `RunError` if it is no run, is damaged, lacks a generation in the middle, or
+        Raises `RunError` if it is not a run, is damaged, lacks a generation in the middle, or
         another process writes it.
         """
-        run = open_run(path)
+        run = RunLog(path)
         folder = Folder(Path(path).absolute(), run.header.recipe_hash)
         writer = cls(folder, run.header, Lock(folder.lock))
         try:
@@ -148,10 +147,10 @@ class RunWriter:
                 names = ", ".join(str(one.relative_to(run.path)) for one in broken[:4])
                 more = f" and {len(broken) - 4} more" if len(broken) > 4 else ""
                 raise RunError(
-                    f"{run.path}: {names}{more} cannot be read, or follow what cannot",
+                    f"{run.path}: {names}{more} cannot be read, or come after an unreadable file",
                     "files as they were written",
-                    "bring them back from a copy; or put them aside, and breed those generations "
-                    f"again: evocity resume {run.path} --set-aside",
+                    "bring the files back from a copy; or put them aside, and breed their "
+                    f"generations again: evocity resume {run.path} --set-aside",
                 )
             with writer._explained():
                 drop_leftovers(folder, len(whole) - 1)
@@ -166,7 +165,7 @@ class RunWriter:
     ) -> None:
         """Write births, then membership: the membership file makes the generation whole.
 
-        ``summary`` (plain JSON values; `Run.status` reads them) travels with the membership.
+        ``summary`` (plain JSON values; `RunLog.status` reads them) travels with the membership.
         """
         with self._explained():
             write_single(births_table(births, self.header), self.folder.single(BIRTHS, generation))
@@ -178,27 +177,24 @@ class RunWriter:
                 merge(self.folder)
 
     def update_provenance(self, provenance: Mapping, header: Header | None = None) -> None:
-        """Replace what provenance records, after a change was confirmed; the ``header`` too, if the
-        log was written `anew` for it, which takes the place of the old one then."""
+        """Replace provenance after a confirmed change, and the ``header`` with a rewritten log."""
         with self._explained():
             header = header or self.header
             _write_provenance(self.folder, provenance, header)
             self.header, self.folder = header, Folder(self.path, header.recipe_hash)
             finish(self.folder)
 
-    def anew(self, run: Run, header: Header, about: Mapping) -> Anew:
-        """The log of the ``run``, this one, to be written anew under another ``header``, see
-        `Anew`."""
-        return Anew(run, header, about, self._explained)
+    def rewrite(self, run: RunLog, header: Header, about: Mapping) -> LogRewrite:
+        """Begin to rewrite the log of this ``run`` under another ``header``, see `LogRewrite`."""
+        return LogRewrite(run, header, about, self._explained)
 
-    def drop_anew(self, but: str | None = None) -> None:
-        """Delete what was written anew and is not the run's log, see `evocity.store.anew.drop`."""
+    def drop_rewrites(self, but: str | None = None) -> None:
+        """Delete unfinished rewritten logs, see `evocity.store.rewrite.drop`."""
         with self._explained():
             drop(self.folder, but)
 
     def replace_recipe(self, text: str, kept: str | None = None) -> None:
-        """Replace the recipe; the one before is ``kept`` under that name, such as
-        "recipe-1.toml"."""
+        """Replace the recipe; keep the former one as ``kept``, such as "recipe-1.toml"."""
         with self._explained():
             if kept is not None:
                 with whole_file(self.path / kept) as temporary:
@@ -210,21 +206,20 @@ class RunWriter:
         """Keep files of the user's own measures: place in the run folder, such as
         "fitness/my_measure.py", to content."""
         with self._explained():
-            write_own(self.path, own)
+            write_measures(self.path, own)
 
     def event(self, event: str, **details) -> None:
-        """Add a line to ``events.jsonl``."""
+        """Append a line to ``events.jsonl``."""
         with self._explained():
             append_event(self.folder.events, event, **details)
 
     def commands(self, first: int) -> list[tuple[int, dict | None]]:
-        """What others ask of the run, from line ``first`` of ``commands.jsonl`` on, see
-        `read_commands`."""
+        """Return the commands from line ``first`` of ``commands.jsonl`` on, see `read_commands`."""
         with self._explained():
             return read_commands(self.folder.commands, first)
 
     def close(self) -> None:
-        """Release the run; others may write it, and this writer no more."""
+        """Release the run, for other writers."""
         self._closed = True
         self._lock.release()
 
@@ -232,9 +227,9 @@ class RunWriter:
     def _explained(self) -> Iterator[None]:
         if self._closed:
             raise RunError(
-                f"{self.path} is written by a writer that was closed",
-                "a writer that holds the run's lock: another process may hold it now",
-                "take the run up again: RunWriter.reopen(path)",
+                f"{self.path}: this writer is closed",
+                "a writer that holds the run's lock; another process may hold it now",
+                "open the run again: RunWriter.reopen(path)",
             )
         try:
             yield
@@ -243,29 +238,29 @@ class RunWriter:
                 whole = self.folder.last_generation(MEMBERSHIP)
                 readable = f"generations 0…{whole} stay readable" if whole >= 0 else "none is whole"
             except OSError:
-                readable = "the folder is not there any more"
+                readable = "the folder is gone"
             raise RunError(
-                f"{self.path} cannot be written: {error.strerror or error} ({readable})",
+                f"{self.path} cannot be written: {reason_of(error)} ({readable})",
                 "a run folder that stays in place, on a disk with space",
-                f"free space or bring it back, then: evocity resume {self.path}",
+                f"free some space or put the folder back, then: evocity resume {self.path}",
             ) from error
 
 
 def set_aside(path: str | os.PathLike) -> list[Path]:
     """Move the damaged files of births and membership of the run in ``path``, and all that follow
-    them, into its folder ``damaged``; their generations are bred again once the run goes on.
-    Returns the names of what was moved, below ``path``.
+    them, into its folder ``damaged``; the run breeds those generations again when it goes on.
+    Return the names of the moved files, below ``path``.
 
-    Raises `RunError` if it is no run, another process writes it, or nothing can be moved.
+    Raises `RunError` if it is not a run, another process writes it, or nothing can be moved.
     """
-    run = open_run(path)
+    run = RunLog(path)
     folder = Folder(Path(path).absolute(), run.header.recipe_hash)
     writer = RunWriter(folder, run.header, Lock(folder.lock))
     try:
         moved = []
         with writer._explained():
             finish(folder)
-            for one in Ending(folder).found(thorough=True)[1]:
+            for one in LastGeneration(folder).sound(thorough=True)[1]:
                 name = one.relative_to(folder.root)
                 target = folder.damaged / f"{name.parent.name}-{name.name}"
                 folder.damaged.mkdir(exist_ok=True)
@@ -283,18 +278,18 @@ def set_aside(path: str | os.PathLike) -> list[Path]:
 
 
 def _clear_unfinished(path: Path) -> None:
-    """Delete the hidden folders that killed processes left when they created the run ``path``:
-    those named as `RunWriter.create` does, with a run's parts alone, that nobody holds."""
+    """Delete the hidden folders that killed processes left while creating the run ``path``: those
+    with a name of `RunWriter.create` and only parts of a run, that no process holds."""
     ours = re.compile(re.escape(f".{path.name}-") + "[0-9a-f]{8}")
     model = Folder(path)
     parts = {BIRTHS, MEMBERSHIP, model.sources.name, model.recipe.name, model.provenance.name}
     parts |= {model.references.name, model.within.name, model.events.name, model.lock.name}
-    parts.add(OWN)
+    parts.add(MEASURES_FOLDER)
     with contextlib.suppress(OSError):
         for hidden in path.parent.iterdir():
             if not ours.fullmatch(hidden.name) or hidden.is_symlink():
                 continue
-            with contextlib.suppress(OSError, RunError):  # in use, or no folder: left alone
+            with contextlib.suppress(OSError, RunError):  # in use, or not a folder: leave it
                 left = {part.name for part in hidden.iterdir() if not is_unfinished(part)}
                 if not left:
                     hidden.rmdir()

@@ -1,9 +1,8 @@
-"""The recipe desk: from maps on a table to a run that goes on.
+"""The recipe desk: from maps to a run.
 
-What is chosen there is one `Draft`, which the server holds, so that a page that is loaded again has
-it. Of a draft a recipe is calibrated in a process of its own; a run by it is carried out by
-`evocity run`, which outlives studio. No word of a page becomes a path, and none names a file: those
-of measures are named on the command line.
+The server holds all choices as one `Draft`, so a page that is loaded again shows them. A process of
+its own calibrates a recipe of the draft. `evocity run` carries out the run, and outlives studio. No
+text of a page becomes a path or names a file; the command line names the files of measures.
 """
 
 import contextlib
@@ -16,184 +15,188 @@ from pathlib import Path
 
 from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
-from evocity.files import whole_file
-from evocity.search.calibration import USUAL_GOALS
-from evocity.search.opening import open_run
-from evocity.search.reading import read_recipe
-from evocity.search.recipe_text import duration
-from evocity.studio.apart import Carried, Errand
-from evocity.studio.asked import Faulty
-from evocity.studio.draft import MOST_NAME, Begin, Draft, Wanted, Which
-from evocity.studio.maps import MEMORY, Maps, Placed
-from evocity.studio.one import fault_of
-from evocity.studio.resuming import log_of
+from evocity.recipe.reader import read_recipe
+from evocity.search.calibration.calibration import USUAL_GOALS
+from evocity.search.calibration.recipe_text import describe_duration
+from evocity.search.record.complete_run import CompleteRun
+from evocity.studio.desk_maps import MEMORY, MapChoice, Maps
+from evocity.studio.draft import MOST_NAME, BeginRequest, Draft, GoalChoice, MapNumber
+from evocity.studio.output_files import free_path, make_folder, write_error, write_recipe
+from evocity.studio.request_fields import RequestError, fault_of
+from evocity.studio.subprocesses import DeskJob, RunProcesses, log_of
 
-#: Parents, at most; lines of what calibrating says that are kept.
-MOST_PARENTS, _MOST_SAID = 8, 200
-_MOST_NAMES = 10_000
+#: Parents, and lines of progress that are kept; at most.
+MOST_PARENTS, _MOST_LINES = 8, 200
 
 
 @dataclass(frozen=True)
-class Offered:
-    """A measure at the desk: of evocity's own, or of a ``file`` named on the command line, which
-    may have ``several``."""
+class OfferedMeasure:
+    """A measure at the desk: one of evocity's own, or of a ``file`` of the command line, which may
+    have ``several``."""
 
     measure: fitness.Measure
     file: str | None = None
     several: bool = False
 
     @property
-    def told(self) -> dict:
-        one = self.measure
+    def state(self) -> dict:
+        """Plain values for the page."""
+        measure = self.measure
         return {
-            "name": one.name,
-            "goal": one.goal,
-            "unit": one.unit,
-            "range": [value if abs(value) < float("inf") else None for value in one.range],
-            "told": one.summary,
+            "name": measure.name,
+            "goal": measure.goal,
+            "unit": measure.unit,
+            "range": [end if abs(end) < float("inf") else None for end in measure.range],
+            "told": measure.summary,
             "own": self.file is not None,
-            "usual": one.name in USUAL_GOALS,
+            "usual": measure.name in USUAL_GOALS,
         }
 
 
 @dataclass
-class Started:
-    """A run that was begun at the desk; ``run``: its number, None until it has a folder; whether it
-    ``has`` a generation."""
+class StartedRun:
+    """A run that began at the desk; ``run``: its number, None until it has a folder; ``has``:
+    whether it has a generation."""
 
     name: str
-    path: Path
+    folder: Path
     recipe: Path
     run: int | None = None
     has: bool = False
 
     def look(self, number: Callable[[Path], int]) -> None:
-        """See whether it has a folder, which has a ``number`` then, and a generation."""
-        if self.run is None and os.path.lexists(self.path / "provenance.json"):
-            self.run = number(self.path)
+        """Note the folder, which then gets a ``number``, and the first generation."""
+        if self.run is None and os.path.lexists(self.folder / "provenance.json"):
+            self.run = number(self.folder)
         if not self.has and self.run is not None:
             with contextlib.suppress(RunError):
-                self.has = bool(open_run(self.path).generations)
+                self.has = bool(CompleteRun(self.folder).generations)
 
 
 class Desk:
-    """Runs begun here go into the folder ``home``. ``files``: of measures, each with what it
-    declares; ``recipe``: one to begin by as it is. ``runs`` numbers a run at a path."""
+    """The desk; its runs go into the folder ``home``. ``files``: measures by file; ``recipe``: a
+    recipe to begin as it is; ``number`` gives a number to the run at a path."""
 
     def __init__(
         self,
         home: Path,
-        carried: Carried,
-        runs: Callable[[Path], int],
+        processes: RunProcesses,
+        number: Callable[[Path], int],
         files: Sequence[tuple[str, Sequence[fitness.Measure]]] = (),
         recipe: Path | None = None,
     ):
         self.home, self.given = home.absolute(), recipe
-        self._carried, self._runs = carried, runs
-        self._lock = threading.RLock()  # that of the maps is taken within it, never around it
+        self._processes, self._number = processes, number
+        self._lock = threading.RLock()  # taken before the lock of the maps, never after it
         self.maps = Maps()
-        own = [one for one in fitness.measures() if one.origin == "evocity"]
-        offered = [Offered(one) for one in own]
+        ours = (one for one in fitness.measures() if one.origin == "evocity")
+        offered = [OfferedMeasure(one) for one in ours]
         for file, measures in files:
             path = os.path.abspath(file)
-            offered += [Offered(one, path, len(measures) > 1) for one in measures]
+            offered += [OfferedMeasure(one, path, len(measures) > 1) for one in measures]
         self._offered = {one.measure.name: one for one in offered}
         self.draft = Draft()
         self._draft_turn = 0
-        self._errand: Errand | None = None
+        self._job: DeskJob | None = None
         self._thread: threading.Thread | None = None
-        self._said: list[str] = []
+        self._lines: list[str] = []
         self._fault: EvocityError | None = None
-        self._found: dict | None = None
-        self._started: list[Started] = []
+        self._result: dict | None = None
+        self._started: list[StartedRun] = []
 
-    # -- told --------------------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------------
 
-    def told(self) -> dict:
-        """Plain values: the draft, the maps, how far calibrating is, what it found, and the runs
-        that were begun here."""
+    def state(self) -> dict:
+        """Return plain values for the page: the draft, the maps, the progress and the result of the
+        calibration, and the runs that began here."""
         with self._lock:
+            result = self._result
             return {
                 "draft": self.draft.model_dump(mode="json"),
                 "usual": self._usual_name(self.draft),
                 "home": str(self.home),
-                "maps": self.maps.told(),
+                "maps": self.maps.states(),
                 "busy": self.busy,
-                "said": self._said,
+                "said": self._lines,
                 "fault": None if self._fault is None else fault_of(self._fault),
-                "found": self._found and self._found | {"estimate": self._estimate(self._found)},
-                "given": self._given(),
-                "started": [self._start_told(one) for one in self._started],
+                "found": result and result | {"estimate": self._estimate(result)},
+                "given": self._given_recipe(),
+                "started": [self._state_of(run) for run in self._started],
             }
 
     def measures(self) -> list[dict]:
-        """What can be searched by, plain values."""
-        return [one.told for one in self._offered.values()]
+        """Return all measures to search by, as plain values."""
+        return [offered.state for offered in self._offered.values()]
 
     @property
     def busy(self) -> bool:
         """Whether a recipe is being calibrated."""
         return self._thread is not None and self._thread.is_alive()
 
-    def _given(self) -> dict | None:
+    def _given_recipe(self) -> dict | None:
         if self.given is None:
             return None
+        text = ""
         with contextlib.suppress(OSError, ValueError):
-            return {"path": str(self.given), "text": self.given.read_text(encoding="utf-8")}
-        return {"path": str(self.given), "text": ""}
+            text = self.given.read_text(encoding="utf-8")
+        return {"path": str(self.given), "text": text}
 
-    def _estimate(self, found: dict) -> dict:
-        """What a run takes of the night and of the disk."""
+    def _estimate(self, result: dict) -> dict:
+        """Return the time and disk space that a run takes."""
         above = self.home
         while not above.is_dir() and above != above.parent:
             above = above.parent
         free = shutil.disk_usage(above).free
         return {
-            "births": found["births"],
-            "time": duration(found["duration"]),
-            "size": found["size"],
+            "births": result["births"],
+            "time": describe_duration(result["duration"]),
+            "size": result["size"],
             "free": free,
-            "fits": found["size"] <= free,
+            "fits": result["size"] <= free,
         }
 
-    def _start_told(self, one: Started) -> dict:
-        one.look(self._runs)
-        process = self._carried.told(one.path) or {}
-        return {
-            "name": one.name,
-            "folder": str(one.path),
-            "recipe": str(one.recipe),
-            "run": one.run,
-            "has": one.has,
-            **process,
-        }
+    def _state_of(self, started: StartedRun) -> dict:
+        started.look(self._number)
+        paths = {"folder": str(started.folder), "recipe": str(started.recipe)}
+        return vars(started) | paths | (self._processes.state(started.folder) or {})
 
     # -- the draft ---------------------------------------------------------------------------------
 
     def change(self, draft: Draft) -> None:
-        """Take a draft in place of the one before; a recipe that was calibrated for another is
-        none of it. Raises `Faulty` for maps and measures that there are not."""
+        """Replace the draft; a recipe for another draft is dropped. Raises `RequestError` for
+        unknown maps and measures."""
         with self._lock:
-            for one in draft.maps:
-                _ = self.maps[one.map]
-            if len({one.map for one in draft.maps}) < len(draft.maps):
-                raise Faulty("a map twice", "each once", "load the page again")
-            names = [one.measure for one in draft.goals]
+            for choice in draft.maps:
+                _ = self.maps[choice.map]
+            if len({choice.map for choice in draft.maps}) < len(draft.maps):
+                raise RequestError("a map is chosen twice", "each map once", "load the page again")
+            names = [goal.measure for goal in draft.goals]
             for name in names:
                 if name not in self._offered or names.count(name) > 1:
-                    raise Faulty(f"{name!r} as goal", "a measure of the list, once", "choose it")
-            if self.busy:
-                raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
+                    raise RequestError(
+                        f"{name!r} is not in the list of measures, or is chosen twice",
+                        "a measure of the list, once",
+                        "choose another measure",
+                    )
+            self._check_idle()
             if draft != self.draft:
-                self.draft, self._found, self._fault, self._said = draft, None, None, []
-            self.maps.place(draft.window, {one.map: one for one in draft.maps})
+                self.draft, self._result, self._fault, self._lines = draft, None, None, []
+            self.maps.place(draft.window, {choice.map: choice for choice in draft.maps})
 
-    def drop(self, asked: Which) -> None:
-        """Take a user's map from the desk."""
+    def _check_idle(self) -> None:
+        if self.busy:
+            raise RunError(
+                "a recipe is already being calibrated",
+                "one recipe at a time",
+                "wait for it, or stop it",
+            )
+
+    def drop(self, request: MapNumber) -> None:
+        """Remove a user's map from the desk."""
         with self._lock:
-            kept = tuple(one for one in self.draft.maps if one.map != asked.map)
+            kept = tuple(choice for choice in self.draft.maps if choice.map != request.map)
             self.change(self.draft.model_copy(update={"maps": kept}))
-            self.maps.drop(asked.map)
+            self.maps.drop(request.map)
 
     def _usual_name(self, draft: Draft) -> str:
         titles = [self.maps[one.map].title for one in draft.parents if one.map in self.maps]
@@ -202,27 +205,28 @@ class Desk:
             name = name[:-1]
         return name or "run"
 
-    # -- calibrating -------------------------------------------------------------------------------
+    # -- calibration -------------------------------------------------------------------------------
 
     def calibrate(self) -> None:
-        """Have a recipe made of the draft. Raises `EvocityError` for what is no draft of a run, and
-        where its maps cannot be laid out; then nothing is left."""
+        """Begin the calibration of a recipe for the draft. Raises `EvocityError` for a draft that
+        is not complete, and where its maps cannot be copied; then no file remains."""
         with self._lock:
-            if self.busy:
-                raise RunError("a recipe is being calibrated", "one at a time", "wait, or stop it")
+            self._check_idle()
             draft = self.draft
             if not 1 <= len(draft.parents) <= MOST_PARENTS:
                 raise RecipeError(
                     f"{len(draft.parents)} maps are chosen",
-                    f"1 to {MOST_PARENTS}, better two or more",
-                    "choose maps that shall be bred",
+                    f"1 to {MOST_PARENTS} maps, better two or more",
+                    "choose maps to breed from",
                 )
             if not draft.goals:
-                raise FitnessError("no measure is chosen", "one or more", "choose some")
-            # the usual ones may lack where a parent does not have them; what is chosen may not
+                raise FitnessError(
+                    "no measure is chosen", "one or more measures", "choose a measure"
+                )
+            # the usual goals may lack a measure that a parent does not have; chosen goals may not
             is_usual = set(draft.goals) == set(Draft().goals)
-            goals = [] if is_usual else [self._goal(one) for one in draft.goals]
-            folder, parents = self._gathered(draft)
+            goals = [] if is_usual else [self._goal(goal) for goal in draft.goals]
+            folder, parents = self._copied_maps(draft)
             words = {
                 "name": draft.name or self._usual_name(draft),
                 "parents": parents,
@@ -233,155 +237,145 @@ class Desk:
                 "minutes": draft.minutes,
                 "by": "evocity studio",
             }
-            errand = {
-                "errand": "calibrate",
-                "words": words,
-                "goals": goals,
-                "path": str(folder / "recipe.toml"),
-            }
-            self._said, self._fault, self._found = [], None, None
-            self._errand = Errand(MEMORY, None, "calibrating")
+            path = str(folder / "recipe.toml")
+            job = {"job": "calibrate", "words": words, "goals": goals, "path": path}
+            self._lines, self._fault, self._result = [], None, None
+            self._job = DeskJob(MEMORY, None, "calibrating")
             self._thread = threading.Thread(
-                target=self._calibrate, args=(self._errand, errand), daemon=True, name="calibrating"
+                target=self._calibrate, args=(self._job, job), daemon=True, name="calibrating"
             )
             self._thread.start()
 
-    def _goal(self, one: Wanted) -> dict:
-        offered = self._offered[one.measure]
-        if one.want == "target" and one.target is None:
-            raise FitnessError(f"{one.measure}: no target", "a number", "write one")
-        if one.want == "first" and offered.measure.goal is not None:
+    def _goal(self, choice: GoalChoice) -> dict:
+        offered = self._offered[choice.measure]
+        if choice.want == "target" and choice.target is None:
+            raise FitnessError(f"{choice.measure} has no target", "a number", "type a target")
+        if choice.want == "first" and offered.measure.goal is not None:
             raise FitnessError(
-                f"{one.measure}: what the first has", "high, low or a target", "choose another"
+                f"{choice.measure} cannot be a goal “as in the first parent”",
+                "the highest value, the lowest value, or a target",
+                "choose another goal",
             )
-        chosen = one.want if one.want in ("max", "min") else None
+        goal = choice.want if choice.want in ("max", "min") else None
         return {
-            "measure": one.measure,
+            "measure": choice.measure,
             "file": offered.file,
             "several": offered.several,
-            "goal": None if chosen == offered.measure.goal else chosen,
-            "target": one.target if one.want == "target" else None,
+            "goal": None if goal == offered.measure.goal else goal,
+            "target": choice.target if choice.want == "target" else None,
         }
 
-    def _gathered(self, draft: Draft) -> tuple[Path, list[dict]]:
-        """A new folder with the parents' maps, and each parent as a recipe in there has it."""
+    def _copied_maps(self, draft: Draft) -> tuple[Path, list[dict]]:
+        """Copy the maps of the parents into a new folder; return it and each parent as a recipe
+        there has it."""
         folder = self.maps.folder / f"recipe-{self._draft_turn}"
         self._draft_turn += 1
         try:
             folder.mkdir()
-            return folder, [self._parent(one, folder) for one in draft.parents]
+            return folder, [self._parent(choice, folder) for choice in draft.parents]
         except (EvocityError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)
-            raise _unwritten(folder, error) from error
+            raise write_error(folder, error) from error
 
-    def _parent(self, placed: Placed, folder: Path) -> dict:
-        one = self.maps[placed.map]
-        named = {"name": one.title} if one.is_own else {}
-        return {"map": self.maps.copy(placed.map, folder)} | named | placed.options
+    def _parent(self, choice: MapChoice, folder: Path) -> dict:
+        entry = self.maps[choice.map]
+        named = {"name": entry.title} if entry.is_own else {}
+        return {"map": self.maps.copy(choice.map, folder)} | named | choice.options
 
-    def _calibrate(self, errand: Errand, job: dict) -> None:
-        def told(said: dict) -> None:
+    def _calibrate(self, process: DeskJob, job: dict) -> None:
+        def receive(result: dict) -> None:
             with self._lock:
-                if "said" in said:
-                    self._said = [*self._said, said["said"]][-_MOST_SAID:]
-                if "calibrated" in said:
-                    self._found = said["calibrated"]
+                if "said" in result:
+                    self._lines = [*self._lines, result["said"]][-_MOST_LINES:]
+                if "calibrated" in result:
+                    self._result = result["calibrated"]
 
         try:
-            errand.run(job, told)
-            if errand.stopped:
-                self._said, self._found = [*self._said, "stopped"], None
+            process.run(job, receive)
+            if process.stopped:
+                self._lines, self._result = [*self._lines, "stopped"], None
         except EvocityError as error:
             self._fault = error
-        except Exception as error:  # told on the page
-            self._fault = RunError(f"{type(error).__name__}: {error}", "no error", "try again")
+        except Exception as error:  # the page shows it
+            self._fault = RunError(
+                f"{type(error).__name__}: {error}", "a recipe without errors", "try again"
+            )
         finally:
             shutil.rmtree(Path(job["path"]).parent, ignore_errors=True)
 
     def stop(self) -> None:
-        """Calibrate no more."""
-        if self._errand is not None:
-            self._errand.stop()
+        """Stop the calibration."""
+        if self._job is not None:
+            self._job.stop()
 
     # -- a run -------------------------------------------------------------------------------------
 
-    def begin(self, asked: Begin) -> None:
-        """Carry out the recipe, in a new folder. Raises `RunError` where there is none, and where
-        nothing can be written; then nothing is left."""
+    def begin(self, request: BeginRequest) -> None:
+        """Carry out the recipe, in a new folder. Raises `RunError` without a recipe, and where a
+        file cannot be written; then no file remains."""
         with self._lock:
-            made = None  # for this run alone
-            if asked.given and self.given is not None:
+            made = None  # a folder for this run only
+            if request.given and self.given is not None:
                 run = read_recipe(self.given).run.name  # its measures were executed already
-                path, recipe = self._free(run, None), self.given
-            elif self._found is not None and not asked.given:
-                path, recipe = self._written(self._found["text"])
+                path, recipe = self._free_path(run, False), self.given
+            elif self._result is not None and not request.given:
+                path, recipe = self._write_recipe(self._result["text"])
                 made = recipe.parent
             else:
-                raise RunError("no recipe", "one that was calibrated", "calibrate one first")
-            started = Started(path.name, path, recipe.resolve())
+                raise RunError(
+                    "there is no recipe yet", "a calibrated recipe", "make the recipe first"
+                )
+            started = StartedRun(path.name, path, recipe.resolve())
             words = ["run", str(started.recipe), "--out", str(path)]
             try:
-                self._carried.begin(path, words, log_of(path))
+                self._processes.begin(path, words, log_of(path))
             except EvocityError:
                 if made is not None:
                     shutil.rmtree(made, ignore_errors=True)
                 raise
             self._started.append(started)
 
-    def _written(self, text: str) -> tuple[Path, Path]:
-        """Where the run goes, and its recipe, which lies with its maps in a folder beside it."""
-        path = self._free(self.draft.name or self._usual_name(self.draft), True)
+    def _write_recipe(self, text: str) -> tuple[Path, Path]:
+        """Write the recipe with its maps into a folder beside the run; return the paths of the run
+        and of the recipe."""
+        path = self._free_path(self.draft.name or self._usual_name(self.draft), True)
         folder = path.with_name(f"{path.name}-recipe")
         try:
-            for one in self.draft.parents:
-                self.maps.copy(one.map, folder)
-            with whole_file(folder / "recipe.toml") as temporary:
-                temporary.write_text(text, encoding="utf-8")
-            read_recipe(folder / "recipe.toml")  # that it can be run is known before it is told
+            for choice in self.draft.parents:
+                self.maps.copy(choice.map, folder)
+            write_recipe(folder / "recipe.toml", text)
         except (EvocityError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)
-            raise _unwritten(folder, error) from error
+            raise write_error(folder, error) from error
         return path, folder / "recipe.toml"
 
-    def _free(self, name: str, with_recipe: bool | None) -> Path:
-        """Where a run called so, or nearly, can go; the folder of its recipe is made, if wanted."""
-        try:
-            self.home.mkdir(parents=True, exist_ok=True)
-            taken = {one.path for one in self._started if self._carried.is_at(one.path)}
-            for number in range(1, _MOST_NAMES):
-                path = self.home / (name if number == 1 else f"{name}-{number}")
-                folder = path.with_name(f"{path.name}-recipe")
-                if path in taken or os.path.lexists(path) or os.path.lexists(folder):
-                    continue
-                if with_recipe:
-                    folder.mkdir()
-                return path
-        except OSError as error:
-            raise _unwritten(self.home, error) from error
-        raise RunError(f"{self.home} has {_MOST_NAMES} runs {name}", "room", "choose another name")
+    def _free_path(self, name: str, with_recipe: bool) -> Path:
+        """Return a free path for a run with a ``name``, or the name and a number; make the folder
+        of its recipe ``with_recipe``."""
+        taken = {run.folder for run in self._started if self._processes.is_busy(run.folder)}
 
-    def end(self, place: int) -> None:
-        """End a run that was begun here before it has a folder; later `evocity stop` does."""
+        def is_free(path: Path) -> bool:
+            folder = path.with_name(f"{path.name}-recipe")
+            return path not in taken and not os.path.lexists(path) and not os.path.lexists(folder)
+
+        path = free_path(self.home, name, is_free)
+        if with_recipe:
+            make_folder(path.with_name(f"{path.name}-recipe"))
+        return path
+
+    def end(self, request: MapNumber) -> None:
+        """End a run of this desk, by its place in the list, before it has a folder; later `evocity
+        stop` ends it."""
         with self._lock:
+            place = request.map
             if not 0 <= place < len(self._started):
-                raise Faulty(f"no run {place}", "one that was begun here", "load the page again")
-            self._carried.end(self._started[place].path)
+                raise RequestError(
+                    f"there is no run {place}", "a run that began here", "load the page again"
+                )
+            self._processes.end(self._started[place].folder)
 
     def close(self) -> None:
         self.stop()
         if self._thread is not None:
             self._thread.join(5.0)
         self.maps.close()
-
-
-def _unwritten(folder: Path, error: Exception) -> EvocityError:
-    if isinstance(error, EvocityError):
-        return error
-    return RunError(
-        f"{folder} cannot be written: {getattr(error, 'strerror', None) or error}",
-        "a folder that this user may write to, with room left",
-        "check its owner, and the space left",
-    )
-
-
-__all__ = ["Desk"]

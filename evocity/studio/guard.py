@@ -1,10 +1,10 @@
-"""Who is answered at all, and what every answer says.
+"""The guard of every request, and the headers of every answer.
 
-Any page of the web can have a browser send requests to this machine, and by a name that its owner
-has lead here even read the answers. So a request must name this server by one of its own names,
-come from its own page, and bring the cookie that the address with the token was traded for;
-whatever changes something must besides be what no form and no link can send: JSON of bounded
-length, or, at one address, a file of bounded length.
+Any page of the web can have a browser send requests to this machine. By a host name that leads here
+it could even read the answers. So each request must name this server by a name of its own and come
+from its own page. It must also bring the cookie that studio gave for the token in the address. No
+form and no link can send a change: it is JSON of limited length, or, at one address, a file of
+limited length.
 """
 
 import re
@@ -17,8 +17,8 @@ from urllib.parse import parse_qs
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 
-from evocity.errors import MapError, told_bytes
-from evocity.studio.one import fault_of
+from evocity.errors import MapError, format_bytes
+from evocity.studio.request_fields import fault_of
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -28,9 +28,9 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 #: Bytes of a body, of a query and of all headers, at most.
 MOST_BODY, MOST_QUERY, MOST_HEAD = 1 << 20, 4096, 1 << 15
-#: Where a file is taken, its kind, and its bytes at most.
+#: The address that takes a file, the kind of the file, and its bytes at most.
 FILE, FILE_KIND, MOST_FILE = "/api/desk-file", "application/octet-stream", 256_000_000
-#: The header that changes need, and its value; a page of another origin cannot send it unasked.
+#: The header of every change; a page of another origin cannot send it without permission.
 HEADER = ("x-evocity", "studio")
 #: Random bytes of the token, and of the cookie.
 SECRET = 32
@@ -47,7 +47,7 @@ POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-_SAID = {
+_HEADERS = {
     "content-security-policy": POLICY,
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
@@ -58,144 +58,144 @@ _SAID = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
-# Addresses that are answered have no other characters; what is written another way is no address.
+# All addresses have only these characters.
 _PLAIN = re.compile(rb"(?:/[a-z0-9][a-z0-9_-]*(?:\.[a-z0-9]+)*)+|/", re.ASCII)
 
 
-class TooLong(MapError):
-    """A file has more bytes than it may, whatever its length was said to be."""
+class FileTooLong(MapError):
+    """A file has more bytes than allowed, whatever its declared length."""
 
     def __init__(self) -> None:
         super().__init__(
-            f"the file has more than {told_bytes(MOST_FILE)}",
-            f"{told_bytes(MOST_FILE)} at most",
+            f"the file has more than {format_bytes(MOST_FILE)}",
+            f"{format_bytes(MOST_FILE)} at most",
             "cut a part out of it, or save it as GeoPackage",
         )
 
     @property
     def answer(self) -> Response:
-        """What is answered, in three parts as any fault."""
-        # as in `_no`, the rest of the file is not read
+        """The answer, in three parts as for any error."""
+        # the rest of the file stays unread, as in `_refuse`
         return JSONResponse({"error": fault_of(self)}, 413, {"connection": "close"})
 
 
 class Guard:
-    """Lets to an ``app`` what comes from its own page, at the loopback ``port``."""
+    """An application that passes to ``app`` only requests of its own page, at the loopback
+    ``port``."""
 
     def __init__(self, app: App, port: int):
         self._app = app
         self._hosts = {f"127.0.0.1:{port}", f"[::1]:{port}", f"localhost:{port}"}
-        #: Of the address that is opened first.
+        #: The token in the address that is opened first.
         self.token = secrets.token_urlsafe(SECRET)
         self._cookie, self._secret = f"evocity-{port}", secrets.token_urlsafe(SECRET)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":  # no websockets; there is nothing to do at begin and end
+        if scope["type"] != "http":  # no websockets; the start and the end need no act
             return
-        headers, brings = Headers(scope=scope), None
+        headers, body = Headers(scope=scope), None
         refused = self._refusal(scope, headers)
         if refused is None and scope["path"] == FILE and scope["method"] == "POST":
-            receive = _counted(receive)
+            receive = _limited(receive)
         elif refused is None and scope["method"] == "POST":
-            brings = await _body(receive)
-            refused = None if brings is not None else _no(413, "the body is too long")
+            body = await _read_body(receive)
+            refused = None if body is not None else _refuse(413, "the body is too long")
         has_token = refused is None and self._has_token(scope)
 
-        async def told(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 kept = [
-                    pair for pair in message["headers"] if pair[0].decode().lower() not in _SAID
+                    pair for pair in message["headers"] if pair[0].decode().lower() not in _HEADERS
                 ]
-                said = [(name.encode(), value.encode()) for name, value in _SAID.items()]
+                added = [(name.encode(), value.encode()) for name, value in _HEADERS.items()]
                 if has_token and message["status"] == 200:
-                    said.append((b"set-cookie", self._traded.encode()))
-                message = {**message, "headers": kept + said}
+                    cookie = f"{self._cookie}={self._secret}; HttpOnly; SameSite=Strict; Path=/"
+                    added.append((b"set-cookie", cookie.encode()))
+                message = {**message, "headers": kept + added}
             await send(message)
 
         if refused is not None:
-            await refused(scope, receive, told)
+            await refused(scope, receive, send_with_headers)
         else:
-            await self._app(scope, receive if brings is None else _again(brings), told)
-
-    @property
-    def _traded(self) -> str:
-        return f"{self._cookie}={self._secret}; HttpOnly; SameSite=Strict; Path=/"
+            await self._app(scope, receive if body is None else _replay(body), send_with_headers)
 
     def _refusal(self, scope: Scope, headers: Headers) -> Response | None:
-        """The answer to a request that is not let through."""
+        """Return the answer to a request that may not pass, None for one that may."""
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return _no(421, "this is no name of studio's; open the address that it printed")
+            return _refuse(421, "studio has another name; open the address that it printed")
         origins = headers.getlist("origin")
-        if any(one != f"http://{hosts[0]}" for one in origins):
-            return _no(403, "asked for by a page that is not studio's")
-        if any(one not in ("same-origin", "none") for one in headers.getlist("sec-fetch-site")):
-            return _no(403, "asked for by another site; paste studio's address into a new tab")
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
+            return _refuse(403, "the request comes from a page of another site")
+        if any(site not in ("same-origin", "none") for site in headers.getlist("sec-fetch-site")):
+            text = "the request comes from another site; paste the address of studio into a new tab"
+            return _refuse(403, text)
         raw = scope.get("raw_path", b"")
         if _PLAIN.fullmatch(raw) is None or raw.decode() != scope["path"]:
-            return _no(404, "there is nothing here")
+            return _refuse(404, "there is nothing here")
         if len(scope["query_string"]) > MOST_QUERY:
-            return _no(414, "the address is too long")
+            return _refuse(414, "the address is too long")
         if sum(len(name) + len(value) for name, value in headers.raw) > MOST_HEAD:
-            return _no(431, "the headers are too long")
+            return _refuse(431, "the headers are too long")
         if not (self._has_token(scope) or self._has_cookie(headers)):
-            return _no(403, "open the whole address that `evocity studio` printed, token and all")
+            text = "open the whole address that `evocity studio` printed, with its token"
+            return _refuse(403, text)
         if scope["method"] == "POST":
             if scope["path"] == FILE:
                 return _refused_change(headers, FILE_KIND, MOST_FILE)
             return _refused_change(headers, "application/json", MOST_BODY)
         if scope["method"] not in ("GET", "HEAD"):
-            return _no(405, "GET, or POST of JSON", allow="GET, HEAD, POST")
+            return _refuse(405, "send GET, or POST with JSON", allow="GET, HEAD, POST")
         if headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
-            return _no(400, "a question has no body")
+            return _refuse(400, "GET has no body")
         return None
 
     def _has_token(self, scope: Scope) -> bool:
         if scope["path"] != "/" or scope["method"] not in ("GET", "HEAD"):
             return False
-        told = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
-        return len(told) == 1 and _same(told[0], self.token)
+        tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+        return len(tokens) == 1 and _is_same(tokens[0], self.token)
 
     def _has_cookie(self, headers: Headers) -> bool:
-        told = []
+        values = []
         for line in headers.getlist("cookie"):
             try:
-                found = SimpleCookie(line).get(self._cookie)
+                cookie = SimpleCookie(line).get(self._cookie)
             except CookieError:
                 continue
-            told += [] if found is None else [found.value]
-        return len(told) == 1 and _same(told[0], self._secret)
+            values += [] if cookie is None else [cookie.value]
+        return len(values) == 1 and _is_same(values[0], self._secret)
 
 
-def _same(told: str, secret: str) -> bool:
-    return secrets.compare_digest(told.encode(), secret.encode())
+def _is_same(value: str, secret: str) -> bool:
+    return secrets.compare_digest(value.encode(), secret.encode())
 
 
 def _refused_change(headers: Headers, kind: str, most: int) -> Response | None:
     if headers.getlist(HEADER[0]) != [HEADER[1]]:
-        return _no(403, f"changes have a header {HEADER[0]}: {HEADER[1]}")
+        return _refuse(403, f"a change needs the header {HEADER[0]}: {HEADER[1]}")
     kinds = headers.getlist("content-type")
     if len(kinds) != 1 or kinds[0].partition(";")[0].strip().lower() != kind:
-        return _no(415, f"here a change is {kind}")
+        return _refuse(415, f"a change at this address needs the type {kind}")
     length = headers.get("content-length", "0")
     if not length.isdecimal() or len(length) > 12 or int(length) > most:
         if kind == FILE_KIND and length.isdecimal():
-            return TooLong().answer
-        return _no(413, f"a body has {most} bytes at most")
+            return FileTooLong().answer
+        return _refuse(413, f"a body has at most {most} bytes")
     return None
 
 
-def _no(status: int, text: str, **headers: str) -> Response:
-    # what is left of the request is not read, so nothing may follow it on this connection
+def _refuse(status: int, text: str, **headers: str) -> Response:
+    # the rest of the request stays unread, so no other request may follow on this connection
     return PlainTextResponse(text + "\n", status, {"connection": "close", **headers})
 
 
-async def _body(receive: Receive) -> bytes | None:
-    """The whole body; None for one that is too long, whatever its length was said to be."""
+async def _read_body(receive: Receive) -> bytes | None:
+    """Return the whole body; None if it is too long, whatever its declared length."""
     parts, size = [], 0
     while True:
         message = await receive()
-        if message["type"] != "http.request":  # who asked is gone
+        if message["type"] != "http.request":  # the browser is gone
             return b"".join(parts)
         parts.append(message.get("body", b""))
         size += len(parts[-1])
@@ -205,36 +205,23 @@ async def _body(receive: Receive) -> bytes | None:
             return b"".join(parts)
 
 
-def _counted(receive: Receive) -> Receive:
-    """The same, not held in memory; raises `TooLong` where it goes on too long."""
+def _limited(receive: Receive) -> Receive:
+    """Return ``receive`` for a file, in parts; it raises `FileTooLong` beyond `MOST_FILE`."""
     size = 0
 
-    async def counting() -> Message:
+    async def receive_limited() -> Message:
         nonlocal size
         message = await receive()
         size += len(message.get("body", b""))
         if size > MOST_FILE:
-            raise TooLong
+            raise FileTooLong
         return message
 
-    return counting
+    return receive_limited
 
 
-def _again(body: bytes) -> Receive:
+def _replay(body: bytes) -> Receive:
     async def receive() -> Message:
         return {"type": "http.request", "body": body, "more_body": False}
 
     return receive
-
-
-__all__ = [
-    "FILE",
-    "HEADER",
-    "MOST_BODY",
-    "MOST_FILE",
-    "MOST_HEAD",
-    "MOST_QUERY",
-    "POLICY",
-    "Guard",
-    "TooLong",
-]

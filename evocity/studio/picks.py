@@ -1,10 +1,10 @@
-"""Births that a user picked, with a note each: kept beside the births, never among them."""
+"""Picks: births that a user picked, each with a note; kept beside the births in ``picks.json``."""
 
 import contextlib
 import hashlib
 import os
 import threading
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,38 +12,39 @@ from pydantic import Field, ValidationError
 
 from evocity.errors import RunError
 from evocity.files import whole_file
-from evocity.search.trust import state_folder
-from evocity.store.parts import read_bytes
-from evocity.studio.asked import Body
+from evocity.search.preparation.trust import state_folder
+from evocity.store.safe_open import read_bytes
+from evocity.studio.output_files import write_error
+from evocity.studio.request_fields import Body, Id
 
-#: Picks of a run, letters of a note, steps that can be undone; at most.
+#: Picks of a run, letters of a note, steps of undo; at most.
 MOST_PICKS, MOST_LETTERS, MOST_STEPS = 1000, 2000, 50
 NAME = "picks.json"
 
-Id = Annotated[int, Field(ge=0, lt=2**63)]
+_Note = Annotated[str, Field(max_length=MOST_LETTERS)]
 
 
-class Picked(Body):
-    """A birth, and what is noted of it."""
+class Pick(Body):
+    """A picked birth and its note."""
 
     id: Id
-    note: Annotated[str, Field(max_length=MOST_LETTERS)] = ""
+    note: _Note = ""
 
 
-class Change(Body):
-    """What the page asks for: to ``pick`` births after those that are, to ``drop`` some, to
-    ``note`` something of one, to ``undo`` the last of these."""
+class PickChange(Body):
+    """A change that the page requests: ``pick`` more births, ``drop`` some, write a ``note``, or
+    ``undo`` the last change."""
 
     change: Literal["pick", "drop", "note", "undo"]
     ids: Annotated[tuple[Id, ...], Field(max_length=MOST_PICKS)] = ()
-    note: Annotated[str, Field(max_length=MOST_LETTERS)] = ""
+    note: _Note = ""
 
 
-_Listed = Annotated[tuple[Picked, ...], Field(max_length=MOST_PICKS)]
+_Listed = Annotated[tuple[Pick, ...], Field(max_length=MOST_PICKS)]
 
 
-class Kept(Body):
-    """The file: who is picked, in order, and who was before each of the last changes."""
+class PicksFile(Body):
+    """The file: the picks in order, and the picks before each of the last changes."""
 
     version: Literal[1] = 1
     picks: _Listed = ()
@@ -51,86 +52,83 @@ class Kept(Body):
 
 
 class Picks:
-    """Those of the run in ``folder``; ``is_own`` unless this user may not write there: then they
-    are kept in the user's own folder. Every change is on the disk when it is told."""
+    """The picks of the run in ``folder``. ``is_own``: this user may write there; otherwise the
+    state folder of the user keeps them. Every change is on the disk before it is answered."""
 
     def __init__(self, folder: Path):
         self._lock = threading.Lock()
         self.is_own = _is_own(folder)
-        named = hashlib.blake2b(os.fsencode(folder.resolve()), digest_size=16).hexdigest()
-        own = folder / NAME
-        #: Where they are kept.
-        self.path = own if self.is_own else state_folder() / "picks" / f"{named}.json"
+        name = hashlib.blake2b(os.fsencode(folder.resolve()), digest_size=16).hexdigest()
+        #: The file.
+        self.path = folder / NAME if self.is_own else state_folder() / "picks" / f"{name}.json"
 
-    def told(self) -> dict:
-        """Plain values for the page. Raises `RunError` if the file is damaged."""
+    def state(self) -> dict:
+        """Return plain values for the page. Raises `RunError` if the file is damaged."""
         kept = self._read()
         return {
-            "picks": [one.model_dump() for one in kept.picks],
+            "picks": [pick.model_dump() for pick in kept.picks],
             "undo": len(kept.before),
             "place": str(self.path),
         }
 
-    def change(self, asked: Change, known: Collection[int]) -> dict:
-        """Do what is ``asked`` with births among those ``known``, and tell what is now. Raises
-        `RunError` for others, for too many, and where it cannot be written."""
+    def change(self, request: PickChange, known: Collection[int]) -> dict:
+        """Change the picks among the ``known`` births; return the new `state`. Raises `RunError`
+        for unknown births, for too many picks, and where the file cannot be written."""
         with self._lock:
             kept = self._read()
-            if asked.change == "undo":
+            if request.change == "undo":
                 if kept.before:
-                    last = kept.before[-1]
-                    self._write(Kept(picks=last, before=kept.before[:-1]))
-                return self.told()
-            strange = [one for one in asked.ids if one not in known]
-            if strange and asked.change != "drop":  # who is gone may be dropped
-                raise RunError(f"no birth {strange[0]}", "births of the run", "pick others")
-            picks = tuple(_changed(list(kept.picks), asked))
+                    self._write(PicksFile(picks=kept.before[-1], before=kept.before[:-1]))
+                return self.state()
+            unknown = [n for n in request.ids if n not in known]
+            if unknown and request.change != "drop":  # births that are gone may be dropped
+                raise RunError(
+                    f"the run has no birth {unknown[0]}", "births of the run", "pick other births"
+                )
+            picks = tuple(_changed_picks(kept.picks, request))
             if len(picks) > MOST_PICKS:
-                raise RunError(f"{len(picks)} picks", f"{MOST_PICKS} at most", "drop some first")
+                raise RunError(
+                    f"{len(picks)} picks are too many",
+                    f"at most {MOST_PICKS} picks",
+                    "drop some first",
+                )
             if picks != kept.picks:
                 before = (*kept.before, kept.picks)[-MOST_STEPS:]
-                self._write(Kept(picks=picks, before=before))
-            return self.told()
+                self._write(PicksFile(picks=picks, before=before))
+            return self.state()
 
-    def _read(self) -> Kept:
+    def _read(self) -> PicksFile:
         if not os.path.lexists(self.path):
-            return Kept()
+            return PicksFile()
         try:
-            return Kept.model_validate_json(read_bytes(self.path))
+            return PicksFile.model_validate_json(read_bytes(self.path))
         except (OSError, ValidationError, RecursionError) as error:
             raise RunError(
-                f"{self.path} tells no picks ({type(error).__name__})",
-                "a file as studio writes it",
-                "move it elsewhere, or bring it back from a copy",
+                f"{self.path} cannot be read as picks ({type(error).__name__})",
+                "a file that studio wrote",
+                "move the file elsewhere, or restore it from a copy",
             ) from None
 
-    def _write(self, kept: Kept) -> None:
+    def _write(self, kept: PicksFile) -> None:
         try:
             if not self.is_own:
                 self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with whole_file(self.path) as temporary:
                 temporary.write_text(kept.model_dump_json(indent=1) + "\n", encoding="utf-8")
         except OSError as error:
-            raise RunError(
-                f"{self.path} cannot be written: {error.strerror or error}",
-                "a folder that this user may write to, with room left",
-                "check its owner, and the space left",
-            ) from error
+            raise write_error(self.path, error) from error
 
 
-def _changed(picks: list[Picked], asked: Change) -> list[Picked]:
-    here = {one.id: place for place, one in enumerate(picks)}
-    if asked.change == "pick":
-        return picks + [Picked(id=n) for n in dict.fromkeys(asked.ids) if n not in here]
-    if asked.change == "drop":
-        return [one for one in picks if one.id not in asked.ids]
-    for one in asked.ids:  # what is noted of one picks it
-        noted = Picked(id=one, note=asked.note)
-        if one in here:
-            picks[here[one]] = noted
+def _changed_picks(picks: Iterable[Pick], request: PickChange) -> Iterable[Pick]:
+    changed = {pick.id: pick for pick in picks}
+    for n in request.ids:
+        if request.change == "drop":
+            changed.pop(n, None)
+        elif request.change == "note":  # a note picks its birth
+            changed[n] = Pick(id=n, note=request.note)
         else:
-            picks.append(noted)
-    return picks
+            changed.setdefault(n, Pick(id=n))
+    return changed.values()
 
 
 def _is_own(folder: Path) -> bool:
@@ -138,6 +136,3 @@ def _is_own(folder: Path) -> bool:
         mine = not hasattr(os, "geteuid") or folder.stat().st_uid == os.geteuid()
         return mine and os.access(folder, os.W_OK | os.X_OK)
     return False
-
-
-__all__ = ["Change", "Picked", "Picks"]

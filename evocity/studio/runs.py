@@ -1,4 +1,4 @@
-"""The runs that a studio shows, each by its number: those that were named, those of a folder."""
+"""The runs of a studio, each by its number: runs of the command line, and all runs of a folder."""
 
 import contextlib
 import os
@@ -6,76 +6,73 @@ import threading
 from collections.abc import Iterable
 from pathlib import Path
 
-from evocity.errors import RunError
-from evocity.store import Run
+from evocity.errors import RunError, reason_of
+from evocity.store import RunLog
 from evocity.store.lock import is_held
-from evocity.studio.breeding import Breeding
+from evocity.studio.birth_details import Solids
+from evocity.studio.children import Breeding
 from evocity.studio.picks import Picks
-from evocity.studio.solids import Solids
-from evocity.studio.watched import Watched
+from evocity.studio.run_watcher import RunWatcher
 
-#: Runs that are taken from a folder, at most.
+#: Runs from a folder, at most.
 MOST_RUNS = 500
 
 
-class Opened:
-    """One run: its folder while one looks at it, who is picked of it, broods of it. Raises
-    `RunError` if it cannot be read, or is damaged."""
+class OpenRun:
+    """One run with its watcher, picks and broods. Raises `RunError` if it cannot be read."""
 
     def __init__(self, path: Path):
-        self.watched = Watched(path)
-        self.solids = Solids(self.watched)
-        self.picks = Picks(self.watched.path)
+        self.watcher = RunWatcher(path)
+        self.solids = Solids(self.watcher)
+        self.picks = Picks(self.watcher.path)
         self.breeding = Breeding()
-        #: Of the drawing board, one child a brood.
-        self.drawn = Breeding()
+        #: The broods of the drawing board, one child each.
+        self.board = Breeding()
+
+    def broods(self, is_board: bool) -> Breeding:
+        """Return the broods of the board, or the others."""
+        return self.board if is_board else self.breeding
 
 
 class Runs:
-    """Runs by number, 0 upwards, which none changes as long as studio lives: those at ``paths``,
-    then those within ``folder``, which is looked at again and again. A run is opened when it is
-    first asked for. Raises `RunError` for a path that is no run, and for a folder that is none,
-    unless it ``may_lack``."""
+    """Runs by number, 0 upwards, which no run changes while studio lives: the runs at ``paths``,
+    then all runs within ``folder``, also later ones. A run is opened at its first request. Raises
+    `RunError` for a path without a run, and for a missing folder unless it ``may_lack``."""
 
-    def __init__(
-        self,
-        paths: Iterable[str | Path],
-        folder: str | Path | None = None,
-        may_lack: bool = False,
-    ):
+    def __init__(self, paths: Iterable[str | Path], folder: Path | None, may_lack: bool):
         self._lock = threading.RLock()
         self._paths: list[Path] = []
-        self._opened: dict[int, Opened] = {}
-        self._folder = None if folder is None else Path(folder).resolve()
-        #: Runs of the folder that are not taken, for there are too many.
+        self._open_runs: dict[int, OpenRun] = {}
+        self._folder = None if folder is None else folder.resolve()
+        #: The number of runs in the folder beyond `MOST_RUNS`.
         self.more = 0
         for path in paths:
-            self.add(Run(path).path)
+            self.add(RunLog(path).path)
         if self._folder is not None and not (may_lack and not os.path.lexists(self._folder)):
-            _within(self._folder)
+            _runs_in(self._folder)
         if self._paths:
-            _ = self[0]  # what is damaged is told before anything is answered
-        self.told()
+            _ = self[0]  # raises now if the run is damaged
+        self.states()
 
     def __len__(self) -> int:
         return len(self._paths)
 
-    def __getitem__(self, number: int) -> Opened:
+    def __getitem__(self, number: int) -> OpenRun:
         with self._lock:
-            if number not in self._opened:
-                self._opened[number] = Opened(self._paths[number])
-            return self._opened[number]
+            if number not in self._open_runs:
+                self._open_runs[number] = OpenRun(self._paths[number])
+            return self._open_runs[number]
 
     def add(self, path: str | Path) -> int:
-        """The number of the run at ``path``, from now on."""
+        """Add the run at ``path``, unless it is there; return its number."""
         path = Path(path).resolve()
         with self._lock:
             if path not in self._paths:
                 self._paths.append(path)
             return self._paths.index(path)
 
-    def told(self) -> list[dict]:
-        """Each run's number, a name that no other has, and whether it is bred by a process now."""
+    def states(self) -> list[dict]:
+        """Return the number of each run, a unique name, and whether a process breeds it now."""
         with self._lock:
             self._look()
             names = [path.name for path in self._paths]
@@ -89,60 +86,54 @@ class Runs:
             ]
 
     def _look(self) -> None:
-        """Take what is new in the folder; one that is gone has nothing new."""
+        """Add the new runs of the folder; a missing folder has no new runs."""
         if self._folder is None:
             return
-        try:
-            found = _within(self._folder)
-        except RunError:
-            return
-        new = [path for path in found if path not in self._paths]
-        room = max(0, MOST_RUNS - len(self._paths))
-        self.more = len(new[room:])
-        self._paths += new[:room]
+        with contextlib.suppress(RunError):
+            new = [path for path in _runs_in(self._folder) if path not in self._paths]
+            room = max(0, MOST_RUNS - len(self._paths))
+            self.more = len(new[room:])
+            self._paths += new[:room]
 
-    def breeding(self, run: Opened, board: bool = False) -> Breeding:
-        """The broods of a ``run``, those of its ``board`` or the others, for one to begin: other
-        workers end. Raises `RunError` while another is bred, for one is at a time."""
+    def breeding(self, run: OpenRun, is_board: bool = False) -> Breeding:
+        """Return the broods of a ``run``, ready for a new one: the workers of all other broods end.
+        Raises `RunError` while another brood is bred."""
         with self._lock:
-            wanted = run.drawn if board else run.breeding
-            every = [two for one in self._opened.values() for two in (one.breeding, one.drawn)]
-            others = [one for one in every if one is not wanted]
-            if any(one.busy for one in others):
+            chosen = run.broods(is_board)
+            every = [two for one in self._open_runs.values() for two in (one.breeding, one.board)]
+            others = [breeding for breeding in every if breeding is not chosen]
+            if any(breeding.busy for breeding in others):
                 raise RunError(
-                    "another brood is being bred, of another run or in another pane",
-                    "one at a time",
+                    "a brood of another run or pane is being bred",
+                    "one brood at a time",
                     "wait for it, or stop it",
                 )
-            for one in others:
-                one.rest()
-            return wanted
+            for breeding in others:
+                breeding.release_workers()
+            return chosen
 
     def close(self) -> None:
-        for one in self._opened.values():
-            one.breeding.close()
-            one.drawn.close()
+        for run in self._open_runs.values():
+            run.breeding.close()
+            run.board.close()
 
 
 def _is_going(path: Path) -> bool:
-    with contextlib.suppress(RunError):  # told by the run itself
+    with contextlib.suppress(RunError):  # the run itself shows this problem
         return is_held(path / "lock")
     return False
 
 
-def _within(folder: Path) -> list[Path]:
-    """The runs in a ``folder``, by name. Raises `RunError` where it cannot be read."""
+def _runs_in(folder: Path) -> list[Path]:
+    """Return the runs in a ``folder``, by name. Raises `RunError` where it cannot be read."""
     try:
-        with os.scandir(folder) as listed:
-            names = sorted(one.name for one in listed if not one.name.startswith("."))
+        with os.scandir(folder) as entries:
+            names = sorted(entry.name for entry in entries if not entry.name.startswith("."))
     except OSError as error:
         raise RunError(
-            f"{folder}: {error.strerror or error}",
-            "a folder with runs in it, each a folder written by `evocity run`",
-            "name another",
+            f"{folder}: {reason_of(error)}",
+            "a folder of runs, each written by `evocity run`",
+            "name another folder",
         ) from None
-    found = (folder / name for name in names)
-    return [path.resolve() for path in found if os.path.lexists(path / "provenance.json")]
-
-
-__all__ = ["MOST_RUNS", "Opened", "Runs"]
+    paths = (folder / name for name in names)
+    return [path.resolve() for path in paths if os.path.lexists(path / "provenance.json")]

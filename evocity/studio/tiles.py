@@ -1,4 +1,4 @@
-"""Small pictures of births, kept in the user's cache: a run that is looked at is only read."""
+"""Small pictures of births, in the user's cache: the run folder stays as it is."""
 
 import contextlib
 import os
@@ -10,26 +10,25 @@ from pathlib import Path
 import numpy as np
 
 from evocity import __version__
-from evocity.analysis.scoring import cache_folder
-from evocity.analysis.viewed import Viewed
+from evocity.analysis.scores import cache_folder
+from evocity.analysis.view_table import ViewTable
 from evocity.viewer.sheet import Sheet
 
-#: Bytes that the pictures of all runs may take; those of runs that nobody looked at for longest
-#: go first.
+#: Bytes of the pictures of all runs, at most; the runs that were unused longest go first.
 MOST_KEPT = 500_000_000
-# Before the bytes of a picture: its height and width, px. numpy's header takes longer to read than
-# the picture.
+# The head of a file: height and width, px. The head of a NumPy file takes longer to read than the
+# picture.
 _SHAPE = struct.Struct("<HH")
-# How files of this release end.
-_KIND = f"-{__version__}.rgb"
+# The end of the name of each file of this release.
+_SUFFIX = f"-{__version__}.rgb"
 
 
 class Tiles:
-    """Small pictures of the run ``called`` so, whatever happens to be known of it now."""
+    """Small pictures of the run with a ``fingerprint``."""
 
-    def __init__(self, called: str):
+    def __init__(self, fingerprint: str):
         below = cache_folder()
-        self._folder = None if below is None else below.parent / "tiles" / called
+        self._folder = None if below is None else below.parent / "tiles" / fingerprint
         with contextlib.suppress(OSError):
             if self._folder is not None:
                 self._folder.mkdir(parents=True, exist_ok=True)
@@ -37,39 +36,36 @@ class Tiles:
                 _remove_older(self._folder)
                 _make_room(self._folder)
 
-    def sheet(self, viewed: Viewed, ids: list[int], side: int) -> Sheet:
-        """Those of the births ``ids``, each among them that is ``viewed``, in their order."""
-        ids = viewed.table.among(ids)
-        found = {one: self._kept(one, side) for one in ids}
-        missing = [one for one, picture in found.items() if picture is None]
+    def sheet(self, viewed: ViewTable, ids: list[int], side: int) -> Sheet:
+        """Return the pictures of those ``ids`` that are births of ``viewed``, in their order."""
+        ids = viewed.table.known_ids(ids)
+        if self._folder is None:
+            return Sheet.of(*viewed.thumbnails.of(ids, side), packed=False)
+        kept = {n: self._read(n, side) for n in ids}
+        missing = [n for n, picture in kept.items() if picture is None]
         made, lacking = viewed.thumbnails.of(missing, side) if missing else ({}, {})
-        for one, picture in made.items():
-            self._keep(one, side, picture)
-        found |= made
-        return Sheet.of(
-            {n: one for n, one in found.items() if one is not None}, lacking, packed=False
-        )
+        for n, picture in made.items():
+            self._write(n, side, picture)
+        kept |= made
+        pictures = {n: picture for n, picture in kept.items() if picture is not None}
+        return Sheet.of(pictures, lacking, packed=False)
 
-    def _file(self, one: int, side: int) -> Path | None:
-        return None if self._folder is None else self._folder / f"{one}-{side}{_KIND}"
+    def _file(self, identifier: int, side: int) -> Path:
+        return self._folder / f"{identifier}-{side}{_SUFFIX}"
 
-    def _kept(self, one: int, side: int) -> np.ndarray | None:
-        file = self._file(one, side)
-        if file is None:
-            return None
+    def _read(self, identifier: int, side: int) -> np.ndarray | None:
         try:
-            told = file.read_bytes()
-            height, width = _SHAPE.unpack_from(told)
-            found = np.frombuffer(told, np.uint8, offset=_SHAPE.size).reshape(height, width, 3)
-        except (OSError, ValueError, struct.error):  # it is not there, or not whole
+            content = self._file(identifier, side).read_bytes()
+            height, width = _SHAPE.unpack_from(content)
+            pixels = np.frombuffer(content, np.uint8, offset=_SHAPE.size)
+            picture = pixels.reshape(height, width, 3)
+        except (OSError, ValueError, struct.error):  # the file is missing, or incomplete
             return None
-        return found if 0 < max(height, width) <= side and found.size else None
+        return picture if 0 < max(height, width) <= side and picture.size else None
 
-    def _keep(self, one: int, side: int, picture: np.ndarray) -> None:
-        """Nothing is lost but time where that cannot be."""
-        file = self._file(one, side)
-        if file is None:
-            return
+    def _write(self, identifier: int, side: int, picture: np.ndarray) -> None:
+        """Keep a picture; where it cannot be written, it is computed again later."""
+        file = self._file(identifier, side)
         temporary = file.with_name(f".{secrets.token_hex(6)}.rgb")
         with contextlib.suppress(OSError):
             try:
@@ -80,25 +76,21 @@ class Tiles:
 
 
 def _remove_older(folder: Path) -> None:
-    """Remove the pictures that other releases kept."""
-    with os.scandir(folder) as listed:
-        for one in listed:
-            if not one.name.startswith(".") and not one.name.endswith(_KIND):
-                os.unlink(one.path)
+    """Remove the pictures of other releases."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if not entry.name.startswith(".") and not entry.name.endswith(_SUFFIX):
+                os.unlink(entry.path)
 
 
-def _make_room(own: Path) -> None:
-    """Remove the pictures of other runs than ``own``, the oldest first, until those that are left
-    take no more than they may."""
-    with os.scandir(own.parent) as listed:
-        folders = [one for one in listed if one.is_dir(follow_symlinks=False)]
-    newest = sorted(folders, key=lambda one: -one.stat().st_mtime)
+def _make_room(kept: Path) -> None:
+    """Remove pictures of other runs than ``kept``, the oldest first, until the rest has at most
+    `MOST_KEPT` bytes."""
+    with os.scandir(kept.parent) as entries:
+        folders = [entry for entry in entries if entry.is_dir(follow_symlinks=False)]
     room = MOST_KEPT
-    for folder in newest:
-        with os.scandir(folder) as listed:
-            room -= sum(one.stat(follow_symlinks=False).st_size for one in listed)
-        if room < 0 and folder.name != own.name:
+    for folder in sorted(folders, key=lambda entry: -entry.stat().st_mtime):
+        with os.scandir(folder) as entries:
+            room -= sum(entry.stat(follow_symlinks=False).st_size for entry in entries)
+        if room < 0 and folder.name != kept.name:
             shutil.rmtree(folder.path, ignore_errors=True)
-
-
-__all__ = ["MOST_KEPT", "Tiles"]

@@ -1,4 +1,4 @@
-"""What drawn towns share: houses along the edges of blocks, and checks of what is asked for."""
+"""Houses along the edges of blocks, and checks of the parameters of drawn towns."""
 
 import math
 from collections.abc import Sequence
@@ -7,18 +7,19 @@ from numbers import Integral, Real
 import numpy as np
 import scipy
 
-from evocity.citymap import MAX_PIXELS, MAX_SIDE, STOREY
+from evocity.citymap import MAX_PIXELS, MAX_SIDE, STOREY, CityMap
 from evocity.errors import MapError, setting
 
-#: What would stand alone on less is not built, m²: slivers where lots meet, or the map ends.
+#: The least area of a piece of houses, m²: smaller ones are slivers where lots meet, or at the
+#: border.
 SMALLEST = 30.0
 
-#: No length of a town is more, metres.
+#: The greatest length of a town, metres.
 LONGEST = 1e6
 
 
 def keys(*parts: np.ndarray) -> np.ndarray:
-    """One whole number for each pixel's combination of ``parts``, whole numbers from −1 up."""
+    """Number each pixel's combination of ``parts``, whole numbers from −1 up."""
     key = np.zeros(np.broadcast_shapes(*(np.shape(part) for part in parts)), np.int64)
     for part in parts:
         part = np.asarray(part, np.int64) + 1
@@ -26,7 +27,8 @@ def keys(*parts: np.ndarray) -> np.ndarray:
     return key
 
 
-def built_up(
+def build_town(
+    name: str,
     inside: np.ndarray,
     lots: np.ndarray,
     level: np.ndarray,
@@ -34,13 +36,14 @@ def built_up(
     storeys: Sequence[int],
     metres_per_pixel: float,
     rng: np.random.Generator | None,
-) -> np.ndarray:
-    """Heights ``(H, W)``, metres, of houses along the edges of blocks.
+) -> CityMap:
+    """Build houses along the edges of blocks.
 
+    name : of the map.
     inside : ``(H, W)``, metres from a block's edge inwards, below 0 in a street.
-    lots : int ``(H, W)``, which house a pixel would belong to.
-    level : ``(H, W)``, 0…1, from the lowest to the highest house; of each, the mean counts.
-    depth : of the houses, metres; with ``rng`` a quarter more or less.
+    lots : int ``(H, W)``, the number of the house at each pixel.
+    level : ``(H, W)``, 0…1, from the lowest to the highest house; a house has the mean.
+    depth : of the houses, metres; with ``rng`` up to a quarter more or less.
     """
     _, lots = np.unique(lots, return_inverse=True)
     lots = lots.reshape(inside.shape)
@@ -53,13 +56,13 @@ def built_up(
     built = (inside >= 0) & (inside < deep[lots])
     pieces, _ = scipy.ndimage.label(built)
     small = np.bincount(pieces.ravel()) < SMALLEST / metres_per_pixel**2
-    return np.where(built & ~small[pieces], heights[lots], 0)
+    return CityMap(np.where(built & ~small[pieces], heights[lots], 0), metres_per_pixel, name=name)
 
 
 def height_of(
     level: np.ndarray | float, storeys: Sequence[int], rng: np.random.Generator | None
 ) -> np.ndarray:
-    """Metres of houses of a ``level``, 0…1; a storey more or less if ``rng`` says so."""
+    """Compute the height of houses of a ``level``, 0…1, metres; ``rng`` varies it by a storey."""
     low, high = storeys
     count = np.round(low + (high - low) * np.clip(level, 0, 1))
     if rng is not None:
@@ -67,36 +70,31 @@ def height_of(
     return STOREY * np.maximum(count, 1)
 
 
-def checked_grid(pixels: int, metres_per_pixel: float, rng: object) -> float:
-    """Side in metres of the map that is asked for; raises `MapError` as all checks here."""
+def check_town(
+    pixels: int, metres_per_pixel: float, rng: object, storeys: Sequence[int], **lengths: float
+) -> float:
+    """Return the side of the requested map, metres. Raises `MapError` unless ``lengths`` are
+    numbers of metres, a pixel or more, and ``storeys`` of the lowest and the highest house."""
     most = min(MAX_SIDE, math.isqrt(MAX_PIXELS))
     check("pixels", pixels, is_whole(pixels) and 1 <= pixels <= most, f"a whole number, 1…{most}")
     right = is_number(metres_per_pixel) and 0 < metres_per_pixel <= LONGEST
     check("metres_per_pixel", metres_per_pixel, right, f"metres, above 0, at most {LONGEST:g}")
     check("rng", rng, rng is None or isinstance(rng, np.random.Generator), "a numpy Generator")
-    return float(pixels * metres_per_pixel)
-
-
-def check_lengths(metres_per_pixel: float, **lengths: float) -> None:
-    """Each of ``lengths`` is a number of metres, a pixel or more."""
     for name, length in lengths.items():
         if not (is_number(length) and metres_per_pixel <= length <= LONGEST):
             raise MapError(
                 setting(name, length),
                 f"metres, from the side of a pixel, {metres_per_pixel:g}, to {LONGEST:g}",
-                f"correct {name}, or give the map smaller pixels",
+                f"correct {name}, or choose smaller pixels",
             )
-
-
-def check_storeys(storeys: Sequence[int]) -> None:
-    """The storeys of the lowest and the highest house."""
     pair = isinstance(storeys, Sequence) and len(storeys) == 2 and all(map(is_whole, storeys))
     right = pair and 1 <= storeys[0] <= storeys[1] <= 300
     check("storeys", storeys, right, "two whole numbers 1…300, the lowest and the highest")
+    return float(pixels * metres_per_pixel)
 
 
 def check_roads(roads: int) -> None:
-    """How many roads lead to a place."""
+    """Raise `MapError` unless ``roads`` is a number of roads to a place."""
     check("roads", roads, is_whole(roads) and 3 <= roads <= 360, "a whole number, 3…360")
 
 
@@ -112,20 +110,3 @@ def is_whole(value: object) -> bool:
 
 def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
-
-
-__all__ = [
-    "LONGEST",
-    "SMALLEST",
-    "STOREY",
-    "built_up",
-    "check",
-    "check_lengths",
-    "check_roads",
-    "check_storeys",
-    "checked_grid",
-    "height_of",
-    "is_number",
-    "is_whole",
-    "keys",
-]

@@ -1,9 +1,9 @@
-"""Towns drawn by a rule: parents whose plan is known, and what a plan becomes when it is bred.
+"""Concentric, chessboard and radial towns, and the table of all drawn towns.
 
-substitution  a motif put in the place of each of its own shapes, again and again
+substitution  a motif that replaces each of its own shapes, iterated
 concentric    streets in rings about a place, crossed by roads and lanes
-chessboard    square blocks, closed ones and open ones in turn
-radial        streets from a place outwards, ever more of them, and few across
+chessboard    square blocks, closed and open ones in turn
+radial        streets from a place outwards, which multiply, and lanes across
 """
 
 import math
@@ -12,15 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.towns.houses import (
-    built_up,
-    check,
-    check_lengths,
-    check_roads,
-    check_storeys,
-    checked_grid,
-    keys,
-)
+from evocity.towns.houses import build_town, check, check_roads, check_town, keys
 from evocity.towns.substitution import substitution_town
 
 
@@ -38,27 +30,26 @@ def concentric_town(
     frontage: float = 14.0,
     storeys: Sequence[int] = (2, 6),
 ) -> CityMap:
-    """Streets in rings about a place, crossed by roads and lanes; houses fall outwards.
+    """Draw a town with ring streets around a central place, crossed by roads and lanes. Houses are
+    lower further out.
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; houses also differ in depth.
-    place : its radius, metres.
-    street : width of the streets and roads, metres; lanes have half of it.
-    roads : how many lead to the place, 3…360.
-    ring : breadth of the rings of blocks between two streets, metres.
-    block : length of the blocks along a ring, from lane to lane, metres; about that.
-    depth : of the houses, metres; what is left within a block is its court.
-    frontage : width of the houses, metres; about that.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
+        houses too.
+    place : radius of the central place, metres.
+    street : width of the streets and roads, metres; lanes are half as wide.
+    roads : number of roads that lead to the place, 3…360.
+    ring : breadth of a ring of blocks between two streets, metres.
+    block : approximate length of the blocks along a ring, from lane to lane, metres.
+    depth : depth of the houses, metres; the rest of a block is a court.
+    frontage : approximate width of the houses, metres.
 
-    Raises
-    ------
-    MapError : a parameter is out of bounds.
+    Raises `MapError` for a parameter out of range.
     """
-    extent = checked_grid(pixels, metres_per_pixel, rng)
-    check_lengths(metres_per_pixel, street=street, ring=ring, depth=depth)
-    check_lengths(metres_per_pixel, place=place, block=block, frontage=frontage)
-    check_storeys(storeys)
+    lengths = {"street": street, "ring": ring, "depth": depth}
+    lengths |= {"place": place, "block": block, "frontage": frontage}
+    extent = check_town(pixels, metres_per_pixel, rng, storeys, **lengths)
     check_roads(roads)
     r, angle = _polar(pixels, metres_per_pixel)
     pitch = ring + street
@@ -74,8 +65,8 @@ def concentric_town(
     houses = np.maximum(np.round(2 * np.pi * middle / (roads * each) / frontage), 1)
     lots = keys(number, np.floor(turned), outward > ring / 2, np.floor(along * houses))
     level = 1 - r / (extent / 2)
-    heights = built_up(inside, lots, level, depth, storeys, metres_per_pixel, rng)
-    return CityMap(heights, metres_per_pixel, name="concentric-town")
+    name = "concentric-town"
+    return build_town(name, inside, lots, level, depth, storeys, metres_per_pixel, rng)
 
 
 def chessboard_town(
@@ -90,25 +81,23 @@ def chessboard_town(
     gap: float = 5.0,
     storeys: Sequence[int] = (2, 5),
 ) -> CityMap:
-    """Square blocks on a grid: high closed ones about a court, and low open ones, rows of single
-    houses before their gardens, in turn.
+    """Draw a town of square blocks on a grid. Closed and open blocks alternate: closed ones are
+    high, around a court; open ones are low. An open block has rows of single houses with gardens
+    behind them.
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; houses also differ in depth.
-    block : side of the blocks, metres; about that: a whole number of them fills the map.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
+        houses too.
+    block : approximate side of the blocks, metres; a whole number of blocks fills the map.
     street : width of the streets, metres.
-    depth, frontage : of the houses, metres.
-    gap : between the single houses, and before them, metres.
+    depth, frontage : depth and width of the houses, metres.
+    gap : width of the gaps between single houses and in front of them, metres.
 
-    Raises
-    ------
-    MapError : a parameter is out of bounds.
+    Raises `MapError` for a parameter out of range.
     """
-    extent = checked_grid(pixels, metres_per_pixel, rng)
-    check_lengths(metres_per_pixel, block=block, street=street, depth=depth, gap=gap)
-    check_lengths(metres_per_pixel, frontage=frontage)
-    check_storeys(storeys)
+    lengths = {"block": block, "street": street, "depth": depth, "gap": gap, "frontage": frontage}
+    extent = check_town(pixels, metres_per_pixel, rng, storeys, **lengths)
     pitch = extent / max(round(extent / (block + street)), 1)
     check("street", street, street < pitch, f"less than the {pitch:g} m from block to block")
     length = pitch - street
@@ -128,8 +117,8 @@ def chessboard_town(
     inside = np.minimum(north, west)
     single = np.where((beside >= 0) & (west >= 0), north - gap, -1)
     inside = np.where(closed, inside, single)
-    heights = built_up(inside, lots, closed, depth, storeys, metres_per_pixel, rng)
-    return CityMap(heights, metres_per_pixel, name="chessboard-town")
+    name = "chessboard-town"
+    return build_town(name, inside, lots, closed, depth, storeys, metres_per_pixel, rng)
 
 
 def radial_town(
@@ -146,27 +135,26 @@ def radial_town(
     frontage: float = 14.0,
     storeys: Sequence[int] = (2, 7),
 ) -> CityMap:
-    """Streets that lead from a place outwards; a new one begins between two where these are far
-    enough apart, at a ring street; lanes cross between.
+    """Draw a town with streets that lead outwards from a central place. At each ring street, a new
+    street begins between two streets that are far enough apart. Lanes cross the blocks between
+    streets.
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; houses also differ in depth.
-    place : its radius, metres.
-    street : width of the streets, metres; lanes have half of it.
-    roads : how many begin at the place, 3…360.
-    spacing : between two streets where one of them begins, metres.
-    block : length of the blocks along a street, metres; about that.
-    depth, frontage : of the houses, metres.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
+        houses too.
+    place : radius of the central place, metres.
+    street : width of the streets, metres; lanes are half as wide.
+    roads : number of streets that begin at the place, 3…360.
+    spacing : distance between two neighbouring streets at the point where one begins, metres.
+    block : approximate length of the blocks along a street, metres.
+    depth, frontage : depth and width of the houses, metres.
 
-    Raises
-    ------
-    MapError : a parameter is out of bounds.
+    Raises `MapError` for a parameter out of range.
     """
-    extent = checked_grid(pixels, metres_per_pixel, rng)
-    check_lengths(metres_per_pixel, place=place, street=street, depth=depth)
-    check_lengths(metres_per_pixel, spacing=spacing, block=block, frontage=frontage)
-    check_storeys(storeys)
+    lengths = {"place": place, "street": street, "depth": depth}
+    lengths |= {"spacing": spacing, "block": block, "frontage": frontage}
+    extent = check_town(pixels, metres_per_pixel, rng, storeys, **lengths)
     check_roads(roads)
     r, angle = _polar(pixels, metres_per_pixel)
     first = max(roads * spacing / math.pi, 1.01 * place)  # where the roads are 2 spacings apart
@@ -189,11 +177,11 @@ def radial_town(
     other = np.where(on_street, along, outward / length) > 0.5
     lots = keys(doubled, number, np.floor(turned), on_street, other, np.floor(share * houses))
     level = 1 - r / (extent / 2)
-    heights = built_up(inside, lots, level, depth, storeys, metres_per_pixel, rng)
-    return CityMap(heights, metres_per_pixel, name="radial-town")
+    name = "radial-town"
+    return build_town(name, inside, lots, level, depth, storeys, metres_per_pixel, rng)
 
 
-#: The towns that can be drawn, by name.
+#: The functions that draw towns, by name.
 PATTERNS: Mapping[str, Callable[..., CityMap]] = {
     "substitution": substitution_town,
     "concentric": concentric_town,
@@ -203,16 +191,7 @@ PATTERNS: Mapping[str, Callable[..., CityMap]] = {
 
 
 def _polar(pixels: int, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Distance from the middle of the map, metres, and direction, 0…1, of each pixel's centre."""
+    """Compute each pixel centre's distance from the map's middle, metres, and direction, 0…1."""
     at = (np.arange(pixels) - (pixels - 1) / 2) * side
     y, x = at[:, None], at[None, :]
     return np.maximum(np.hypot(y, x), 1e-9), np.arctan2(y, x) / (2 * np.pi) % 1
-
-
-__all__ = [
-    "PATTERNS",
-    "chessboard_town",
-    "concentric_town",
-    "radial_town",
-    "substitution_town",
-]

@@ -1,4 +1,4 @@
-"""A motif put in the place of each of its own shapes, again and again, until it is a town."""
+"""Towns of a motif that replaces each of its own shapes, iterated."""
 
 from collections.abc import Sequence
 
@@ -6,15 +6,7 @@ import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword
-from evocity.towns.houses import (
-    check,
-    check_lengths,
-    check_storeys,
-    checked_grid,
-    height_of,
-    is_number,
-    is_whole,
-)
+from evocity.towns.houses import check, check_town, height_of, is_number, is_whole
 
 
 def substitution_town(
@@ -30,32 +22,31 @@ def substitution_town(
     least: float = 8.0,
     storeys: Sequence[int] = (2, 7),
 ) -> CityMap:
-    """A motif, and a rule that puts it in the place of each of its own shapes, iterated: first
-    come the main streets, then the lesser ones, at last the gaps between houses (Woloszyn 1998,
-    in Marsault 2002 §3.2, 2005 §1.3).
+    """Draw a town from a motif of shapes and a rule that replaces each shape by the motif, again
+    and again. The first replacements open the main streets, later ones the lesser streets, the last
+    ones the gaps between houses. Source: Woloszyn 1998, in Marsault 2002 §3.2, 2005 §1.3.
 
     Parameters
     ----------
-    pixels, metres_per_pixel : of the square map: its side, and that of a pixel in metres.
-    rng : draws what differs from house to house: a storey more or less. None: none differs.
-    motif : rows of letters from north to south, ``/`` between them. Each letter is one shape,
-        a rectangle; ``.`` stays open. It is stretched over the shape that it replaces.
-    turns : the rule: for each shape, in the order of the letters' first appearance, by how many
-        quarter turns (0…3) more the motif is turned when it replaces that shape.
-    iterations : how often, 1…8.
+    pixels, metres_per_pixel : number of pixels along the side of the map, which is square; the side
+        of a pixel in metres.
+    rng : random generator that varies the height of houses by a storey; None for no variation.
+    motif : rows of letters from north to south, separated by /. Each letter is one shape, a
+        rectangle; a dot stays open ground. The motif stretches over the shape that it replaces.
+    turns : the rule, one number for each shape in the order in which the letters first appear. The
+        number counts the further quarter turns (0…3) of the motif that replaces this shape.
+    iterations : number of replacements, 1…8.
     street : width of the streets that the first iteration opens, metres.
-    narrowing : of streets from one iteration to the next, above 0, at most 1.
-    least : a shape stays whole where a part of it would be narrower than this, metres.
-    storeys : of the lowest and the highest house; each iteration has its share in the height.
+    narrowing : factor by which each iteration narrows the streets, above 0, at most 1.
+    least : least width of a part, metres; a shape stays whole if one of its parts would be
+        narrower.
+    storeys : number of storeys of the lowest and highest houses; each iteration adds its share of
+        the height.
 
-    Raises
-    ------
-    MapError : a parameter is out of bounds, or the motif holds a shape that is no rectangle.
+    Raises `MapError` for a parameter out of range, or a motif with a shape that is not a rectangle.
     """
-    extent = checked_grid(pixels, metres_per_pixel, rng)
-    check_lengths(metres_per_pixel, street=street, least=least)
-    check_storeys(storeys)
-    shapes_of = _checked_motif(motif, turns)
+    extent = check_town(pixels, metres_per_pixel, rng, storeys, street=street, least=least)
+    shapes_of = _parse_motif(motif, turns)
     check("iterations", iterations, is_whole(iterations) and 1 <= iterations <= 8, "1…8")
     check("narrowing", narrowing, is_number(narrowing) and 0 < narrowing <= 1, "above 0, at most 1")
     shapes = [(np.array([0.0, 0.0, extent, extent]), 0, 0.0)]  # y, x, y, x of the corners; turn
@@ -64,7 +55,11 @@ def substitution_town(
         parted = []
         for corners, turn, level in shapes:
             parts = [
-                (_laid(corners, part) + gap * np.array([1, 1, -1, -1]), turn + more, level + rise)
+                (
+                    _stretch(corners, part) + gap * np.array([1, 1, -1, -1]),
+                    turn + more,
+                    level + rise,
+                )
                 for part, more, rise in shapes_of[turn % 4]
             ]
             narrowest = min(float((part[2:] - part[:2]).min()) for part, _, _ in parts)
@@ -72,9 +67,9 @@ def substitution_town(
         shapes = parted
     if len(shapes) == 1:
         raise MapError(
-            f"a map of {extent:g} m, too small for the streets and shapes of the motif",
+            f"a map of {extent:g} m is too small for the streets and shapes of the motif",
             f"room for shapes of {least:g} m or more between streets of {street:g} m",
-            f"give more {keyword('pixels')}, a narrower {keyword('street')} or a smaller "
+            f"use more {keyword('pixels')}, a narrower {keyword('street')} or a smaller "
             f"{keyword('least')}",
         )
     heights = np.zeros((pixels, pixels), np.float32)
@@ -84,9 +79,9 @@ def substitution_town(
     return CityMap(heights, metres_per_pixel, name="substitution-town")
 
 
-def _checked_motif(motif: str, turns: str) -> list[list[tuple[np.ndarray, int, float]]]:
-    """For each turn of the motif, its shapes: where they lie (y, x, y, x, 0…1), their own turn
-    beyond that, and how much they raise what is built on them."""
+def _parse_motif(motif: str, turns: str) -> list[list[tuple[np.ndarray, int, float]]]:
+    """Parse the shapes of each turn of the motif: their corners (y, x, y, x, 0…1), their own
+    further turn, and how much they raise their houses."""
     rows = motif.split("/") if isinstance(motif, str) else []
     even = len({len(row) for row in rows}) == 1 and len(rows[0]) > 0
     letters = [sign for sign in dict.fromkeys(motif) if sign not in "./"] if even else []
@@ -112,7 +107,6 @@ def _checked_motif(motif: str, turns: str) -> list[list[tuple[np.ndarray, int, f
 
 
 def _bounds(cells: np.ndarray) -> np.ndarray:
-    """Corners (y, x, y, x) of the ``cells`` that are true, as shares of the sides."""
     rows, columns = np.nonzero(cells)
     corners = np.array([rows.min(), columns.min(), rows.max() + 1, columns.max() + 1])
     return corners / np.tile(cells.shape, 2)
@@ -123,10 +117,6 @@ def _fills_its_bounds(cells: np.ndarray) -> bool:
     return bool(cells[top:bottom, left:right].all())
 
 
-def _laid(corners: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Where a ``part`` of the motif lies once it is stretched between ``corners``."""
+def _stretch(corners: np.ndarray, part: np.ndarray) -> np.ndarray:
     origin, size = corners[:2], corners[2:] - corners[:2]
     return np.tile(origin, 2) + part * np.tile(size, 2)
-
-
-__all__ = ["substitution_town"]

@@ -7,70 +7,69 @@ import anywidget
 import traitlets
 
 from evocity.errors import EvocityError
-from evocity.viewer.joined import module, text
+from evocity.viewer.module_bundle import module, text
 from evocity.viewer.sheet import MOST, SIDES, Sheet
 from evocity.viewer.table import Table
 
 
 class Widget(anywidget.AnyWidget):
-    """Births as gallery and parallel coordinates. What is chosen, brushed and ordered is the same
-    in Python and on the page."""
+    """Births as gallery and parallel coordinates. Python and the page share what is chosen, brushed
+    and ordered."""
 
     _esm = module()
     _css = text("viewer.css")
 
     about = traitlets.Dict().tag(sync=True)
     births = traitlets.Bytes().tag(sync=True)
-    #: Ids of those that are chosen, in the order in which they were.
+    #: Ids of the chosen births, in the order of choice.
     chosen = traitlets.List(traitlets.Int()).tag(sync=True)
     brushes = traitlets.Dict().tag(sync=True)
-    #: ``name`` of the column, and whether it is ``reversed``.
+    #: The ``name`` of the column, and whether the order is ``reversed``.
     order = traitlets.Dict().tag(sync=True)
-    #: From left to right, each ``name`` and whether it is ``turned``.
+    #: From left to right, each ``name`` and whether the axis is ``turned``.
     axes = traitlets.List(traitlets.Dict()).tag(sync=True)
 
-    def __init__(self, table: Table, told: dict, pictures: Callable[[list[int], int], Sheet], **at):
-        """``told``: of the births together, besides what `table` tells; ``pictures`` of some
-        births, of a side of `SIDES`; ``at``: the other traits at the beginning."""
+    def __init__(
+        self, table: Table, about: dict, pictures: Callable[[list[int], int], Sheet], **at
+    ):
+        """``about``: facts of all births, besides those of the `table`; ``pictures`` returns those
+        of some births, of a side of `SIDES`; ``at``: the initial values of the other traits."""
         self._table, self._pictures = table, pictures
-        super().__init__(about=told | table.about, births=table.buffer, **at)
-        self.on_msg(self._asked)
+        super().__init__(about=about | table.about, births=table.buffer, **at)
+        self.on_msg(self._answer)
 
-    def show(self, table: Table, told: dict) -> None:
-        """Other births in place of those that were shown. Who is gone is no longer chosen; brushes
-        of what is gone are taken away."""
+    def show(self, table: Table, about: dict) -> None:
+        """Replace the births. Chosen ids that are gone are no longer chosen; brushes of missing
+        columns are removed."""
         self._table = table
         with self.hold_sync():
-            self.about, self.births = told | table.about, table.buffer
-            self.chosen = table.among(self.chosen)
+            self.about, self.births = about | table.about, table.buffer
+            self.chosen = table.known_ids(self.chosen)
             try:
-                table.checked(self.brushes)
+                table.check_brushes(self.brushes)
             except EvocityError:
                 self.brushes = {}
 
     @traitlets.validate("chosen")
-    def _known(self, proposal: Any) -> list[int]:
-        return self._table.among(dict.fromkeys(proposal["value"]))
+    def _check_chosen(self, proposal: Any) -> list[int]:
+        return self._table.known_ids(dict.fromkeys(proposal["value"]))
 
     @traitlets.validate("brushes")
-    def _checked(self, proposal: Any) -> dict:
-        return self._table.checked(proposal["value"])
+    def _check_brushes(self, proposal: Any) -> dict:
+        return self._table.check_brushes(proposal["value"])
 
-    def _asked(self, _: object, content: object, buffers: object) -> None:
-        """Answer the page, which asks for pictures: ``{"tiles": [ids], "side": px, "request":
-        what it calls this}``. What is no such question is not answered."""
+    def _answer(self, _: object, content: object, buffers: object) -> None:
+        """Answer a request of the page for pictures: ``{"tiles": [ids], "side": px, "request": its
+        name}``. Any other message has no answer."""
         if not isinstance(content, dict) or content.get("side") not in SIDES:
             return
         ids = content.get("tiles")
-        if not isinstance(ids, list) or not all(type(one) is int for one in ids):
+        if not isinstance(ids, list) or not all(type(n) is int for n in ids):
             return
-        ids = self._table.among(ids[:MOST])
+        ids = self._table.known_ids(ids[:MOST])
         try:
             sheet = self._pictures(ids, content["side"])
-        except EvocityError as error:  # nobody else would be told
+        except EvocityError as error:  # the page shows the reason
             sheet = Sheet.of({}, dict.fromkeys(ids, str(error)))
         about = {"request": str(content.get("request"))} | sheet.about
         self.send(about, [sheet.image])
-
-
-__all__ = ["Widget"]

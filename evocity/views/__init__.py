@@ -1,8 +1,11 @@
-"""What measures look at besides heights: arrays in, arrays out; `CityMap` keeps each once a map.
+"""Views of a map besides heights: arrays in, arrays out; `CityMap` caches each for its map.
 
-- `buildings`: built ground told apart into buildings, a table of them, and their outlines
-- `ground`: what is not built: open space, the way to the next wall, streets and their widths
-- `streets`: the graph of the open ground's middle lines, places, quarters
-- `classes`: what stands here by its surface, height and shape
-- `structure`: which way walls run, pixel by pixel
+- `buildings`: the segmentation of built ground into buildings, their table and outlines
+- `ground`: open space, distance to the nearest wall, streets and their widths
+- `streets`: the street graph of open ground, places, quarters
+- `walls`: straight walls of buildings, as polygons
+- `classes`: classes of objects by area, height and shape
+- `orientation`: directions of walls, pixel by pixel
+- `connected_components`: the connected pieces of a mask
+- `limit_tables`: the reader of tables of limits
 """

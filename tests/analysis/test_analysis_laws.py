@@ -11,15 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evocity.analysis.clusters import built, labelled, medoids, swapped
+from evocity.analysis.clusters import build, farthest_first, label_clusters, medoids, swap
 from evocity.analysis.compromise import achievement, best_compromise, weights_of
 from evocity.analysis.condition import Condition
-from evocity.analysis.credit import entered
-from evocity.analysis.spread import farthest_first
-from evocity.analysis.wanted import Aim
+from evocity.analysis.credit import archive_entries
+from evocity.analysis.goals import Aim
 from evocity.errors import EvocityError
 from evocity.fitness import Aims, Constraint, Objective, Wanted
-from evocity.search.judging import judged, named_alone
+from evocity.search.record.aims import judge_births, uncallable_measure
 
 # -- losses by an aim ------------------------------------------------------------------------
 
@@ -92,7 +91,7 @@ def test_who_entered_was_dominated_by_none_until_then_and_is_the_first_of_equal_
         no_worse = [k for k in known if (told.losses[k] <= told.losses[one]).all()]
         equal = [k for k in no_worse if (told.losses[k] == told.losses[one]).all()]
         expected[one] = len(no_worse) == len(equal) and min(equal) == one
-    assert entered(told).tolist() == expected.tolist()
+    assert archive_entries(told).tolist() == expected.tolist()
 
 
 # -- losses ----------------------------------------------------------------------------------
@@ -109,7 +108,7 @@ FINITE = st.floats(-1e308, 1e308)
 def aims(draw) -> Aims:
     wanted = []
     for number in range(draw(st.integers(1, 5))):
-        measure = named_alone(f"m{number}")
+        measure = uncallable_measure(f"m{number}")
         goal = draw(st.sampled_from(["max", "min", "target", None])) if number else "max"
         target = draw(FINITE) if goal == "target" else None
         objective = None if goal is None else Objective(measure, goal, target)
@@ -137,7 +136,7 @@ def test_losses_by_columns_are_those_by_rows_to_the_bit(told, data):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        losses, kept = judged(table, told)
+        losses, kept = judge_births(table, told)
     every = [dict(zip(names, row, strict=True)) for row in rows]
     expected = np.array([told.losses(one) for one in every], float).reshape(-1, len(told.names))
     assert losses.tobytes() == expected.tobytes()
@@ -200,7 +199,7 @@ def test_medoids_are_the_best_there_are(k):
         distances = distances_of(rng.random((int(rng.integers(k, 14)), 2)))
         best = brute(distances, k)
         assert cost(distances, medoids(distances, k)) == pytest.approx(best)
-        worse.append(cost(distances, swapped(distances, built(distances, k))) / max(best, 1e-300))
+        worse.append(cost(distances, swap(distances, build(distances, k))) / max(best, 1e-300))
     assert np.median(worse) == pytest.approx(1)  # PAM alone: seldom off, and never far
     assert max(worse) < 1.2
 
@@ -212,7 +211,7 @@ def test_many_births_in_clear_groups_are_told_apart():
     distances = distances_of(middles[which] + rng.normal(0, 0.3, (90, 2)))
     assert math.comb(90, 5) > 20_000  # so it is PAM's answer
     chosen = medoids(distances, 5)
-    labels = labelled(distances, chosen)
+    labels = label_clusters(distances, chosen)
     assert sorted(which[chosen].tolist()) == [0, 1, 2, 3, 4]
     assert (which[chosen][labels] == which).all()
     for number, one in enumerate(chosen):
@@ -224,7 +223,7 @@ def test_equal_ones_have_a_medoid_each():
     distances = np.zeros((4, 4))
     chosen = medoids(distances, 3)
     assert len(set(chosen.tolist())) == 3
-    assert labelled(distances, chosen)[chosen].tolist() == [0, 1, 2]
+    assert label_clusters(distances, chosen)[chosen].tolist() == [0, 1, 2]
 
 
 def test_the_farthest_come_first():
@@ -304,7 +303,7 @@ def test_what_is_no_condition_is_refused(text):
 
 @pytest.mark.parametrize("text", [None, 3, ["alive"], b"alive"])
 def test_a_condition_is_a_text(text):
-    with pytest.raises(EvocityError, match="no text"):
+    with pytest.raises(EvocityError, match="not a text"):
         kept(text)
 
 

@@ -15,7 +15,7 @@ nx = pytest.importorskip("networkx")
 
 
 class Births:
-    """As much of `Told` as a pedigree asks for: lists of parents, by id; ids have gaps."""
+    """As much of `Births` as a pedigree asks for: lists of parents, by id; ids have gaps."""
 
     def __init__(self, parents: list[list[int] | None]):
         self.ids = 3 * np.arange(len(parents)) + 1
@@ -74,5 +74,5 @@ def test_a_graph_is_as_networkx_makes_it(parents, data):
 
 
 def test_a_birth_that_descends_from_a_later_one_is_damage():
-    with pytest.raises(RunError, match="descends from a later one"):
+    with pytest.raises(RunError, match="younger than its child"):
         Pedigree(Births([[], [1]])).ancestors(np.array([1]))

@@ -17,7 +17,7 @@ QUESTIONS = {
     "which operator paid": "run.credit()",
     "what share of each city lives in the front": "run.ancestry(run.front()).mean()",
     "where two runs differ": "print(run.compare(other))",
-    "births with FSI over 2 and crumbs under 4": 'run.where("fsi > 2 and crumbs < 4")',
+    "births with alignment and few crumbs": 'run.where("alignment > 0.5 and crumbs < 4")',
     "the nearest relative of a birth": 'run.nearest(one, by="kin")',
     "five that differ most": "run.most_different(5)",
     "its grandparents as pictures": "plot.pedigree(run, one, generations=2)",
@@ -64,8 +64,8 @@ def test_what_names_one_birth_is_an_individual(answers):
 
 def test_what_names_several_is_a_frame_of_scores(answers):
     run = answers["run"]
-    few = answers["births with FSI over 2 and crumbs under 4"]
-    assert few.equals(run.scores.query("fsi > 2 and crumbs < 4"))
+    few = answers["births with alignment and few crumbs"]
+    assert few.equals(run.scores.query("alignment > 0.5 and crumbs < 4"))
     middle = run.scores["fsi"].median()
     half = run.where(f"fsi > {middle} and not operator == 'source'")
     assert 0 < len(half) < len(run)
@@ -87,7 +87,7 @@ def test_shares_operators_and_runs(answers):
     assert paid.loc["source", "births"] == 2
     assert answers["where two runs differ"] is None  # it was printed
     told = str(run.compare(answers["other"]))
-    assert "By what both want, spread, roof, alignment, crumbs" in told
+    assert "By the common goals, spread, roof, alignment, crumbs" in told
 
 
 def test_pictures_and_files(answers):

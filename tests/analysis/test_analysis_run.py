@@ -17,15 +17,15 @@ import pytest
 from written_runs import written
 
 import evocity
-from evocity.analysis import scoring
-from evocity.analysis.keeping import APART
+from evocity.analysis import scores
 from evocity.analysis.likeness import Likeness
+from evocity.analysis.shortlist import APART
 from evocity.analysis.thumbnails import highest_of
-from evocity.coding.decoded import decoded
+from evocity.coding.decoding_cache import decoded
 from evocity.errors import EvocityError, FitnessError, RunError
 from evocity.genome import VOID
 from evocity.pictures.sheet import sheet_of
-from evocity.search.looks import look_of
+from evocity.selection.thumbprints import look_of
 
 OLD = sorted((Path(__file__).parent.parent / "old").glob("run-*[0-9]"))
 
@@ -61,7 +61,7 @@ def test_runs_of_older_releases_are_asked_alike(path):
         assert set(run.lineage(one)) == naive_ancestors(run, one)
         assert sum(run.ancestry(one).values()) == pytest.approx(1)
     some = [run[-1].id, 0, 11, 7, 2]
-    with patch("evocity.analysis.run._AT_A_TIME", 2):
+    with patch("evocity.analysis.fabric_genomes._AT_A_TIME", 2):
         shares = run.ancestry(some)
     assert shares.index.tolist() == some
     for one, share in zip(some, shares.to_dict("records"), strict=True):
@@ -114,7 +114,7 @@ def test_an_individual_becomes_a_file(run, tmp_path, name):
 
 
 def test_a_file_of_no_kind_is_refused(run, tmp_path):
-    with pytest.raises(EvocityError, match=r"nothing is written as \.doc"):
+    with pytest.raises(EvocityError, match=r"no birth is written as \.doc"):
         run[9].save(tmp_path / "a.doc")
     assert not list(tmp_path.iterdir())
 
@@ -167,15 +167,15 @@ def test_a_library_that_is_not_there_is_named(run, monkeypatch, name, ask):
 
 def test_looks_differ_by_the_share_of_cells(run):
     ids = run.archive.ids[:4]
-    found = Likeness(run.told).matrix(ids, "looks")
+    found = Likeness(run.columns).matrix(ids, "looks")
     looks = [look_of(decoded(run.genome(int(one))).city).astype(int) for one in ids]
     expected = [[np.mean(np.abs(a - b) > 30) for b in looks] for a in looks]
     assert found == pytest.approx(np.array(expected))
 
 
 def test_a_copy_is_the_next_of_kin(run):
-    ids = run.told.ids
-    apart = Likeness(run.told).from_one(9, ids, "kin")
+    ids = run.columns.ids
+    apart = Likeness(run.columns).from_one(9, ids, "kin")
     assert apart[9] == 0
     assert ((apart >= 0) & (apart <= 1)).all()
     assert apart[0] == pytest.approx(1 - run.ancestry(9).get("left", 0))  # stones stay in place
@@ -185,6 +185,7 @@ def test_a_copy_is_the_next_of_kin(run):
 # -- resumed, growing, empty, damaged --------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_lineage_of_a_resumed_run_with_islands_reaches_the_sources(archipelago):
     run = evocity.open_run(archipelago)
     assert any(event["event"] == "resume" for event in run.events())
@@ -202,7 +203,7 @@ def test_lineage_of_a_resumed_run_with_islands_reaches_the_sources(archipelago):
     again = evocity.replay(run, sorted(run.lineage(run[-1])), trust=True)
     assert all(one.same for one in again)
     assert set(run.scores["island"]) == {"towers", "crowd"}
-    ids, ranks = run.told.ranked()
+    ids, ranks = run.columns.ranked()
     assert len(set(ids.tolist())) == len(ids)
     assert set(run.front().index) == set(ids[ranks == 0].tolist())
 
@@ -232,10 +233,10 @@ def test_an_empty_run_has_no_births(tmp_path):
 @pytest.mark.parametrize(
     ("births", "members", "ask", "told"),
     [
-        ([[{"id": 0}, {"id": 0}]], [[0]], "scores", "stands there twice"),
+        ([[{"id": 0}, {"id": 0}]], [[0]], "scores", "occurs twice"),
         ([[{"id": 0}, {"id": 1}]], [[7]], "scores", "no individual 7"),
         ([[{"id": 0}], [{"id": 1, "parents": (9,)}]], [[0], [1]], "credit", "no individual 9"),
-        ([[{"id": 0, "parents": (0,)}]], [[0]], "credit", "a later one"),
+        ([[{"id": 0, "parents": (0,)}]], [[0]], "credit", "younger than its child"),
     ],
 )
 def test_a_log_that_cannot_be_is_damaged(tmp_path, births, members, ask, told):
@@ -289,7 +290,7 @@ def test_measures_of_afterwards(run, tmp_path, monkeypatch):
         assert ("too high" in str(row["error"])) == bool(high > 15) == bool(np.isnan(row["odd"]))
     assert before == sorted(path.stat().st_mtime_ns for path in run.path.rglob("*"))
 
-    monkeypatch.setattr(scoring, "Here", None)  # what is known is not measured again
+    monkeypatch.setattr(scores, "Here", None)  # what is known is not measured again
     again = evocity.open_run(run.path).score(ids, ["gsi", "integrity"], workers=0)
     assert again["integrity"].tolist() == found["integrity"].tolist()
     for path in (tmp_path / "cache").rglob("*.json"):
@@ -306,6 +307,7 @@ def test_measures_of_afterwards_by_workers(run, tmp_path, monkeypatch):
     assert there.equals(here)
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_may_score_by_what_is_not_its_own(run, tmp_path):
     """Workers run it once more only for measures that it declares."""
     script = tmp_path / "morning.py"
@@ -336,8 +338,8 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     assert set(ids) <= set(run.archive.ids)
     assert kept[0].individual == run.compromise()
     assert kept[0].role.startswith("compromise")
-    goals = run.told.goals
-    losses = run.told.losses[run.told.rows(run.archive.ids)]
+    goals = run.columns.goals
+    losses = run.columns.losses[run.columns.rows(run.archive.ids)]
     for one in kept:
         assert one.why
         for goal in goals:
@@ -347,7 +349,7 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
                 equal = int((losses[:, goals.index(goal)] == least).sum()) - 1
                 told = re.search(rf"{goal} \([^)]*, as ([0-9]+) other", one.why)
                 assert (int(told[1]) if told else 0) == equal
-        assert ("not live" in one.why) == (not one.individual.alive)
+        assert ("no longer alive" in one.why) == (not one.individual.alive)
         assert ("not a child" in one.why) == (one.individual.operator == "source")
     assert kept.frame.index.tolist() == ids
     assert len(str(kept).splitlines()) == len(kept) + bool(kept.untraced)
@@ -356,15 +358,15 @@ def test_those_worth_keeping_have_reasons_in_their_numbers(run):
     assert {one.individual.id for one in most} <= set(run.archive.ids)
     for count in range(1, len(run.archive) + 1):
         assert len(run.keep(count)) == min(count, len(most))
-    near = Likeness(run.told).matrix(most.frame.index.to_numpy(), "looks")
+    near = Likeness(run.columns).matrix(most.frame.index.to_numpy(), "looks")
     of_their_own = [n for n, one in enumerate(most) if not one.role.startswith(("best", "comp"))]
     assert all(near[n, :n].min() > APART for n in of_their_own)
 
 
 def test_a_goal_in_which_all_are_equal_gives_no_role(run, monkeypatch):
-    (first, second, *_), ids, losses = run.told.goals, run.archive.ids, run.told.losses.copy()
+    (first, second, *_), ids, losses = run.columns.goals, run.archive.ids, run.columns.losses.copy()
     losses[:, 0] = 1.0
-    monkeypatch.setitem(vars(run.told), "losses", losses)
+    monkeypatch.setitem(vars(run.columns), "losses", losses)
     roles = ", ".join(one.role for one in run.keep(of=ids))
     assert f"best {second}" in roles
     assert f"best {first}" not in roles
@@ -408,7 +410,7 @@ def test_a_source_without_buildings_leaves_no_trace_that_is_missed(run, monkeypa
 
 
 def test_those_compared_by_looks_are_of_all_times(run, monkeypatch):
-    monkeypatch.setattr("evocity.analysis.keeping.MOST_COMPARED", 6)
+    monkeypatch.setattr("evocity.analysis.shortlist.MOST_COMPARED", 6)
     asked = []
     matrix = Likeness.matrix
     monkeypatch.setattr(
@@ -430,7 +432,7 @@ def test_a_parent_that_is_kept_is_called_a_parent(tmp_path):
     run = written(tmp_path / "run", [[{"id": 0, "operator": "source"}, {"id": 1}]], [[0, 1]])
     said = [one.why for one in run.keep() if one.individual.id == 0]
     assert said
-    assert f"It is the parent {run.header.cities[0]} as its code has it, not a child." in said[0]
+    assert f"It is the code of the parent {run.header.cities[0]}, not a child." in said[0]
 
 
 def test_individuals_of_another_run_are_refused(run, archipelago):
@@ -473,8 +475,8 @@ def test_a_measure_of_another_source_is_another(tmp_path, change, same):
     comparison = run.compare(other)
     assert comparison.goals == (("gsi",) if same else ())
     assert comparison.namesakes == (("gsi",) if same is False else ())
-    assert ("measured otherwise in each: gsi." in str(comparison)) == (same is False)
-    assert ("By what both want, gsi" in str(comparison)) == bool(same)
+    assert ("and different sources: gsi." in str(comparison)) == (same is False)
+    assert ("By the common goals, gsi" in str(comparison)) == bool(same)
 
 
 def test_a_measure_of_evocity_is_one_in_all_releases(tmp_path):
@@ -504,7 +506,7 @@ def test_no_pictures_are_left_of_a_table_that_could_not_be_written(run, tmp_path
 def test_what_is_no_birth_is_told_in_three_parts(night, which, read):
     run = evocity.open_run(night)
     if read:
-        assert len(run.told.ids)
+        assert len(run.columns.ids)
     with pytest.raises(RunError, match=r"individual|ids") as caught:
         run[which]
     assert all((caught.value.found, caught.value.expected, caught.value.remedy))
@@ -513,8 +515,8 @@ def test_what_is_no_birth_is_told_in_three_parts(night, which, read):
 def test_ids_stand_in_one_row(run):
     for ids in ([[1, 2]], [[[1, 2]]], np.ones((2, 2), int)):
         with pytest.raises(RunError, match="ids"):
-            run.told.rows(ids)
-    assert run.told.rows([]).tolist() == run.told.rows([[]]).tolist() == []
+            run.columns.rows(ids)
+    assert run.columns.rows([]).tolist() == run.columns.rows([[]]).tolist() == []
 
 
 def test_of_no_births_there_is_no_last_one(tmp_path):
@@ -543,11 +545,12 @@ def test_of_an_empty_archive_none_is_kept(tmp_path):
         written(tmp_path / "none", [[{"id": 0} | failed]]).keep()
 
 
+@pytest.mark.slow
 def test_scores_become_csv(run, tmp_path):
     run.to_csv(tmp_path / "scores.csv")
     with open(tmp_path / "scores.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [int(row["id"]) for row in rows] == run.told.ids.tolist()
+    assert [int(row["id"]) for row in rows] == run.columns.ids.tolist()
     assert [float(row["alignment"]) for row in rows] == run.scores["alignment"].tolist()
     run.to_csv(tmp_path / "explored.csv", form="design-explorer")
     with open(tmp_path / "explored.csv", newline="") as file:
@@ -596,7 +599,7 @@ def test_chosen_births_become_a_zip(run, tmp_path):
 def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(
-        "evocity.analysis.exporting.sheet_of",
+        "evocity.analysis.export.sheet_of",
         lambda cells, *more: drawn.append((cells, *more)) or sheet_of(cells, *more),
     )
     kept = run.keep(3)
@@ -604,7 +607,7 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     run.save(kept[0], tmp_path / "one.png")
     cells, title, highest, attribution, columns = drawn[0]
     assert (title, attribution, columns) == (run.path.name, run.header.attribution, len(kept))
-    assert highest == highest_of(run.told)
+    assert highest == highest_of(run.columns)
     for (city, lines), one in zip(cells, kept, strict=True):
         assert np.array_equal(city.heights, one.individual.city.heights)
         assert lines[0] == f"individual {one.individual.id}"
@@ -614,8 +617,8 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     for (_, lines), one in zip(drawn[2][0], kept, strict=True):
         assert [line.split()[0] for line in lines[1:]] == list(one.individual.scores)
     assert [lines[0] for _, lines in drawn[1][0]] == [f"individual {kept[0].individual.id}"]
-    monkeypatch.setattr("evocity.analysis.exporting.MOST", 1)
-    with pytest.raises(RunError, match="2 births on one sheet"):
+    monkeypatch.setattr("evocity.analysis.export.MOST", 1)
+    with pytest.raises(RunError, match="2 births are too many for one sheet"):
         run.save([9, 3], tmp_path / "many.png")
     assert {path.name for path in tmp_path.iterdir()} == {"sheet.png", "one.png"}
 

@@ -38,7 +38,7 @@ def test_runs_of_older_releases_are_viewed_alike(path):
     assert view.filtered.sort_index().equals(run.scores)
     assert [one["name"] for one in view.widget.axes] == [aim.name for aim in run.aims]
     about, ids = view.widget.about, np.frombuffer(view.widget.births, "<i4", len(run))
-    assert ids.tolist() == run.told.ids.tolist()
+    assert ids.tolist() == run.columns.ids.tolist()
     columns = np.frombuffer(view.widget.births, "<f4", offset=4 * len(run)).reshape(-1, len(run))
     for told, values in zip(about["columns"], columns, strict=True):
         if told["name"] in run.scores and not told["words"]:
@@ -47,7 +47,7 @@ def test_runs_of_older_releases_are_viewed_alike(path):
     words = {told["name"]: told["words"] for told in about["columns"]}
     named = {name: np.array(words[name], object)[columns[list(words).index(name)].astype(int)]
              for name in ("operator", "status", "archive")}  # fmt: skip
-    assert named["operator"].tolist() == run.told.operator.tolist()
+    assert named["operator"].tolist() == run.columns.operator.tolist()
     assert ids[named["archive"] == "yes"].tolist() == sorted(run.archive.ids.tolist())
     ((told, (image,)),) = answer(view, {"tiles": [0, 5, 11], "side": 96, "request": "r"})
     kept = [one.id for one in run.individuals([0, 5, 11], rebred=False) if one.genome is not None]
@@ -69,7 +69,7 @@ def test_islands_are_words_of_an_axis(archipelago):
 def test_a_view_may_have_no_axes(run):
     view = run.view(measures=[])
     assert (view.widget.axes, view.order) == ([], "id")
-    assert view.filtered.index.tolist() == run.told.ids.tolist()
+    assert view.filtered.index.tolist() == run.columns.ids.tolist()
     assert "parallel coordinates" not in view._repr_html_()
 
 
@@ -112,7 +112,7 @@ def test_the_gallery_stands_in_an_order(run):
     assert view.filtered["crumbs"].dropna().is_monotonic_increasing
     view.order = "alignment"  # more are better
     assert view.filtered["alignment"].dropna().is_monotonic_decreasing
-    assert view.filtered_ids[0] == run.told.ids[np.nanargmax(run.told.value("alignment"))]
+    assert view.filtered_ids[0] == run.columns.ids[np.nanargmax(run.columns.value("alignment"))]
     for a, b in pairwise(run.view(order="generation").filtered_ids):
         assert run[int(a)].generation <= run[int(b)].generation
 
@@ -126,7 +126,7 @@ def test_some_births_are_viewed_alone(run):
         {"name": "operator", "turned": False},
     ]
     dead = run.where("not alive").index[0]
-    with pytest.raises(RunError, match="not among those that the view shows"):
+    with pytest.raises(RunError, match="the view does not show"):
         view.selected = dead
     assert answer(view, {"tiles": [int(dead)], "side": 96})[0][0]["tiles"] == []
 
@@ -190,7 +190,9 @@ def test_failed_births_are_told_with_their_reason(tmp_path):
 
 def test_a_log_that_leaves_genomes_out_is_viewed():
     run = evocity.open_run(Path(__file__).parent.parent / "old" / "run-8")
-    left = [one.id for one in run.individuals(run.told.ids.tolist(), rebred=False) if one.left_out]
+    left = [
+        one.id for one in run.individuals(run.columns.ids.tolist(), rebred=False) if one.left_out
+    ]
     assert left
     ((told, _),) = answer(run.view(), {"tiles": left, "side": 96})
     assert {one for one, _ in told["lacking"]} == set(left)
@@ -250,7 +252,7 @@ def test_where_widgets_do_not_live_a_picture_stands_in_their_place(run):
     assert bundle["text/html"] == view._repr_html_()
     assert bundle["text/plain"].startswith(f"View({len(run)} of {len(run)} births of ")
     view.selected = [int(view.filtered_ids[0])]
-    assert view._repr_html_().count("chosen") == 3  # told, marked, and how to choose
+    assert view._repr_html_().count("chosen") == 2  # in the sentence, and on its map
 
 
 def test_without_anywidget_the_extra_is_named(run, monkeypatch):

@@ -23,7 +23,7 @@ def call(*words, code: int = 0) -> Result:
     # the tests before decide
     with (
         patch.dict(registry._from_files),
-        patch("evocity.accelerate.on_compiling", lambda told: nullcontext()),
+        patch("evocity.accelerate.watch_compiling", lambda told: nullcontext()),
     ):
         result = CliRunner().invoke(main, [str(word) for word in words], prog_name="evocity")
     assert isinstance(result.exception, SystemExit | None), result.exception

@@ -5,17 +5,16 @@ import json
 import pytest
 from cli_tools import call, refused, write_recipe
 
-from evocity.store import open_run
+from evocity.store import RunLog
 
 
 @pytest.fixture(scope="module")
-def ended(tmp_path_factory):
+def ended(finished_runs, tmp_path_factory):
     """A run that is finished."""
-    folder = tmp_path_factory.mktemp("ended")
-    call("run", write_recipe(folder), "--out", folder / "run")
-    return folder / "run"
+    return finished_runs.copy("commanded", tmp_path_factory.mktemp("ended"))
 
 
+@pytest.mark.slow
 def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     ended = tmp_path / "run"
     call("run", write_recipe(tmp_path), "--out", ended)
@@ -30,7 +29,7 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     with (ended / "commands.jsonl").open("a") as lines:
         lines.write('{"command": "pick", "ids": [99]}\n')
     resumed = call("resume", ended, "--generations", 4).stderr
-    assert "as asked, from generation 3 on: weights: mutation 0" in resumed
+    assert "as requested, from generation 3 on: weights: mutation 0" in resumed
     assert "a command was refused: " in resumed
     told = json.loads(call("status", ended, "--json").stdout)
     assert (told["waiting"], told["picks_share"]) == ([], 1.0)
@@ -40,7 +39,7 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     text = call("status", ended).stdout
     assert "2 4" in text
     assert "mutation 0" in text
-    births = [b for b in open_run(ended).births().to_pylist() if b["generation"] > 2]
+    births = [b for b in RunLog(ended).births().to_pylist() if b["generation"] > 2]
     assert {b["parents"][0] for b in births} == {2, 4}
     assert {b["operator"] for b in births} == {"pavement_fusion"}
     call("pick", ended, 2, "--clear")
@@ -55,12 +54,12 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     ("words", "says"),
     [
         (("pick", 99), "no individual 99"),
-        (("pick",), "no ID to pick"),
+        (("pick",), "no ID is given to pick"),
         (("pick", 1, "--clear"), "1 is not picked"),
-        (("pick", 1, 2, "--share", 1.5), "picks of 1 2 with a share of 1.5"),
+        (("pick", 1, 2, "--share", 1.5), "the picks 1 2 with the share 1.5"),
         (("reweight", "mutation=0", "pavement_fusion=0"), "all operators would have"),
-        (("pick", 1, "--share", 0.5, "--clear"), "--share with --clear"),
-        (("stop",), "no process is at this run"),
+        (("pick", 1, "--share", 0.5, "--clear"), "--share cannot be combined with --clear"),
+        (("stop",), "no process works on this run"),
         (("reweight", "mutation"), "NAME=WEIGHT"),
         (("reweight", "mutation=-1"), "NAME=WEIGHT"),
         (("reweight", "mutaton=1"), "did you mean mutation"),

@@ -137,12 +137,12 @@ def test_a_picture_tells_what_it_shows(tmp_path, town_file):
     [
         (("--block", "8", "--domains", "8"), "D above B"),
         (("--domains", "33"), "at most 32 px"),
-        (("--block", "20"), "domain blocks of 40 px"),
-        (("--block", "1"), "2 px or more"),
+        (("--block", "20"), "domain blocks of D = 40 px"),
+        (("--block", "1"), "B ≥ 2 px"),
         (("--threads", "0"), "1 or more"),
-        (("--block", "4,6,12", "--domains", "9-12"), "range blocks of 12 px"),
-        (("--measure", "largest"), "several sizes of blocks"),
-        (("--block", "4,6", "--measure", "mean"), "several sizes of blocks"),
+        (("--block", "4,6,12", "--domains", "9-12"), "range blocks of B = 12 px"),
+        (("--measure", "largest"), "does not fit --block"),
+        (("--block", "4,6", "--measure", "mean"), "does not fit --block"),
         (("--curve", "curve.txt"), "cannot be written here"),
     ],
 )
@@ -159,7 +159,7 @@ def test_sizes_that_cannot_be_parsed(tmp_path, town_file, sizes):
         "autosimilarity", town_file, *AT_2_M, f"--domains={sizes}", "-o", tmp_path / "mu.npy",
         code=2,
     )  # fmt: skip
-    assert "is no list of pixels" in result.stderr
+    assert "is not a list of pixels" in result.stderr
     assert not (tmp_path / "mu.npy").exists()
 
 

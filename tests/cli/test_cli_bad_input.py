@@ -14,9 +14,9 @@ import pytest
 from cli_tools import AT_2_M, PLAIN, call, refused, write_town
 from PIL import Image
 
-from evocity.cli.common import told
 from evocity.cli.run import run
-from evocity.errors import EvocityError, RecipeError, keyword, setting, unset
+from evocity.cli.shared.commands import message_of
+from evocity.errors import EvocityError, RecipeError, keyword, none_setting, setting
 from evocity.genome import read_genome
 
 OLD = Path(__file__).parent.parent / "old"
@@ -68,7 +68,7 @@ def of_a_wrong_name(folder):
 
 def of_an_unknown_suffix(folder):
     (folder / "a.doc").write_text("a letter")
-    return folder / "a.doc", "nothing reads .doc"
+    return folder / "a.doc", "no reader for .doc"
 
 
 def of_no_polygons(folder):
@@ -164,7 +164,7 @@ def test_a_genome_of_another_schema_version_is_refused(tmp_path, genome_file):
         (("--center", 99.0, 0.0), "for example --center 4.83"),
         (
             ("--center", 45.7685, 4.8344),
-            "did you swap them? longitude comes first: --center 4.8344 45.7685",
+            "give longitude first: --center 4.8344 45.7685",
         ),
     ],
 )
@@ -229,12 +229,12 @@ def _command():
         (f"for example {keyword('center', (4.83, 45.7))}", "for example --center 4.83 45.7"),
         (setting("center", (4.8, 98.0)), "--center 4.8 98.0"),
         (
-            f"leave {keyword('center')} out: {keyword('pixels')} then cuts",
-            "leave --center out: pixels= then cuts",
+            f"leave {keyword('center')} out: {keyword('pixels')} cuts",
+            "leave --center out: pixels= cuts",
         ),
         (f"a: {setting('metres_per_pixel', 2.0)}", "a: --metres-per-pixel 2.0"),
         (f"{keyword('metres_per_pixel')}, metres", "--metres-per-pixel, metres"),
-        (f"64, or {unset('reach')} for the whole map", "64, or all for the whole map"),
+        (f"64, or {none_setting('reach')} for the whole map", "64, or all for the whole map"),
         (f"with {keyword('accept_changes', True)}: go", "with --accept-changes: go"),
         ("layer=a, None for all", "layer=a, None for all"),
         ("raised ValueError: one\n  two", "raised ValueError: one two"),
@@ -242,7 +242,7 @@ def _command():
     ],
 )
 def test_messages_name_options_for_keywords(text, expected):
-    assert told(EvocityError("found", "right", text), _command).endswith(f"to do: {expected}")
+    assert message_of(EvocityError("found", "right", text), _command).endswith(f"to do: {expected}")
 
 
 @pytest.mark.parametrize(
@@ -258,11 +258,13 @@ def test_messages_name_options_for_keywords(text, expected):
     ],
 )
 def test_messages_of_a_run_name_keys_of_its_recipe(text, expected):
-    assert told(EvocityError("found", "right", text), run).endswith(f"to do: {expected}")
+    assert message_of(EvocityError("found", "right", text), run).endswith(f"to do: {expected}")
 
 
 def test_the_faults_of_a_recipe_keep_their_lines():
-    assert "\n  run.seed" in told(RecipeError("1 fault:\n  run.seed", "right", "do"), _command)
+    assert "\n  run.seed" in message_of(
+        RecipeError("1 fault:\n  run.seed", "right", "do"), _command
+    )
 
 
 def test_what_is_no_genome_is_called_what_it_is(tmp_path):
@@ -275,13 +277,13 @@ def test_what_is_no_genome_is_called_what_it_is(tmp_path):
         message = refused(tmp_path, *named, says="buildings.parquet is GeoParquet")
         assert "export GeoPackage or GeoJSON" in message
     words = ("decode", tmp_path / "plain.parquet", *output)
-    refused(tmp_path, *words, says="plain.parquet is Parquet, but no genome")
+    refused(tmp_path, *words, says="plain.parquet is Parquet, but not a genome")
     words = ("encode", tmp_path / "buildings.parquet", "-o", tmp_path / "g.parquet")
     refused(tmp_path, *words, says="of GeoParquet, export GeoPackage or GeoJSON")
     message = refused(tmp_path, "decode", "lyon-1er", *output, says="lyon-1er is a map")
     assert "evocity encode lyon-1er" in message
     refused(tmp_path, "decode", write_town(tmp_path / "a.npy"), *output, says="a.npy is a map")
-    refused(tmp_path, "decode", tmp_path, *output, says="a folder, not that of a run")
+    refused(tmp_path, "decode", tmp_path, *output, says="a folder, but not the folder of a run")
 
 
 @pytest.mark.parametrize("command", ["decode", "refine", "scene", "show --usage"])
@@ -293,8 +295,8 @@ def test_an_id_given_twice_is_refused(tmp_path, command):
 
 
 def test_an_id_means_nothing_without_a_run(tmp_path, genome_file):
-    refused(tmp_path, "score", genome_file, "--id", 3, says="no run folder")
-    refused(tmp_path, "show", "lyon-1er", "--id", 3, "-o", tmp_path / "p.png", says="no run")
+    refused(tmp_path, "score", genome_file, "--id", 3, says="not a run folder")
+    refused(tmp_path, "show", "lyon-1er", "--id", 3, "-o", tmp_path / "p.png", says="not a run")
     refused(tmp_path, "decode", tmp_path, "--id", 3, "-o", tmp_path / "m.tif", says="no run at")
     missing = ("decode", tmp_path / "missing", "--id", 3, "-o", tmp_path / "m.tif")
     refused(tmp_path, *missing, says="nothing is at")
@@ -359,7 +361,7 @@ def test_options_of_reading_mean_nothing_for_a_genome(tmp_path, genome_file):
 
 def test_an_unknown_measure_is_refused_with_the_one_that_may_be_meant(tmp_path):
     message = refused(tmp_path, "score", "lyon-1er", "--fitness", "alignmemt", says="alignmemt")
-    assert "what to do: did you mean alignment? `evocity fitness list` names all " in message
+    assert "what to do: did you mean alignment? `evocity fitness list` shows all " in message
     assert "autosimilarity" not in message
 
 
@@ -434,7 +436,7 @@ def test_an_output_that_cannot_be_is_refused_before_any_work(
     (tmp_path / f"folder-{name}").mkdir()
     refused(tmp_path, *words, "-o", tmp_path / f"folder-{name}", says="is a folder")
     monkeypatch.setattr(os, "access", lambda *_: False)
-    refused(tmp_path, *words, "-o", tmp_path / name, says="nothing may be written")
+    refused(tmp_path, *words, "-o", tmp_path / name, says="may not write in the folder")
 
 
 def test_an_output_of_a_wrong_kind_is_refused(tmp_path, genome_file):
@@ -483,7 +485,7 @@ def test_names_of_files_are_told_as_they_are(tmp_path, monkeypatch, name, says):
 def test_parameters_become_options_with_their_values(tmp_path):
     np.save(tmp_path / "layer=a.npy", np.zeros((16, 16)))
     words = ("encode", tmp_path / "layer=a.npy", "--layer", "b", "-o", tmp_path / "g.parquet")
-    message = refused(tmp_path, *words, says="layer=a.npy: --layer means nothing for .npy")
+    message = refused(tmp_path, *words, says="layer=a.npy: --layer does not apply to .npy")
     assert "leave --layer out" in message
     words = ("encode", "lyon-1er", "-o", tmp_path / "g.parquet")
     message = refused(tmp_path, *words, "--center", 200, 1, says="--center 200.0 1.0")

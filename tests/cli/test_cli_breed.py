@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evocity
-from evocity.cli.breed import _note_fill, _note_street_blocks, breed, chosen
-from evocity.cli.settings import settings_of, value_of
+from evocity.cli.breed import _note_fill, _note_street_blocks, breed, make_operator
+from evocity.cli.shared.parameters import settings_of, value_of
 from evocity.errors import EvocityError
 from evocity.operators import OPERATORS, make, operators
 
@@ -49,6 +49,7 @@ def test_a_child_is_the_librarys(tmp_path, towns):
     assert (told["operator"], told["seed"]) == ("pavement_fusion", 5)
 
 
+@pytest.mark.slow
 def test_the_example_of_the_help_is_carried_out(tmp_path):
     (example,) = re.findall(r"evocity (breed .*--seed 7[\s\S]*?\.parquet)", breed.epilog)
     words = shlex.split(example.replace("\\\n", " "))
@@ -69,17 +70,17 @@ def test_street_blocks_that_stay_as_they_are_are_noted(tmp_path, towns):
     told = call("breed", "quarter_fusion", *words, "area_min=10").stderr
     assert "Note: no street block was filled: a lower density= fills more" in told
     told = call("breed", "quarter_refill", *words, "street_blocks=7", "--json").stderr
-    assert "Note: asked to fill 7 street blocks, filled 0: a lower density=" in told
+    assert "Note: 0 of 7 street blocks filled: a lower density=" in told
 
 
 @pytest.mark.parametrize(
     ("asked", "made", "says"),
     [
-        (None, (0.6, 0.26, 9), "asked 0.60 of right, reached 0.26: a lower density= "),
+        (None, (0.6, 0.26, 9), "right has a share of 0.26, not 0.60: a lower density= "),
         (None, (0.6, 0.55, 9), ""),
         (None, (0.0, 0.0, 0), ""),
         (5, (0.6, 0.26, 5), ""),
-        (5, (0.6, 0.26, 1), "asked to fill 5 street blocks, filled 1: a lower density= "),
+        (5, (0.6, 0.26, 1), "1 of 5 street blocks filled: a lower density= "),
     ],
 )
 def test_much_less_than_was_asked_for_is_noted(capsys, asked, made, says):
@@ -98,15 +99,18 @@ def test_much_less_than_was_asked_for_is_noted(capsys, asked, made, says):
 def test_shares_that_are_missed_are_noted(tmp_path, towns):
     words = ("breed", "pavement_fusion", *towns, "-o", tmp_path / "child.parquet", "--set")
     missed = call(*words, "tolerance=0.001")
-    assert "Note: nothing was laid of parent 2: no group fits; a larger tolerance=" in missed.stderr
+    assert (
+        "Note: the child has nothing of parent 2: no group fits; a larger tolerance="
+        in missed.stderr
+    )
     assert "Note:" not in call(*words, "tolerance=1000").stderr
 
 
 @pytest.mark.parametrize(
     ("reached", "says"),
     [
-        ((0.9, 0.1), "a share is 0.40 off what fill asks for, margin 0.1"),
-        ((1.0, 0.0), "nothing was laid of parent 2: no group fits"),
+        ((0.9, 0.1), "a share misses fill by 0.40, margin 0.1"),
+        ((1.0, 0.0), "the child has nothing of parent 2: no group fits"),
         ((0.5, 0.45), ""),
     ],
 )
@@ -186,10 +190,10 @@ def test_every_operator_breeds_by_name(tmp_path, towns, name):
         (("pavement_fusion", "--set", "=3"), "KEY=VALUE"),
         (("pavement_fusion", "--set", "margin=1", "--set", "margin=0"), "the second of margin"),
         (("pavement_fusion", "--set", "fill=0.2,0.3"), "fill"),
-        (("mutation",), "mutation: 2 parents"),
-        (("pavement_fusion", "--block", 8), "--block with genomes alone"),
-        (("pavement_fusion", "--reach", "all"), "--reach with genomes alone"),
-        (("pavement_fusion", "--pixels", 8), "--pixels with genomes alone"),
+        (("mutation",), "mutation cannot breed from 2 parents"),
+        (("pavement_fusion", "--block", 8), "--block has no use with only genomes"),
+        (("pavement_fusion", "--reach", "all"), "--reach has no use with only genomes"),
+        (("pavement_fusion", "--pixels", 8), "--pixels has no use with only genomes"),
         (("pavement_fusion", "--id", 8), "for 0 run folders"),
     ],
 )
@@ -207,7 +211,14 @@ def test_parents_that_cannot_be_are_refused(tmp_path, towns):
     refused(tmp_path, *fuse, tmp_path, *child, says="is a folder")
     refused(tmp_path, *fuse, "lyon-2e", *child, says="no bundled city")
     small = write_town(tmp_path / "small.npy", side=24)
-    refused(tmp_path, *fuse, small, *AT_2_M, *child, says="parents on one grid of pixels")
+    refused(
+        tmp_path,
+        *fuse,
+        small,
+        *AT_2_M,
+        *child,
+        says="parents with the same number and size of pixels",
+    )
     odd = write_town(tmp_path / "odd.npy", side=30)
     refused(tmp_path, *fuse, odd, *AT_2_M, *child, says="range blocks of 4 px")
     refused(tmp_path, *fuse, small, *child, says="--metres-per-pixel")
@@ -288,7 +299,7 @@ def test_the_list_tells_every_operator_and_parameter():
         assert encode(about["parameters"]) == defaults
         # what the list shows can be typed
         settings = settings_of(tuple(f"{k}={typed(v)}" for k, v in defaults.items()))
-        assert encode(vars(chosen(name, settings))) == encode(vars(kind()))
+        assert encode(vars(make_operator(name, settings))) == encode(vars(kind()))
 
 
 def encode(values: dict) -> dict:

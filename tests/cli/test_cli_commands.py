@@ -12,7 +12,7 @@ from PIL import Image
 
 import evocity
 from evocity.cli import main
-from evocity.cli.common import converged
+from evocity.cli.shared.inputs import warn_unconverged
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def test_encode_tells_psnr_before_and_after_roofs_are_settled(tmp_path, town_fil
     result = call("encode", town_file, *AT_2_M, "--settle", "-o", tmp_path / "g.parquet")
     made = evocity.encode(evocity.read_map(town_file, metres_per_pixel=2))
     before, after = f"{made.psnr_unsettled:.1f} dB", f"{made.psnr:.1f} dB"
-    assert f"decoded PSNR {after} ({before} before its roofs were settled: " in result.stdout
+    assert f"decoded PSNR {after} ({before} with fractal roofs, " in result.stdout
     raw = evocity.decode(made.genome, settle=False).city
     assert made.psnr_unsettled == evocity.coding.psnr(made.city, raw)
     result = call("encode", town_file, *AT_2_M, "--no-settle", "-o", tmp_path / "h.parquet")
@@ -353,10 +353,10 @@ def test_invented_heights_are_told_in_one_line(tmp_path):
         taken, line = call(*words).stderr.splitlines()
         assert "villeurbanne-gratte-ciel: a window of 128 × 128 m" in taken
         count = line.split(": ")[2].split()[0]
-        assert f"{count} of {count} buildings have no height in the source: 6 m taken" in line
-        assert line.endswith("; --default-height says otherwise")
+        assert f"{count} of {count} buildings have no height in the source and get 6 m" in line
+        assert line.endswith("; --default-height changes it")
     _, line = call("score", *small, "--default-height", 9).stderr.splitlines()
-    assert "9 m taken" in line
+    assert "and get 9 m" in line
     (line,) = call("score", "lyon-1er", "--pixels", 64, "--json").stderr.splitlines()
     assert "lyon-1er: a window of 128 × 128 m, with" in line
     assert line.endswith("names a window of 512 × 512 m")
@@ -393,9 +393,9 @@ def test_fitness_list_tells_every_measure():
 
 def test_an_unconverged_decoding_is_told(capsys):
     genome = uniformly(evocity.read_map("lyon-1er", pixels=32)).genome
-    converged(evocity.decode(genome, max_iterations=1), "lyon")
+    warn_unconverged(evocity.decode(genome, max_iterations=1), "lyon")
     assert "lyon did not converge in 1 steps" in capsys.readouterr().err
-    converged(evocity.decode(genome), "lyon")
+    warn_unconverged(evocity.decode(genome), "lyon")
     assert capsys.readouterr() == ("", "")
 
 
@@ -403,7 +403,7 @@ def test_compiling_is_told_once_and_only_where_it_is_done():
     from click.testing import CliRunner
 
     from evocity.accelerate import kernel
-    from evocity.cli.common import note_compiling
+    from evocity.cli.shared.terminal import note_compiling
 
     def double(value):
         return 2 * value
@@ -419,7 +419,7 @@ def test_compiling_is_told_once_and_only_where_it_is_done():
             compiled(value)
             compiled(int(value))
 
-    told = "Note: kernels are compiled, once on this machine; that may take a minute\n"
+    told = "Note: compiling kernels, once on this machine; that may take a minute\n"
     assert CliRunner().invoke(run, []).stderr == ""
     assert CliRunner().invoke(run, ["1", "2"]).stderr == told
     assert CliRunner().invoke(run, ["3"]).stderr == ""

@@ -37,6 +37,7 @@ def test_lines_of_a_map_are_traced(files, what):
     assert [one["points"] for one in json.loads(told.stdout)["lines"]] == [len(lines[0])]
 
 
+@pytest.mark.slow
 def test_a_line_is_fitted_and_told(files):
     path = files / "fitted.parquet"
     told = json.loads(
@@ -125,8 +126,8 @@ def test_a_course_is_laid_and_kept_by_decoding(files):
         (["fit", "{}/smooth.geojson", "-o", "{}/a.txt"], ".json"),
         (["fit", "{}/smooth.geojson", "--drawn", "x", "-o", "{}/a.json"], "--drawn x"),
         (["fit", "{}/smooth.geojson", "--number", "1", "-o", "{}/a.json"], "--number 1"),
-        (["fit", "{}/smooth.json", "-o", "{}/a.json"], "no GeoJSON"),
-        (["detail", "{}/smooth.geojson"], "no curve"),
+        (["fit", "{}/smooth.json", "-o", "{}/a.json"], "not GeoJSON"),
+        (["detail", "{}/smooth.geojson"], "not a curve"),
         (["detail", "{}/smooth.json", "--drop", "6"], "levels = 6"),
         (["transfer", "{}/smooth.json", "{}/rough.json", "--levels", "9", "-o", "{}/a.json"], "9"),
         (["amplify", "{}/smooth.json", "--gain", "nan", "-o", "{}/a.json"], "--gain nan"),

@@ -10,8 +10,8 @@ import pytest
 from cli_tools import AT_2_M, PLAIN, call, contents, refused, write_town
 
 import evocity
-from evocity.cli.fitness_new import views, written
-from evocity.cli.trials import PARENTS, trial_cases
+from evocity.cli.fitness_new import measure_text, views
+from evocity.cli.shared.trial_maps import PARENTS, trial_cases
 from evocity.fitness import measures, registry
 from evocity.towns import PATTERNS
 
@@ -35,6 +35,7 @@ def own(tmp_path):
 # -- new -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_new_measure_can_be_used_as_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     told = call("fitness", "new", "skyline").stdout
@@ -71,7 +72,7 @@ def test_goal_unit_and_place_are_those_asked_for(tmp_path, goal):
 
 
 def test_the_file_tells_every_view_and_keeps_its_lines_short():
-    text = written("skyline", "max", "", "skyline.py")
+    text = measure_text("skyline", "max", "", "skyline.py")
     assert views()
     for name in ("heights", "metres_per_pixel", *views()):
         assert f"# city.{name}: " in text
@@ -82,12 +83,12 @@ def test_the_file_tells_every_view_and_keeps_its_lines_short():
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("2x", "'2x' as the name"),
+        ("2x", "'2x' cannot be the name"),
         ("my-measure", "evocity fitness new my_measure"),
-        ("class", "'class' as the name"),
-        ("max", "means nothing else"),
-        ("np", "means nothing else"),
-        ("gsi", "there is a measure called gsi already, of evocity"),
+        ("class", "'class' cannot be the name"),
+        ("max", "without another meaning"),
+        ("np", "without another meaning"),
+        ("gsi", "there is already a measure called gsi, from evocity"),
     ],
 )
 def test_a_name_that_cannot_be_is_refused(tmp_path, name, says):
@@ -105,6 +106,12 @@ def test_nothing_is_overwritten(tmp_path, own):
 
 
 # -- check -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _trial_cases_are_there():
+    """A process makes them once: the first test would bear it for all."""
+    trial_cases()
 
 
 def test_measures_are_tried_on_districts_towns_and_children():
@@ -167,7 +174,7 @@ WRONG = {
         HEADER + "def mine(city, size):\n    return 1\n",
         5,
         "missing a required argument: 'size'",
-        "give other parameters default values",
+        "give all others default values",
     ),
     "text": ("x = 1\nreturn 'much'", 9, "returned str 'much'", "return float(...)"),
     "array": (
@@ -223,7 +230,7 @@ def test_prints_are_told_with_their_line_and_are_no_error(own):
     result = call("fitness", "check", own("x = 1\nprint('x is', x)\nreturn city.heights.max()"))
     assert result.stderr == ""
     assert "mine.py, line 9: mine prints 'x is 1' on lyon-1er" in result.stdout
-    assert "what to do: take the print out" in result.stdout
+    assert "what to do: remove the print" in result.stdout
     assert "mine can be used (1 warning)" in result.stdout
 
 
@@ -259,6 +266,7 @@ def test_check_is_told_misuse(tmp_path, own, monkeypatch):
 # -- bench and list --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_bench_sorts_by_cost_and_tells_all_together(tmp_path, own):
     town = write_town(tmp_path / "town.npy", side=64)
     # the dearest view: a busy machine cannot hide what it costs
@@ -277,6 +285,7 @@ def test_bench_sorts_by_cost_and_tells_all_together(tmp_path, own):
     refused(tmp_path, "fitness", "bench", own("return 1j"), says="returned complex")
 
 
+@pytest.mark.slow
 def test_bench_measures_the_maps_own_code_for_those_who_ask(tmp_path):
     genome = tmp_path / "lyon.parquet"
     call("encode", "lyon-1er", "--pixels", 64, "-o", genome)
@@ -301,6 +310,7 @@ def test_list_tells_cost_and_origin(own, monkeypatch):
     assert all(about["milliseconds"] is None for about in none.values())
 
 
+@pytest.mark.slow
 def test_list_waits_for_no_slow_or_failing_measure(own):
     told = call("fitness", "list", own("import time\ntime.sleep(20)"), "--cost", "--json").stdout
     assert json.loads(told)["mine"]["milliseconds"] is None
@@ -339,9 +349,9 @@ class Entry:
 @pytest.fixture
 def plugins(monkeypatch):
     from evocity import operators
-    from evocity.io import reading
+    from evocity.io import map_reader
 
-    caches = (registry.plugin_warnings, operators._from_plugins, reading._from_plugins)
+    caches = (registry.plugin_warnings, operators._plugins, map_reader._from_plugins)
     monkeypatch.setattr(registry, "_table", dict(registry._table))
 
     def install(group, *entries):
@@ -454,12 +464,8 @@ def test_the_name_of_a_function_gives_all_its_numbers(tmp_path, towns):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    from cli_tools import write_recipe
-
-    folder = tmp_path_factory.mktemp("scored")
-    call("run", write_recipe(folder), "--out", folder / "run")
-    return folder / "run"
+def finished(finished_runs, tmp_path_factory):
+    return finished_runs.copy("commanded", tmp_path_factory.mktemp("scored"))
 
 
 def test_individuals_of_a_run_have_their_parents(finished):
@@ -483,7 +489,7 @@ def test_an_id_for_each_run_among_maps(tmp_path, finished, towns):
     words = (finished, towns[0], finished, "--fitness", "gsi", *AT_2_M, "--json")
     told = json.loads(call("score", *words, "--id", 1, "--id", 2).stdout)
     assert list(told) == [f"{finished} --id 1", str(towns[0]), f"{finished} --id 2"]
-    refused(tmp_path, "score", *words, "--id", 1, says="1 × --id for 2 run folders")
+    refused(tmp_path, "score", *words, "--id", 1, says="--id is given 1 × for 2 run folders")
 
 
 def test_what_asks_for_more_than_there_is_is_undefined_unless_named(tmp_path, towns):
@@ -495,7 +501,7 @@ def test_what_asks_for_more_than_there_is_is_undefined_unless_named(tmp_path, to
             s for s in call("score", *words).stdout.splitlines() if s.startswith("integrity")
         ]
         assert line.split(maxsplit=2)[1] == "undefined"
-        assert f"it asks for {lacks}" in line
+        assert f"it needs {lacks}" in line
         message = refused(tmp_path, "score", *words, "--fitness", "integrity", says="without its")
         assert "evocity score RUN --id N" in message
 
@@ -526,7 +532,7 @@ def test_what_compares_says_how_to_name_a_city(tmp_path, towns):
     ]
     assert "--reference CITY" in line
     words = ("score", towns[0], *AT_2_M, "--fitness", "gsi", "--reference", towns[1])
-    refused(tmp_path, *words, says="which compare with no city")
+    refused(tmp_path, *words, says="compare no cities")
 
 
 def test_cities_are_compared_with_those_named():

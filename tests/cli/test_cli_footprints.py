@@ -60,7 +60,7 @@ def test_what_lies_nowhere_is_no_geojson(tmp_path, nowhere):
         ("grow", nowhere, "--width", 128, "--height", 96),
     ):
         told = refused(tmp_path, *words, "-o", path, says="no place on Earth")
-        assert "write a .gpkg, which takes local metres" in told
+        assert "write a .gpkg, which accepts local metres" in told
 
 
 def test_only_footprints_have_pixels_edges_or_walls(tmp_path, placed):

@@ -70,6 +70,7 @@ def test_any_place_of_the_same_fabric_is_shown(tmp_path, genome_file):
     assert np.array_equal(shown(*SIZE, "--left", 40), fabric.window(0, 40, 96, 128))
 
 
+@pytest.mark.slow
 def test_cities_grow_into_each_other(tmp_path, genome_file):
     other = tmp_path / "other.parquet"
     call("encode", write_town(tmp_path / "other.npy", seed=2), *AT_2_M, "-o", other)
@@ -159,7 +160,7 @@ def test_individuals_of_runs_grow(tmp_path):
         (("--height", 0), "--height 0"),
         (("--width", 0), "--width 0\n  expected: pixels: width 1 to 32767"),
         (("--height", 10**9), "--height 1000000000"),
-        (("--corner", 9, 0, "--top", 3), "--corner with --top or --left"),
+        (("--corner", 9, 0, "--top", 3), "--corner cannot be combined with --top or --left"),
         (("--top", 1 << 60), "--top 1152921504606846976"),
         (("--cell", 5), "--cell 5"),
         (("--size-max", 20), "--size-max 20\n  expected: 24 to 112 m, 3 to 14 cells of 4 px"),
@@ -169,7 +170,7 @@ def test_individuals_of_runs_grow(tmp_path):
         (("--tolerance", "nan"), "--tolerance nan"),
         (("--candidates", 0), "--candidates 0"),
         (("--id", 1), "for 0 run folders"),
-        (("--block", 8), "--block with genomes alone"),
+        (("--block", 8), "--block has no use with only genomes"),
     ],
 )
 def test_an_option_out_of_bounds_is_refused(tmp_path, genome_file, options, says):

@@ -4,18 +4,16 @@ import json
 
 import numpy as np
 from cli_tools import call
-from toy_runs import forgotten, write_toy
+from toy_runs import forgotten
 
 import evocity
-from evocity.search import Search, read_recipe
+from evocity.search import Search
 
 __all__ = ["forgotten"]
 
 
-def test_all_that_reads_a_run_has_those_left_out(tmp_path):
-    recipe, copy = write_toy(tmp_path, recipe='[log]\ngenomes = "front"\n'), tmp_path / "run"
-    with Search(read_recipe(recipe), out=copy, workers=0) as search:
-        list(search)
+def test_all_that_reads_a_run_has_those_left_out(tmp_path, finished_runs):
+    copy = finished_runs.copy("left out", tmp_path)
     run = evocity.open_run(copy)
     living = set(run.members(3)["id"].to_pylist())
     breedings = run.births(columns=["breedings"])["breedings"].to_pylist()

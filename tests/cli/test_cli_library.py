@@ -8,7 +8,8 @@ from towns import draw_town
 
 import evocity
 from evocity.io import attribution_of
-from evocity.scene.library import TABLE, Library
+from evocity.scene.library import Library
+from evocity.scene.library_table import TABLE
 
 READING = ("--pixels", 160, "--metres-per-pixel", 2)
 
@@ -63,10 +64,18 @@ def test_the_command_refuses_what_is_at_fault(tmp_path):
     bare = (tmp_path / "bare.npy", "--metres-per-pixel", 2, "--licence", "CC0-1.0")
     out = ("-o", tmp_path / "own")
     at = ("--metres-per-pixel", 2)
-    refused(tmp_path, "library", "new", tmp_path / "town.npy", *at, *out, says="tells no licence")
-    refused(tmp_path, "library", "new", *bare, *out, says="no building of 24 m²")
+    refused(tmp_path, "library", "new", tmp_path / "town.npy", *at, *out, says="has no licence")
+    refused(tmp_path, "library", "new", *bare, *out, says="no whole building of 24 m²")
     refused(tmp_path, "library", "new", "lyon-1er", "-o", tmp_path / "file", says="is a file")
-    refused(tmp_path, "library", "new", "lyon-1er", "-o", tmp_path / "a" / "b", says="in no folder")
+    refused(
+        tmp_path,
+        "library",
+        "new",
+        "lyon-1er",
+        "-o",
+        tmp_path / "a" / "b",
+        says="a folder that does not exist",
+    )
     refused(tmp_path, "library", "new", "lyon-1er", "lyon-1er", *READING, *out, says="twice")
     refused(tmp_path, "library", "new", "lyon-2e", *out, says="lyon-2e")
     words = ("lyon-1er", "--classes", tmp_path / "none.toml")

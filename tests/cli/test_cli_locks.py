@@ -99,6 +99,7 @@ def test_encode_imports_what_shall_stand_there(tmp_path, heights):
     assert set(kept.heights[kept.mask]) == {expected}
 
 
+@pytest.mark.slow
 def test_run_and_resume_keep_it(tmp_path):
     write_mask(tmp_path / "mask.npy")
     recipe = write_recipe(tmp_path, locked='mask = "mask.npy"\ncity = "right"')
@@ -130,12 +131,12 @@ def of_an_empty_file(folder):
 
 def of_cut_json(folder):
     (folder / "a.geojson").write_text('{"type": "Feature')
-    return folder / "a.geojson", "not whole JSON"
+    return folder / "a.geojson", "not complete JSON"
 
 
 def of_no_polygon(folder):
     (folder / "a.geojson").write_text('{"type": "FeatureCollection", "features": []}')
-    return folder / "a.geojson", "no polygon among its features"
+    return folder / "a.geojson", "has no polygon"
 
 
 def of_another_town(folder):
@@ -147,7 +148,7 @@ def of_less_than_a_pixel(folder):
 
 
 def of_another_size(folder):
-    return write_mask(folder / "a.npy"), "a has 32 × 32 px, lyon-1er has 64 × 64 px"
+    return write_mask(folder / "a.npy"), "a has 32 × 32 px, but lyon-1er has 64 × 64 px"
 
 
 def of_nothing(folder):
@@ -161,7 +162,7 @@ def of_colours(folder):
 
 def of_an_unknown_suffix(folder):
     (folder / "a.doc").write_text("a letter")
-    return folder / "a.doc", "nothing reads .doc"
+    return folder / "a.doc", "no reader for .doc"
 
 
 BAD = [of_a_missing_file, of_a_folder, of_an_empty_file, of_cut_json, of_no_polygon,
@@ -179,14 +180,14 @@ def test_a_bad_lock_is_refused(tmp_path, bad):
 def test_footprints_ask_for_a_map_with_a_place(tmp_path, town_file):
     plan = square(tmp_path / "plan.geojson", *LYON)
     words = ("encode", town_file, *AT_2_M, "--lock", plan, "-o", tmp_path / "g.parquet")
-    refused(tmp_path, *words, says="town has no place on Earth, which plan asks for")
+    refused(tmp_path, *words, says="town has no place on Earth, but plan needs one")
 
 
 @pytest.mark.parametrize(
     ("heights", "says"),
     [
-        ("-3", "-3 m to be condensed"),
-        ("nan", "nan m to be condensed"),
+        ("-3", "a condensed height of -3 m"),
+        ("nan", "a condensed height of nan m"),
         ("1e9", "0 (ground) to 1000 m"),
         ("missing.tif", "no file 'missing.tif'"),
         ("levels.png", "grey levels"),
@@ -214,11 +215,11 @@ def test_the_lock_is_never_the_output(tmp_path, town_file):
 @pytest.mark.parametrize(
     ("locked", "says"),
     [
-        ('mask = "missing.npy"', "locked.mask: 'missing.npy' is no file"),
+        ('mask = "missing.npy"', "locked.mask: 'missing.npy' is not a file"),
         ('city = "left"', "locked: neither footprints nor mask"),
         ('mask = "left.npy"\nfootprints = "right.npy"', "locked: footprints and mask"),
-        ('mask = "mask.npy"\ncity = "middle"', "'middle' is no source"),
-        ('mask = "big.npy"', "big has 64 × 64 px, left has 32 × 32 px"),
+        ('mask = "mask.npy"\ncity = "middle"', "'middle' is not a source"),
+        ('mask = "big.npy"', "big has 64 × 64 px, but left has 32 × 32 px"),
         ('mask = "none.npy"', "no pixel of left is above 0"),
         ('mask = "all.npy"', "covers every pixel of left"),
         ('footprints = "plan.geojson"', "left has no place on Earth"),

@@ -28,6 +28,7 @@ def line_of(text: str, name: str) -> str:
 # -- [stop] --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_stop_ends_well_and_says_why_and_how_to_go_on(tmp_path, recipe):
     with_lines(recipe, "[stop]\ntarget = { alignment = 0.0 }\n")
     out = tmp_path / "run"
@@ -50,6 +51,7 @@ def test_a_stop_ends_well_and_says_why_and_how_to_go_on(tmp_path, recipe):
     assert json.loads(call("status", out, "--json").stdout)["stopped"] is None
 
 
+@pytest.mark.slow
 def test_a_time_is_an_option_of_run_and_resume(tmp_path, recipe):
     refused(tmp_path, "run", recipe, "--until", "soon", says="--until 'soon'; allowed: \"07:00\"")
     late = ("--until", "2020-01-01T07:00")
@@ -98,7 +100,7 @@ def stranger(tmp_path, monkeypatch):
 def test_a_strangers_run_is_executed_only_with_trust(stranger, tmp_path):
     refine = ("refine", stranger, "--id", 3, "-o", tmp_path / "x.parquet")
     for words in (("resume", stranger), refine):
-        message = refused(tmp_path, *words, says="was not begun on this machine")
+        message = refused(tmp_path, *words, says="was not started on this machine")
         assert "own.py" in message
         assert "--trust" in message
     for words in (("status", stranger), ("score", stranger, "--id", 3)):
@@ -109,15 +111,16 @@ def test_a_strangers_run_is_executed_only_with_trust(stranger, tmp_path):
 
 @pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("n\n", 2), ("\n", 2)])
 def test_at_a_terminal_trust_is_asked_for(stranger, monkeypatch, answer, code):
-    monkeypatch.setattr("evocity.cli.trusting._at_terminal", lambda: True)
+    monkeypatch.setattr("evocity.cli.shared.inputs._at_terminal", lambda: True)
     result = CliRunner().invoke(main, ["resume", str(stranger)], input=answer)
     assert result.exit_code == code
-    assert "would execute what it brings:\n  own.py\n" in result.stderr
+    assert "would execute its own files or commands:\n  own.py\n" in result.stderr
 
 
 # -- another recipe, an estimate -----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_by_another_recipe(tmp_path, recipe):
     result = call("run", recipe, "--generations", 1, "--out", tmp_path / "run")
     assert "estimate: about 12 births of " in result.stderr

@@ -53,7 +53,7 @@ def test_a_scene_of_it_lies_there_too(run, tmp_path):
     words = ("scene", run, "--id", 2, "--at", "paris", "-o", tmp_path / "c.glb")
     refused(tmp_path, *words, says="'paris'")
     refused(tmp_path, "scene", "lyon-1er", "--at", "lyon-1er", "-o", tmp_path / "c.glb",
-            says="which is no run folder")  # fmt: skip
+            says="which is not a run folder")  # fmt: skip
 
 
 def test_python_lays_it_there_too(run, tmp_path):
@@ -82,13 +82,13 @@ def test_other_places_are_refused(run, tmp_path):
     assert "one of lyon-1er, montpellier-pas-du-loup" in told
     evocity.open_run(run).genome(0).write(tmp_path / "g.parquet")
     words = ("decode", tmp_path / "g.parquet", "--at", "lyon-1er", *output)
-    refused(tmp_path, *words, says="which is no run folder")
+    refused(tmp_path, *words, says="which is not a run folder")
 
 
 def test_what_lies_nowhere_is_told_and_what_is_kept_is_laid_together(run, tmp_path):
     town = "lyon-1er"
     told = call("decode", run, "--id", 0, "-o", tmp_path / "a.gpkg").stderr
-    assert f"nowhere on Earth, since its parents lie in several places; --at {town} lays" in told
+    assert f"nowhere on Earth, since its parents lie in several places; --at {town} puts" in told
     assert "nowhere" not in call("decode", run, "--id", 0, "-o", tmp_path / "a.png").stderr
     laid = call("decode", run, "--id", 0, "--at", town, "-o", tmp_path / "b.gpkg")
     assert "nowhere" not in laid.stderr
@@ -98,18 +98,18 @@ def test_what_lies_nowhere_is_told_and_what_is_kept_is_laid_together(run, tmp_pa
     with zipfile.ZipFile(tmp_path / "c.zip") as archive:
         archive.extract(f"{kept}/map.tif", tmp_path)
     assert evocity.read_map(tmp_path / f"{kept}" / "map.tif").origin == pytest.approx(source.origin)
-    refused(tmp_path, "keep", run, "--at", town, says="without a file")
+    refused(tmp_path, "keep", run, "--at", town, says="needs an output file")
     sheet = tmp_path / "d.png"
     refused(tmp_path, "keep", run, "-o", sheet, "--at", town, says="a contact sheet")
 
 
 def test_what_is_kept_is_held_against_its_parents(run):
     opened = evocity.open_run(run)
-    loss = dict(zip(opened.told.ids.tolist(), opened.told.losses[:, 0].tolist(), strict=True))
-    best = min(loss[one] for one in opened.told.founders.tolist())
-    assert opened.told.founders.tolist() == [0, 1]
+    loss = dict(zip(opened.columns.ids.tolist(), opened.columns.losses[:, 0].tolist(), strict=True))
+    best = min(loss[one] for one in opened.columns.founders.tolist())
+    assert opened.columns.founders.tolist() == [0, 1]
     for one in opened.keep():
         own = loss[one.individual.id]
         assert ("No parent is as good in alignment." in one.why) == (own < best)
         if one.individual.id > 1 and own > best:
-            assert "It beats all parents in no goal; one is better in alignment." in one.why
+            assert "It beats all parents in no goal; a parent is better in alignment." in one.why

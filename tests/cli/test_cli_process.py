@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from cli_tools import AT_2_M, PLAIN, call, write_recipe, write_town
 
-from evocity.store import open_run
+from evocity.store import RunLog
 
 EVOCITY = (sys.executable, "-m", "evocity")
 OLD = Path(__file__).parent.parent / "old" / "run-6"
@@ -34,7 +34,7 @@ def test_help_loads_nothing_heavy():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-READING = {"rasterio", "pyogrio", "osmium", "shapely", "PIL", "pandas", "evocity.io.writing"}
+READING = {"rasterio", "pyogrio", "osmium", "shapely", "PIL", "pandas", "evocity.io.writers"}
 COMPUTING = {"numba", "llvmlite", "numpy.f2py", "scipy.linalg", "scipy.ndimage", "scipy.sparse"}
 
 
@@ -67,6 +67,7 @@ def test_commands_that_list_load_no_more_than_they_tell(commands):
     assert heavy == {words: set() for words in commands}
 
 
+@pytest.mark.slow
 def test_commands_that_draw_load_neither_gdal_nor_what_compiles(tmp_path):
     """A genome is decoded and drawn with what is compiled already, and with nothing of SciPy's;
     ``.tif`` and ``.gpkg`` alone load what writes them."""
@@ -79,7 +80,7 @@ def test_commands_that_draw_load_neither_gdal_nor_what_compiles(tmp_path):
     ]
     for words in commands:
         call(*words)  # compiles what is not yet
-    heavy = COMPUTING - {"numba", "llvmlite"} | READING - {"PIL", "evocity.io.writing"}
+    heavy = COMPUTING - {"numba", "llvmlite"} | READING - {"PIL", "evocity.io.writers"}
     heavy |= {"numba.np.linalg", "pyproj", "scipy.special"}
     loaded = loaded_by(commands)
     assert {words: found & heavy for words, found in loaded.items()} == {
@@ -109,6 +110,7 @@ def test_a_bad_input_ends_a_process_with_2_and_one_message(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_json_is_all_there_is_on_standard_output(tmp_path):
     town = write_town(tmp_path / "town.npy")
     own = tmp_path / "own_of_process.py"
@@ -126,9 +128,10 @@ def test_json_is_all_there_is_on_standard_output(tmp_path):
     done = process("encode", town, *AT_2_M, *PLAIN, "-o", tmp_path / "g.parquet", "--json")
     assert json.loads(done.stdout)["lifs"] == 256
     told = [line for line in done.stderr.splitlines() if "kernels are compiled" not in line]
-    assert told == ["Note: town: the file's raster as it is, 64 × 64 px"]
+    assert told == ["Note: town: the whole raster of the file, 64 × 64 px"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.long)])
 def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
@@ -153,10 +156,10 @@ def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
     folder = tmp_path / "run"
     assert err.splitlines()[-1] == (
         f"Stopped. Go on with: evocity resume {folder}; "
-        f"see what it has with: evocity report {folder}"
+        f"see its results with: evocity report {folder}"
     )
     assert "Traceback" not in err
-    last = open_run(folder).events()[-1]
+    last = RunLog(folder).events()[-1]
     assert (last["event"], last["reason"]) == ("stop", "interrupted")
     before = json.loads(call("status", folder, "--json").stdout)
     assert (before["finished"], before["running"]) == (False, False)

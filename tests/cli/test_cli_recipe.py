@@ -13,10 +13,12 @@ import evocity
 from evocity import search
 from evocity.coding import decode
 from evocity.errors import RecipeError
-from evocity.search.calibration import _at_best, _invented
-from evocity.search.preparation import prepare
-from evocity.search.reading import recipe_of
-from evocity.search.recipe_text import Goal
+from evocity.recipe.reader import recipe_of
+from evocity.recipe.recipe import Recipe
+from evocity.recipe.sections import GenomeSection
+from evocity.search.calibration.calibration import _note_best, _note_heights
+from evocity.search.calibration.recipe_text import Goal
+from evocity.search.preparation.preparation import prepare
 
 #: Of what children have of their sources, too little for a bound of .5.
 KIN = """
@@ -85,20 +87,20 @@ def night(towns):
     return path, call("recipe", "new", *words, *own, "-o", path, "--json")
 
 
-def test_targets_of_invented_heights_are_told():
+def test_targets_of_note_heights_are_noted():
     heights = np.zeros((32, 32), np.float32)
     heights[4:20, 4:20] = 6.0
     goals = [Goal(evocity.fitness.get(name)) for name in ("gsi", "mean_height", "fsi", "alignment")]
 
     def told(**rules):
-        return _invented(goals, evocity.CityMap(heights, 2.0, name="here", height_rules=rules))
+        return _note_heights(goals, evocity.CityMap(heights, 2.0, name="here", height_rules=rules))
 
-    assert [one.split(" made")[0] for one in told(default=3, height=2)] == [
-        "mean_height, fsi: their targets are"
+    assert [one.split(" on")[0] for one in told(default=3, height=2)] == [
+        "mean_height, fsi: their targets rest"
     ]
     assert told(default=1, height=2) == told(height=2) == told() == []
     goals[2:] = []
-    assert told(default=1)[0].startswith("mean_height: its target is made")
+    assert told(default=1)[0].startswith("mean_height: its target rests")
 
 
 def test_a_goal_that_one_parent_has_reached_is_told():
@@ -111,14 +113,17 @@ def test_a_goal_that_one_parent_has_reached_is_told():
         "autosimilarity": {"left": (1, 0.99), "right": (1, 0.98)},
         "mean_height": {"left": (0, 0.0), "right": (3, 3.0)},
     }
-    (told,) = _at_best(goals, values)
-    assert told.startswith("crumbs: right has 0 already, the best there can be; children of it")
+    (told,) = _note_best(goals, values)
+    assert told.startswith(
+        "crumbs: right has 0 already, the best possible value; children of only it"
+    )
     values["crumbs"]["middle"] = (0, 0.0)
-    (told,) = _at_best(goals, values)
+    (told,) = _note_best(goals, values)
     assert told.startswith("crumbs: right and middle have 0 already")
-    assert "children of these alone may win" in told
+    assert "children of only these may win" in told
 
 
+@pytest.mark.slow
 def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, towns, tmp_path):
     text = night[0].read_text(encoding="utf-8")
     assert text.count('# attribution = "…"') == 2  # an array tells none
@@ -131,7 +136,7 @@ def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, town
     with pytest.raises(RecipeError, match=r"parents\[0\].attribution"):
         recipe_of(credited.replace("© the towns", "  ", 1), night[0].parent, {}, name="night")
     genome = credited.replace('map = "../left.npy"', 'genome = "../left.npy"')
-    with pytest.raises(RecipeError, match="attribution beside genome"):
+    with pytest.raises(RecipeError, match="attribution cannot go with genome"):
         recipe_of(genome, night[0].parent, {}, name="night")
 
 
@@ -142,9 +147,9 @@ def test_the_recipe_runs_from_where_it_lies(night, tmp_path):
     assert [parent.map for parent in recipe.parents] == ["../left.npy", "../right.npy"]
     assert (recipe.map.pixels, recipe.map.metres_per_pixel) == (128, 2.0)
     assert dict(recipe.operators) == dict(
-        search.recipe.Recipe.model_fields["operators"].get_default(call_default_factory=True)
+        Recipe.model_fields["operators"].get_default(call_default_factory=True)
     )
-    usual = search.recipe.GenomeSection()
+    usual = GenomeSection()
     assert recipe.genome == usual
     short = search.read_recipe(path, generations=1, population=6, workers=0)
     with search.Search(short, out=tmp_path / "run") as breeding:
@@ -233,9 +238,9 @@ def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0
     np.save(tmp_path / "two.npy", heights)
     result = call("recipe", "new", tmp_path / "two.npy", "--pixels", 64, "-o", tmp_path / "a.toml")
-    few = "no bound, for it is undefined of two ("
+    few = "no bound, for it is undefined for two ("
     assert f"Note: fabric_distance: {few}" in result.stderr
-    none = "Note: salingaros_buildings: no goal, for it is undefined of two ("
+    none = "Note: salingaros_buildings: no goal, for it is undefined for two ("
     assert none in result.stderr
     recipe = search.read_recipe(tmp_path / "a.toml")
     names = [one.name for one in recipe.fitness]
@@ -271,12 +276,15 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
         (("left.npy", "--fitness", "no_such"), "no measure is called 'no_such'"),
         (("left.npy", "--fitness", "missing.py"), "no Python file"),
         (("left.npy", "--fitness", "broken.py"), "out of sorts"),
-        (("left.npy", "--fitness", "never.py"), "never is undefined of left (it never is)"),
+        (("left.npy", "--fitness", "never.py"), "never is undefined for left (it never is)"),
         (("left.npy", "--fitness", "never.py"), "evocity score MAP --fitness never.py, or"),
-        (("left.npy", "flat.npy"), "flat: nothing is built on its map (flat.npy)"),
+        (("left.npy", "flat.npy"), "flat: the map (flat.npy) has no buildings"),
         (("left.npy", "flat.npy"), "a window with buildings, with --center and --pixels, or"),
         (("left.npy", "--layer", "houses"), "--layer houses"),
-        (("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3), "3 × --center for 2 maps"),
+        (
+            ("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3),
+            "--center is given 3 × for 2 maps",
+        ),
         (("left.npy", "-o", "a.txt"), "cannot be written here"),
         (("left.npy", "-o", "nowhere/a.toml"), "no folder"),
         (("left.npy", "-o", "kept.toml"), "exists already"),
@@ -320,7 +328,7 @@ def test_births_that_fail_are_told_loudly(towns, tmp_path):
         result.stderr
     )
     assert "A run stops when more than 50% of a generation's births fail" in result.stderr
-    assert "Look at its comments" not in result.stdout
+    assert "Read its comments" not in result.stdout
     assert "Correct what makes births fail, then:" in result.stdout
 
 
@@ -333,4 +341,4 @@ def test_what_was_taken_of_a_map_is_told_before_an_error_of_a_goal(tmp_path):
     told = call("recipe", "new", "lyon-1er", "--pixels", 64, *own, code=2).stderr
     assert told.count("Note: lyon-1er: a window of ") == 1
     assert told.index("Note: lyon-1er: a window of ") < told.index("encoding lyon-1er")
-    assert told.index("encoding lyon-1er") < told.index("never is undefined of lyon-1er")
+    assert told.index("encoding lyon-1er") < told.index("never is undefined for lyon-1er")

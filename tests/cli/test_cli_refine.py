@@ -4,18 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from cli_tools import call, contents, refused, write_recipe
+from cli_tools import call, contents, refused
 
 import evocity
-from evocity.store import open_run
+from evocity.store import RunLog
 
 
 @pytest.fixture(scope="module")
-def ended(tmp_path_factory):
+def ended(finished_runs, tmp_path_factory):
     """A run that is finished."""
-    folder = tmp_path_factory.mktemp("refined")
-    call("run", write_recipe(folder), "--out", folder / "run")
-    return folder / "run"
+    return finished_runs.copy("commanded", tmp_path_factory.mktemp("refined"))
 
 
 @pytest.mark.parametrize("way", ["lambda_field", "heights", "parameters"])
@@ -39,13 +37,14 @@ def test_a_genome_is_written_and_the_run_stays_as_it_is(ended, tmp_path, way):
 def test_nothing_better_is_told_and_the_individual_written(ended, tmp_path):
     path = tmp_path / "same.parquet"
     words = ("--way", "fit", "--towards", tmp_path / "own.npy", "--metres-per-pixel", 2)
-    genome = open_run(ended).individuals([9])[0].genome
+    genome = RunLog(ended).individuals([9])[0].genome
     np.save(tmp_path / "own.npy", evocity.decode(genome).city.heights)  # as near as can be
     result = call("refine", ended, "--id", 9, *words, "--budget", 1, "-o", path)
-    assert "nothing better was found" in result.stderr
+    assert "no better individual found" in result.stderr
     assert evocity.read_genome(path) == genome
 
 
+@pytest.mark.slow
 def test_why_an_optimiser_stopped_early_is_told(ended, tmp_path):
     path = tmp_path / "tuned.parquet"
     words = ("refine", ended, "--id", 9, "--budget", 500, "--side", 1, "-o", path)
@@ -78,9 +77,9 @@ def test_a_map_is_come_closer_to(ended, tmp_path):
     [
         (("--id", 99), "no individual 99"),
         (("--id", 9, "--with", 99), "no individual 99"),
-        (("--id", 0, "--way", "parameters"), "which is a source"),
-        (("--id", 9, "--way", "heights", "--with", 3), "--with with --way heights"),
-        (("--id", 9, "--tune", "fill"), "--tune with --way lambda_field"),
+        (("--id", 0, "--way", "parameters"), "no operator bred individual"),
+        (("--id", 9, "--way", "heights", "--with", 3), "--with does not fit --way heights"),
+        (("--id", 9, "--tune", "fill"), "--tune does not fit --way lambda_field"),
         (("--id", 9, "--way", "parameters", "--tune", "trees"), "'trees' of"),
         (("--id", 9, "--way", "fit"), "--way fit without --towards"),
         (("--id", 9, "--way", "fit", "--towards", "nowhere.tif"), "nowhere.tif"),

@@ -6,8 +6,8 @@ import pytest
 from cli_tools import call, contents, refused, write_recipe
 
 from evocity.report import write_report
-from evocity.search import rechecking
-from evocity.store import open_run
+from evocity.search import replay_check
+from evocity.store import RunLog
 
 OWN = """
 import random
@@ -75,11 +75,11 @@ def test_what_differs_is_told_with_exit_code_1(tmp_path):
 def test_a_strangers_run_is_replayed_only_with_trust(tmp_path, monkeypatch):
     out = with_measure(tmp_path, "0")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "mine"))
-    message = refused(tmp_path, "replay", out, 9, says="was not begun on this machine")
+    message = refused(tmp_path, "replay", out, 9, says="was not started on this machine")
     assert "own.py" in message
     assert "--trust" in message
     assert json.loads(call("replay", out, 9, "--trust", "--json").stdout)[0]["same"]
-    refused(tmp_path, "replay", out, 9, says="was not begun on this machine")
+    refused(tmp_path, "replay", out, 9, says="was not started on this machine")
 
 
 def test_a_changed_measure_is_executed_only_if_that_is_accepted(tmp_path):
@@ -96,9 +96,9 @@ def test_a_changed_measure_is_executed_only_if_that_is_accepted(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "named in none or several ways"),
-        ((3, "--all"), "named in none or several ways"),
-        (("--all", "--sample", 3), "named in none or several ways"),
+        ((), "IDs, --all and --sample are all missing"),
+        ((3, "--all"), "IDs, --all and --sample are all missing"),
+        (("--all", "--sample", 3), "IDs, --all and --sample are all missing"),
         ((10**6,), "no individual 1000000"),
     ],
 )
@@ -119,13 +119,13 @@ def test_no_run_is_told(tmp_path):
 
 
 def test_what_a_run_finds_to_differ_is_told_everywhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(rechecking, "RATE", 0.5)
+    monkeypatch.setattr(replay_check, "RATE", 0.5)
     recipe = write_recipe(tmp_path, fitness='file = "own.py"')
     (tmp_path / "own.py").write_text(OWN.format(more="random.random()"))
     out = tmp_path / "run"
     result = call("run", recipe, "--generations", 2, "--workers", 0, "--out", out)
     assert result.stderr.count("differs when replayed: fitness.own was") == 1
-    found = [one for one in open_run(out).events() if one["event"] == "differs"]
+    found = [one for one in RunLog(out).events() if one["event"] == "differs"]
     told = json.loads(call("status", out, "--json").stdout)["differs"]
     keys = ("generation", "id", "differs")
     assert told == [{key: one[key] for key in keys} for one in found] != []

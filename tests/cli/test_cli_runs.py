@@ -57,6 +57,7 @@ def line_of(text: str, name: str) -> str:
 # -- where a run is kept ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_says_where_it_is_kept_once_it_is(tmp_path, recipe, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ("run", recipe, "--generations", 0)
@@ -78,7 +79,7 @@ def test_a_refused_recipe_or_folder_tells_no_run(tmp_path, recipe):
     (tmp_path / "here").mkdir()
     message = refused(tmp_path, "run", recipe, "--out", tmp_path / "here", says="exists already")
     assert message.startswith("Error: ")
-    message = refused(tmp_path, "run", tmp_path / "missing.toml", says="no recipe")
+    message = refused(tmp_path, "run", tmp_path / "missing.toml", says="cannot be read")
     assert message.startswith("Error: ")
 
 
@@ -107,12 +108,14 @@ def test_a_stopped_run_is_not_running(stopped):
 
 
 def test_a_run_without_survivors_is_not_to_be_resumed(tmp_path, dead):
-    message = refused(tmp_path, "resume", dead, says="nobody lives in generation 0")
+    message = refused(tmp_path, "resume", dead, says="no individual is alive in generation 0")
     remedy = message.split("what to do: ")[1].strip()
     text = call("status", dead).stdout
-    assert line_of(text, "finished").endswith(f"{dead}: nobody lives in generation 0; {remedy}")
+    assert line_of(text, "finished").endswith(
+        f"{dead}: no individual is alive in generation 0; {remedy}"
+    )
     assert "evocity resume" not in text
-    assert line_of(text, "front") == "nobody"
+    assert line_of(text, "front") == "none"
     assert json.loads(call("status", dead, "--json").stdout)["front"] == []
 
 
@@ -165,7 +168,9 @@ def test_several_of_a_run_become_a_contact_sheet(tmp_path, stopped):
     output = ("-o", tmp_path / "s.png")
     words = ("show", stopped, *each, "--id", 10**6, *output)
     refused(tmp_path, *words, says="1000000")
-    refused(tmp_path, "show", stopped, *each, "--pixels", 64, *output, says="--pixels with")
+    refused(
+        tmp_path, "show", stopped, *each, "--pixels", 64, *output, says="--pixels has no use with"
+    )
 
 
 def test_a_run_of_nobody_has_none_to_keep(tmp_path, dead):

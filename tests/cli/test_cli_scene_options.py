@@ -15,7 +15,15 @@ def test_the_command_draws_as_it_is_asked(tmp_path):
     call(*words, "-o", tmp_path / "classes.png", "--width", 300, "--colours", "classes")
     drawn = {(tmp_path / f"{name}.png").read_bytes() for name in ("plain", "plan", "classes")}
     assert len(drawn) == 3
-    refused(tmp_path, *words, "-o", tmp_path / "x.glb", "--tilt", 60, says="--tilt with x.glb")
+    refused(
+        tmp_path,
+        *words,
+        "-o",
+        tmp_path / "x.glb",
+        "--tilt",
+        60,
+        says="--tilt does not fit the output x.glb",
+    )
     assert "'--seed'" in call(*words, "-o", tmp_path / "x.glb", "--seed", -1, code=2).stderr
     refused(
         tmp_path, *words, "-o", tmp_path / "x.glb", "--storeys", "1e30", says="metres, 0.1 to 100"
@@ -51,7 +59,7 @@ def test_objects_of_one_atmosphere(tmp_path):
     Library.of(four_houses(), licence="CC0-1.0", atmosphere="old town").write(tmp_path / "objects")
     words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1, "-o", tmp_path / "x.glb")
     library = ("--library", tmp_path / "objects", "--atmosphere")
-    assert "4 of them objects of the library" in call(*words, *library, "old town").output
+    assert "4 replaced by objects of the library" in call(*words, *library, "old town").output
     refused(tmp_path, *words, *library, "old twon", says="one of 'old town'")
     refused(tmp_path, *words, "--atmosphere", "old town", says="--atmosphere without --library")
 

@@ -8,7 +8,7 @@ from cli_tools import call, contents, refused, write_recipe, write_town
 from PIL import Image
 
 import evocity
-from evocity.cli.searching import LiveLine, LogLines, goal_signs, progress_line
+from evocity.cli.shared.search_progress import LiveLine, LogLines, goal_signs, progress_line
 from evocity.errors import MapError, RunError
 from evocity.search import Generation
 
@@ -19,11 +19,9 @@ def recipe(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(finished_runs, tmp_path_factory):
     """A finished run, only looked at."""
-    folder = tmp_path_factory.mktemp("finished")
-    call("run", write_recipe(folder), "--out", folder / "run")
-    return folder / "run"
+    return finished_runs.copy("commanded", tmp_path_factory.mktemp("finished"))
 
 
 def rows(folder):
@@ -82,7 +80,7 @@ def test_an_existing_folder_is_refused(tmp_path, recipe):
 def test_a_file_where_a_folder_should_be_is_refused(tmp_path, recipe):
     (tmp_path / "file").write_text("no folder")
     words = ("run", recipe, "--out", tmp_path / "file" / "run")
-    refused(tmp_path, *words, says="cannot be made")
+    refused(tmp_path, *words, says="cannot be created")
 
 
 @pytest.mark.parametrize(
@@ -96,7 +94,7 @@ def test_a_file_where_a_folder_should_be_is_refused(tmp_path, recipe):
         ({"operators": "mutation = -2"}, "operators.mutation"),
         ({"operators": "mutation = { weight = 1, sigma = -0.1 }"}, "operators.mutation"),
         ({"operators": "grafting = 1"}, "operators.grafting: unknown operator"),
-        ({"fitness": 'name = "beauty"'}, "`evocity fitness list` names"),
+        ({"fitness": 'name = "beauty"'}, "`evocity fitness list` shows"),
         ({"fitness": 'name = "gsi"'}, "gsi"),
         ({"fitness": 'file = "missing.py"'}, "missing.py"),
         ({"parents": 'map = "atlantis"'}, "atlantis"),
@@ -129,12 +127,12 @@ def test_a_fault_of_the_command_line_is_not_the_recipes(tmp_path, recipe, option
 
 def test_a_recipe_that_is_none_is_refused(tmp_path):
     words = ("--out", tmp_path / "run")
-    refused(tmp_path, "run", tmp_path / "missing.toml", *words, says="no recipe")
+    refused(tmp_path, "run", tmp_path / "missing.toml", *words, says="missing.toml cannot be read")
     (tmp_path / "empty.toml").touch()
     refused(tmp_path, "run", tmp_path / "empty.toml", *words, says="empty.toml")
     (tmp_path / "torn.toml").write_text("[run")
     refused(tmp_path, "run", tmp_path / "torn.toml", *words, says="not TOML")
-    refused(tmp_path, "run", tmp_path, *words, says="no recipe")
+    refused(tmp_path, "run", tmp_path, *words, says="cannot be read")
 
 
 def test_a_map_of_another_size_than_its_partner_is_refused(tmp_path, recipe):
@@ -170,7 +168,9 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path, recipe, finished):
 def test_a_finished_run_gets_its_report_again(tmp_path, recipe):
     call("run", recipe, "--generations", 0, "--out", tmp_path / "run")
     (tmp_path / "run" / "report.html").unlink()
-    with patch("evocity.search.engine.pool_of", side_effect=AssertionError("nothing to work on")):
+    with patch(
+        "evocity.search.engine.start_engine", side_effect=AssertionError("nothing to work on")
+    ):
         result = call("resume", tmp_path / "run")
     assert (tmp_path / "run" / "report.html").is_file()
     assert result.stderr == "finished already at 0/0; --generations N goes on\n"
@@ -249,7 +249,7 @@ def test_a_run_without_an_id_says_where_ids_are(tmp_path, finished, words):
     assert str(finished / "report.html") in message
     example = message.split("for example --id ")[1].split(",")[0]
     call("score", finished, "--id", example, "--fitness", "gsi")
-    refused(tmp_path, "encode", finished, "-o", tmp_path / "g.parquet", says="that of a run")
+    refused(tmp_path, "encode", finished, "-o", tmp_path / "g.parquet", says="is a run folder")
     refused(tmp_path, words[0], finished, "--id", 9999, *output, says="from 0 to 17")
 
 
@@ -263,6 +263,7 @@ def sometimes(city):
 """
 
 
+@pytest.mark.slow
 def test_failures_are_told_at_the_end_and_by_status(tmp_path):
     (tmp_path / "own_sometimes.py").write_text(OWN_SOMETIMES, encoding="utf-8")
     fitness = 'file = "own_sometimes.py"\n[[fitness]]\nname = "gsi"\ntarget = 0.3'
@@ -396,7 +397,7 @@ def test_a_report_that_fails_loses_nothing(tmp_path, recipe, searching, monkeypa
     result = call("run", recipe, "--out", tmp_path / "run", code=1)
     assert "no ink" in result.stderr
     assert f"data are safe in {tmp_path / 'run'}" in result.stderr
-    assert f"to try again: evocity report {tmp_path / 'run'}" in result.stderr
+    assert f"try again with: evocity report {tmp_path / 'run'}" in result.stderr
 
 
 def test_the_line_of_progress():
@@ -421,20 +422,21 @@ def test_the_signs_of_goals(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_invented_heights_of_parents_are_told(tmp_path):
     parents = 'map = "lyon-1er"\n[[parents]]\nmap = "villeurbanne-gratte-ciel"'
     recipe = write_recipe(tmp_path, parents=parents)
     words = ("run", recipe, "--generations", 0, "--out")
     lines = call(*words, tmp_path / "run").stderr.splitlines()
     assert "Note: lyon-1er: a window of 64 × 64 m, with" in "\n".join(lines)
-    assert sum("the file itself names a window of 512 × 512 m" in line for line in lines) == 2
+    assert sum("the file names a window of 512 × 512 m" in line for line in lines) == 2
     (note,) = [line for line in lines if "no height" in line]
     assert "villeurbanne-gratte-ciel: 5 of 5 buildings have no height" in note
-    assert "6 m taken, by which those that touch are one building; default_height in" in note
+    assert "get 6 m; those that touch become one building; default_height in" in note
     recipe.write_text(recipe.read_text().replace('-ciel"', '-ciel"\ndefault_height = 9.0'))
     lines = call(*words, tmp_path / "more").stderr.splitlines()
     (note,) = [line for line in lines if "no height" in line]
-    assert "9 m taken" in note
+    assert "and get 9 m" in note
 
 
 def test_a_parent_that_is_mostly_empty_is_told(tmp_path):

@@ -31,7 +31,7 @@ def test_dimensions_and_counts_are_told():
     }
     assert call("shape", "count", "koch", "--depth", 3).stdout == "64\n"
     fern = call("shape", "dimension", "fern", "--side", 256)
-    assert "exact: not known" in fern.stdout
+    assert "exact: unknown" in fern.stdout
     assert json.loads(call("shape", "dimension", "fern", "--side", 256, "--json").stdout)[
         "dimension"
     ] is None  # fmt: skip
@@ -47,13 +47,13 @@ def test_one_shape_becomes_another(tmp_path):
     ("words", "says"),
     [
         (["show", "kock", "-o", "{}/a.png"], "did you mean koch"),
-        (["show", "menger", "-o", "{}/a.png"], "a shape of space"),
+        (["show", "menger", "-o", "{}/a.png"], "the shape lies in space"),
         (["show", "koch", "-o", "{}/a.gif"], "a name that ends in .png, .svg or .glb"),
         (["show", "koch", "-o", "{}/a.svg"], "add --depth"),
         (["show", "koch", "-o", "{}/none/a.png"], "cannot be written"),
         (["show", "{}/none.json", "-o", "{}/a.png"], "No such file"),
         (["show", "koch", "--depth", "40", "-o", "{}/a.png"], "pieces"),
-        (["morph", "koch", "menger", "-t", "0.5", "-o", "{}/a.png"], "one of space"),
+        (["morph", "koch", "menger", "-t", "0.5", "-o", "{}/a.png"], "the other in space"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, words, says):
@@ -64,4 +64,4 @@ def test_files_at_fault_leave_nothing(tmp_path):
     write_shape(known("koch"), tmp_path / "a.json")
     (tmp_path / "a.json").write_text((tmp_path / "a.json").read_text()[:40])
     words = "shape", "show", tmp_path / "a.json", "-o", tmp_path / "b.png"
-    refused(tmp_path, *words, says="no shape")
+    refused(tmp_path, *words, says="not a shape")

@@ -9,7 +9,7 @@ from cli_tools import AT_2_M, call, refused, write_recipe, write_town
 from evocity import fitness
 from evocity.coding import decode
 from evocity.io import read_map
-from evocity.store import open_run
+from evocity.store import RunLog
 
 MASK = np.zeros((32, 32), np.float32)
 MASK[4:20, 8:24] = 1
@@ -38,15 +38,17 @@ def test_a_part_of_a_map_is_scored(masks):
     assert told["lacunarity"] is None
     assert "528 px within 32 × 32 px" in call(*words, "--fitness", "gsi").stdout
     lines = call(*words).stdout
-    assert "which is no rectangle" in lines
-    for name, says in (("lacunarity", "is no rectangle"), ("integrity", "asks for the genome")):
+    assert "which is not a rectangle" in lines
+    for name, says in (("lacunarity", "is not a rectangle"), ("integrity", "needs the genome")):
         refused(masks, *words, "--fitness", name, says=says)
 
 
 def test_parts_that_do_not_serve_are_refused(masks):
     town = write_town(masks / "town.npy", side=64)
     words = ("score", town, *AT_2_M, "--within")
-    refused(masks, *words, masks / "middle.npy", says="middle has 32 × 32 px, town has 64 × 64 px")
+    refused(
+        masks, *words, masks / "middle.npy", says="middle has 32 × 32 px, but town has 64 × 64 px"
+    )
     refused(masks, *words, masks / "none.npy", says="no file")
     np.save(masks / "none.npy", np.zeros((64, 64), np.float32))
     refused(masks, *words, masks / "none.npy", says="no pixel of town is above 0")
@@ -56,7 +58,7 @@ def test_a_run_is_scored_as_it_was_measured(masks):
     goals = 'name = "gsi"\ntarget = 0.3\nwithin = "corner.npy"'
     recipe = write_recipe(masks, fitness=goals)
     call("run", recipe, "--out", masks / "run")
-    found = open_run(masks / "run")
+    found = RunLog(masks / "run")
     row = found.births(1).to_pylist()[0]
     words = ("score", masks / "run", "--id", row["id"], "--within", masks / "corner.npy", "--json")
     told = json.loads(call(*words, "--fitness", "gsi", "--fitness", "fabric_distance").stdout)
@@ -76,7 +78,7 @@ def test_a_recipe_with_a_mask_of_another_size_is_refused(masks):
     before = sorted(masks.iterdir())
     told = call(*words, code=2).stderr
     assert (
-        "fitness[0] (gsi): within = 'corner.npy': corner has 32 × 32 px, left has 64 × 64 px"
+        "fitness[0] (gsi): within = 'corner.npy': corner has 32 × 32 px, but left has 64 × 64 px"
         in told
     )
     assert sorted(masks.iterdir()) == before

@@ -14,7 +14,7 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import autosimilarity_maps, free_block_maps
 from evocity.coding.autosimilarity import NORMALISATIONS, RESOLUTION
-from evocity.coding.matching import everywhere
+from evocity.coding.matching import residual
 from evocity.errors import GenomeError
 from evocity.io import cities
 
@@ -212,7 +212,7 @@ def test_threads_and_bands_change_nothing(monkeypatch):
     np.testing.assert_array_equal(one.mean, several.mean)
     np.testing.assert_array_equal(one.least, several.least)
     assert one.curve == several.curve
-    monkeypatch.setattr(everywhere, "_BAND", 16 * 8 * 40 * 5)  # five rows
+    monkeypatch.setattr(residual, "_BAND", 16 * 8 * 40 * 5)  # five rows
     banded = autosimilarity_maps(city, **options)
     np.testing.assert_allclose(banded.mean, one.mean, atol=RESOLUTION)
     np.testing.assert_allclose(banded.least, one.least, atol=RESOLUTION)
@@ -318,8 +318,8 @@ def test_each_of_the_free_blocks_takes_the_domains_larger_than_it(normalise):
 
 def test_shrinking_shares_seams_by_area():
     values = np.random.default_rng(13).random((9, 11))
-    found = everywhere._shrunk(values, 4, 7, axis=0)
-    found = everywhere._shrunk(found, 4, 7, axis=2).swapaxes(0, 1)
+    found = residual._shrink(values, 4, 7, axis=0)
+    found = residual._shrink(found, 4, 7, axis=2).swapaxes(0, 1)
     assert found.shape == (4, 4, 3, 5)
     for y, x in np.ndindex(3, 5):
         truth = naive.area_weighted(values[y : y + 7, x : x + 7], 4)
@@ -397,5 +397,5 @@ def test_what_cannot_be_is_refused(town, options):
 
 
 def test_no_block_is_refused():
-    with pytest.raises(GenomeError, match="one size of range blocks"):
+    with pytest.raises(GenomeError, match="at least one side of range blocks"):
         free_block_maps(city_of(town_heights(1)), blocks=())

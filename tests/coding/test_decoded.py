@@ -8,7 +8,7 @@ from codes import uniformly
 
 from evocity.citymap import CityMap
 from evocity.coding import decode
-from evocity.coding.decoded import AT_LEAST, Decodings, decoded
+from evocity.coding.decoding_cache import AT_LEAST, Decodings, decoded
 from evocity.errors import GenomeError
 
 

@@ -190,7 +190,7 @@ def test_moved_against_its_naive_twin():
 def test_a_start_that_is_not_finite_is_no_start(town, height):
     start = town.heights.copy()
     start[3, 4] = height
-    with pytest.raises(GenomeError, match="a start of heights"):
+    with pytest.raises(GenomeError, match="the start has heights"):
         decode(uniformly(town).genome, start=start)
 
 
@@ -228,9 +228,9 @@ def test_psnr(town):
 
 
 def test_names_in_place_of_maps_and_genomes_are_told_apart(town, encoding):
-    with pytest.raises(GenomeError, match=r"a str to encode(.|\n)*read_map"):
+    with pytest.raises(GenomeError, match=r"a str cannot be encoded(.|\n)*read_map"):
         uniformly("lyon-1er")
-    with pytest.raises(GenomeError, match=r"a CityMap to decode(.|\n)*encode"):
+    with pytest.raises(GenomeError, match=r"a CityMap cannot be decoded(.|\n)*encode"):
         decode(town)
 
 

@@ -301,7 +301,7 @@ def test_evaluations_at_fault(coded, town, evaluations):
 
 def test_another_grid_is_refused(coded, town):
     for other in (draw_town(1, side=32, buildings=5), CityMap(town.heights, 3.0)):
-        with pytest.raises(MapError, match="one size"):
+        with pytest.raises(MapError, match="the same number and size of pixels"):
             fit_attractor(coded, other)
 
 

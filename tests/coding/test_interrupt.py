@@ -26,6 +26,7 @@ except BaseException as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="interrupts are sent otherwise there")
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_search_is_interrupted_at_once(threads):

@@ -15,7 +15,8 @@ from evocity.coding import CollageMap, decode
 from evocity.coding._kernels import shared_extents
 from evocity.coding.matching import best_correlations, best_matches
 from evocity.coding.matching.domains import domain_pools
-from evocity.coding.matching.nearby import together
+from evocity.coding.matching.local_search import chunk_size
+from evocity.coding.parameters import Coding
 from evocity.errors import GenomeError
 from evocity.operators import collage_repair
 from evocity.pavement import Pavement
@@ -97,6 +98,7 @@ def test_a_decoding_makes_its_city_once_and_cannot_be_changed_before():
     assert np.array_equal(again.city.heights, decoding.city.heights)
 
 
+@pytest.mark.slow_cases("20-17", "40-51")
 @pytest.mark.parametrize(("reach", "every"), [(16, 17), (20, 17), (40, 51)])
 def test_the_best_within_reach_is_found_in_any_band_of_rows(reach, every):
     heights = draw_town(6, side=64).heights
@@ -105,7 +107,7 @@ def test_the_best_within_reach_is_found_in_any_band_of_rows(reach, every):
     uneven = np.flatnonzero(np.ptp(blocks, axis=(1, 2)) > 0)[::every]
     corners = tuple(corner[uneven] for corner in pavement.corners)
     pools = domain_pools(heights, 4, (2,))
-    found = best_matches(pools, blocks[uneven], corners, reach=reach, sigma_max=0.9)
+    found = best_matches(pools, blocks[uneven], corners, Coding(reach))
     for k, (y, x) in enumerate(zip(*corners, strict=True)):
         block = blocks[uneven[k]]
         best = naive.best_match(heights, 4, (int(y), int(x)), (2,), reach, block, 0.9)
@@ -115,12 +117,12 @@ def test_the_best_within_reach_is_found_in_any_band_of_rows(reach, every):
 def test_so_many_range_blocks_are_searched_together_that_room_stays_small():
     for reach in (3, 24, 400, 4000):
         side = 2 * reach + 1
-        assert together(reach) * side * min(-(-side // 16), 32) <= max(1 << 19, 64 * 32 * side)
+        assert chunk_size(reach) * side * min(-(-side // 16), 32) <= max(1 << 19, 64 * 32 * side)
 
 
 def test_correlations_do_not_depend_on_how_many_are_searched_together(monkeypatch):
     heights = draw_town(8, side=48).heights
     whole = best_correlations(heights, reach=20)
-    monkeypatch.setattr("evocity.coding.matching.nearby.together", lambda reach: 5)
+    monkeypatch.setattr("evocity.coding.matching.local_search.chunk_size", lambda reach: 5)
     for one, other in zip(whole, best_correlations(heights, reach=20), strict=True):
         assert np.array_equal(one, other)

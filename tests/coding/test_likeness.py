@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from evocity import isometries
 from evocity.coding.matching._kernels import LANES, products
-from evocity.coding.matching.alike import kind_kernels, z_order
+from evocity.coding.matching.candidates import RangeCodes, domain_blocks
 from evocity.coding.matching.d4 import (
     d4_basis,
     d4_codes,
@@ -18,7 +18,7 @@ from evocity.coding.matching.d4 import (
     used_parts,
 )
 from evocity.coding.matching.domains import domain_pool, domain_pools
-from evocity.coding.matching.likeness import RangeCodes, domain_blocks
+from evocity.coding.matching.equivalence._kernels import kind_kernels, z_order
 from evocity.coding.matching.tiles import cut_tiles
 
 

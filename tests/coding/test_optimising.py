@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evocity.coding.optimising import WITHOUT_GRADIENTS, Enough, Least, minimise
+from evocity.coding.optimiser import WITHOUT_GRADIENTS, Enough, Least, minimise
 
 EDGES = {"lower": np.zeros(3), "upper": np.ones(3)}
 CENTRE = np.array([0.3, 0.9, 0.5])
@@ -20,7 +20,7 @@ def test_the_least_of_a_bowl_is_found(algorithm):
     found = minimise(bowl, np.zeros(3), algorithm=algorithm, most=300, **EDGES)
     assert found.point == pytest.approx(CENTRE, abs=1e-2)
     assert found.value == bowl(found.point, np.empty(0))
-    assert 0 < found.asked <= 300
+    assert 0 < found.evaluations <= 300
     again = minimise(bowl, np.zeros(3), algorithm=algorithm, most=300, **EDGES)
     assert np.array_equal(found.point, again.point)
 
@@ -35,7 +35,7 @@ def test_points_stay_within_the_bounds_and_the_best_is_kept(algorithm):
 
     found = minimise(beyond, np.full(3, 0.5), algorithm=algorithm, most=60, **EDGES)
     assert all((point >= 0).all() and (point <= 1).all() for _, point in seen)
-    assert len(seen) == found.asked <= 60
+    assert len(seen) == found.evaluations <= 60
     assert found.value == min(value for value, _ in seen)
 
 
@@ -66,7 +66,7 @@ def test_enough_ends_it_with_the_best_so_far(algorithm):
         return seen[-1]
 
     found = minimise(weary, np.zeros(3), algorithm=algorithm, most=1000, **EDGES)
-    assert (found.value, found.asked) == (min(seen), 7)
+    assert (found.value, found.evaluations) == (min(seen), 7)
 
 
 @pytest.mark.parametrize("none", [None, np.nan, np.inf, -np.inf])

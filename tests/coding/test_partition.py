@@ -222,8 +222,8 @@ def test_settled_roofs_are_flat_and_raw_ones_the_papers(town):
         ({"block": (3, 16)}, "halving"),
         ({"block": (16, 2)}, "halving"),
         ({"block": (2, 128)}, "multiples of 128"),
-        ({"block": (2, 4, 8)}, "two: the finest"),
-        ({"block": "2-16"}, "two: the finest"),
+        ({"block": (2, 4, 8)}, "two numbers, the finest"),
+        ({"block": "2-16"}, "two numbers, the finest"),
     ],
 )
 def test_choices_at_fault_are_told(town, how, word):

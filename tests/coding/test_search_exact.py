@@ -14,8 +14,9 @@ from evocity.coding import best_correlations
 from evocity.coding.matching import best_matches
 from evocity.coding.matching.d4 import d4_matrix
 from evocity.coding.matching.domains import domain_pool, domain_pools
-from evocity.coding.matching.scoring._kernels import keep
+from evocity.coding.matching.exact_scores._kernels import keep
 from evocity.coding.matching.shapes import Shapes
+from evocity.coding.parameters import Coding
 from evocity.errors import MapError
 from evocity.pavement import Pavement
 
@@ -61,8 +62,7 @@ def compare_with_naive(heights, block, domains, reach, sigma_max):
         domain_pools(heights, block, domains),
         blocks[busy],
         corners,
-        reach=reach,
-        sigma_max=sigma_max,
+        Coding(reach, sigma_max=sigma_max),
     )
     for k, i in enumerate(busy):
         corner = (corners[0][k], corners[1][k])
@@ -117,10 +117,10 @@ def test_the_order_of_range_blocks_does_not_change_their_matches(name, reach):
     pavement = Pavement(*heights.shape, 4)
     blocks = pavement.blocks(heights)
     order = np.random.default_rng(1).permutation(len(blocks))
-    asked = {"reach": reach, "sigma_max": 0.9}
-    plain = best_matches(domain_pools(heights, 4, (2,)), blocks, pavement.corners, **asked)
+    coding = Coding(reach)
+    plain = best_matches(domain_pools(heights, 4, (2,)), blocks, pavement.corners, coding)
     corners = tuple(corner[order] for corner in pavement.corners)
-    mixed = best_matches(domain_pools(heights, 4, (2,)), blocks[order], corners, **asked)
+    mixed = best_matches(domain_pools(heights, 4, (2,)), blocks[order], corners, coding)
     for field in ("multiple", "y", "x", "iso", "sigma", "beta"):
         assert np.array_equal(getattr(mixed, field), getattr(plain, field)[order])
 
@@ -134,8 +134,7 @@ def test_the_level_of_a_map_does_not_change_its_matches(reach):
             domain_pools(heights, 4, (2, 3)),
             pavement.blocks(heights),
             pavement.corners,
-            reach=reach,
-            sigma_max=np.inf,
+            Coding(reach, sigma_max=np.inf),
         )
         for heights in (relief, relief + np.float32(4096))
     )
@@ -164,8 +163,7 @@ def test_large_blocks(block):
             domain_pools(heights.astype(np.float32), block, (2,)),
             blocks,
             pavement.corners,
-            reach=reach,
-            sigma_max=0.9,
+            Coding(reach),
         )
         for reach in (None, side)
     )
@@ -193,7 +191,7 @@ def test_threads_and_chunks_do_not_change_the_genome(town, monkeypatch):
     assert uniformly(town, threads=2, reach=None).genome == one
     near = uniformly(town, threads=1, reach=9).genome
     assert uniformly(town, threads=3, reach=9).genome == near
-    monkeypatch.setattr("evocity.coding.matching.together", lambda reach: 7)
+    monkeypatch.setattr("evocity.coding.matching.chunk_size", lambda reach: 7)
     assert uniformly(town, threads=2, reach=9).genome == near
 
 
@@ -274,8 +272,7 @@ def test_bands_of_domains_do_not_change_the_matches(town, memory):
             domain_pools(heights, 4, (2, 3), memory=size),
             blocks,
             pavement.corners,
-            reach=reach,
-            sigma_max=0.9,
+            Coding(reach),
         )
         for reach in (10, None)
         for size in (memory, 1 << 40)
@@ -293,7 +290,7 @@ def test_large_blocks_are_summed_in_runs(town):
     corners = np.array([5, 9, 20]), np.array([3, 7, 12])
     for reach in (None, 12):
         pools = domain_pools(heights, 18, (2,))
-        found = best_matches(pools, blocks, corners, reach=reach, sigma_max=0.9)
+        found = best_matches(pools, blocks, corners, Coding(reach))
         for i, block in enumerate(blocks):
             window = reach if reach is None else (corners[0][i], corners[1][i], reach)
             place, gain = best_of_all(heights, block, window)

@@ -2,6 +2,7 @@
 
 import naive
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
@@ -9,11 +10,12 @@ from numba import njit
 from evocity.accelerate.vectors import WIDTH
 from evocity.coding import matching
 from evocity.coding.matching._kernels import LANES, ROOM, hopeful, most_likely, promises
+from evocity.coding.matching.candidates import RangeCodes, domain_blocks
 from evocity.coding.matching.d4 import d4_matrix
 from evocity.coding.matching.domains import domain_pool, domain_pools
-from evocity.coding.matching.likeness import RangeCodes, domain_blocks
 from evocity.coding.matching.matches import UNSURE
-from evocity.coding.matching.tiles import cut_tiles, reach
+from evocity.coding.matching.tiles import cut_tiles, raise_best
+from evocity.coding.parameters import Coding
 from evocity.pavement import Pavement
 
 
@@ -31,6 +33,7 @@ def towns(draw, side, block):
     return heights, Pavement(side, side, block).blocks(heights)[::7]
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.data(), st.sampled_from([2, 3, 4, 5, 8]), st.sampled_from([0.5, 0.9, np.inf]))
 def test_a_tile_reaches_what_its_best_block_explains(data, block, sigma_max):
@@ -41,7 +44,7 @@ def test_a_tile_reaches_what_its_best_block_explains(data, block, sigma_max):
     energy = np.einsum("nk,nk->n", codes, codes)
     best = np.zeros(len(codes), np.float32)
     slack = np.float32(UNSURE) * energy
-    listed = reach(tiles, RangeCodes.of(codes), slack, best)
+    listed = raise_best(tiles, RangeCodes.of(codes), slack, best)
     truth = np.zeros((len(tiles.tops), len(codes)))
     for n, (y, x) in enumerate(zip(*np.divmod(tiles.at, tiles.width), strict=True)):
         domain = naive.shrunk(heights, int(y), int(x), 2, 2, block)
@@ -69,7 +72,7 @@ def test_no_end_of_equals_is_lost():
     blocks = Pavement(*heights.shape, 4).blocks(heights)
     codes = codes_of(blocks)[:300]
     best, slack = np.zeros(len(codes), np.float32), np.full(len(codes), 1e9, np.float32)
-    tile, *_ = reach(tiles, RangeCodes.of(codes), slack, best)
+    tile, *_ = raise_best(tiles, RangeCodes.of(codes), slack, best)
     assert tile.size == len(tiles.tops) * len(codes) > ROOM
 
 
@@ -131,7 +134,7 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
 
     def found():
         return matching.best_matches(
-            domain_pools(heights, 4, (2, 3)), blocks, pavement.corners, reach=None, sigma_max=0.9
+            domain_pools(heights, 4, (2, 3)), blocks, pavement.corners, Coding(None)
         )
 
     one = found()
@@ -146,5 +149,5 @@ def test_flat_maps_have_no_tiles():
     tiles = cut_tiles(domain_blocks(pool), 0.9)
     best = np.zeros(3, np.float32)
     ranges = RangeCodes.of(np.ones((3, 16), np.float32))
-    assert [column.size for column in reach(tiles, ranges, best, best)] == 3 * [0]
+    assert [column.size for column in raise_best(tiles, ranges, best, best)] == 3 * [0]
     assert not best.any()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from evocity import isometries
 from evocity.coding.matching import best_matches, near_best
 from evocity.coding.matching.domains import domain_pools
+from evocity.coding.parameters import Coding
 from evocity.coding.topology import Candidates, closest_neighbourhood
 from evocity.errors import GenomeError
 from evocity.pavement import Pavement
@@ -299,6 +300,7 @@ def test_narrow_types_give_the_same_choice():
     assert closest_neighbourhood(heights, 3, corners, narrow).tolist() == found.tolist()
 
 
+@pytest.mark.slow_cases("0-None", "0.02-None")
 @pytest.mark.parametrize("reach", [5, None])
 @pytest.mark.parametrize("tolerance", [0, 0.02])
 def test_candidates_are_all_that_come_near_the_best(town, reach, tolerance):
@@ -306,14 +308,14 @@ def test_candidates_are_all_that_come_near_the_best(town, reach, tolerance):
     blocks = pavement.blocks(heights)
     busy = np.flatnonzero(np.ptp(blocks.reshape(len(blocks), -1), axis=1) > 0)
     corners = tuple(corner[busy] for corner in pavement.corners)
-    asked = {"reach": reach, "sigma_max": 0.5}
+    coding = Coding(reach, sigma_max=0.5)
 
     def pools():
         return domain_pools(heights, 4, (2, 3), memory=1 << 17)
 
-    matches = best_matches(pools(), blocks[busy], corners, **asked)
+    matches = best_matches(pools(), blocks[busy], corners, coding)
     seen = 0
-    for part, found in near_best(pools(), blocks[busy], corners, matches, tolerance, **asked):
+    for part, found in near_best(pools(), blocks[busy], corners, matches, tolerance, coding):
         for k, i in enumerate(part):
             block = blocks[busy[i]]
             corner = (corners[0][i], corners[1][i])

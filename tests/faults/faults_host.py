@@ -14,8 +14,8 @@ from pathlib import Path
 
 
 def main() -> None:
+    from evocity.evaluation.kernel_warmup import BUILDINGS, DECODE, SEARCH, warm_up
     from evocity.search import Search, read_recipe  # noqa: F401
-    from evocity.search.warm import BUILDINGS, DECODE, SEARCH, warm_up
 
     operators = ("pavement_fusion", "lambda_crossover", "mutation")
     warm_up(4, [SEARCH, DECODE, BUILDINGS, *(f"operator:{name}" for name in operators)])

@@ -23,9 +23,9 @@ def main(home: str, seconds: float) -> None:
     replies = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     readers = _readers()
-    from evocity.io import computed
+    from evocity.io import geopackage_sql
 
-    computed.SECONDS = seconds
+    geopackage_sql.SECONDS = seconds
     _limit()
     outside = _watch(home)
     print(json.dumps({"ready": os.getpid()}), file=replies, flush=True)
@@ -117,12 +117,12 @@ def _readers() -> dict:
 
     def told(path):
         from evocity.report import failures, unrecorded
-        from evocity.search.commands import asked_of
+        from evocity.search.record.commands import command_state
 
         opened = evocity.open_run(path)
         failures(opened), unrecorded(opened)
         with contextlib.suppress(ValueError):  # told where the run is resumed
-            asked_of(opened)
+            command_state(opened)
 
     def report(path):
         from evocity.report import write_report

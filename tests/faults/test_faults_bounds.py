@@ -12,10 +12,10 @@ import shapely
 
 import evocity
 from evocity.errors import GenomeError, MapError, RunError
-from evocity.io import computed, mending, read_map
+from evocity.io import geopackage_sql, polygon_repair, read_map
 from evocity.report import failures
-from evocity.store import bounds, open_run
-from evocity.store.bounds import read_through
+from evocity.store import RunLog, read_limits
+from evocity.store.read_limits import read_through
 
 CORNER = (770000.0, 6270000.0)
 
@@ -68,8 +68,8 @@ def test_an_honest_view_is_read(package):
     ],
 )  # fmt: skip
 def test_a_view_without_end_is_refused(package, view, found, monkeypatch):
-    monkeypatch.setattr(computed, "SECONDS", 0.3)
-    monkeypatch.setattr(computed, "ROWS", 1000)
+    monkeypatch.setattr(geopackage_sql, "SECONDS", 0.3)
+    monkeypatch.setattr(geopackage_sql, "ROWS", 1000)
     path = viewed(package, view)
     before = sorted(path.parent.iterdir())
     with pytest.raises(MapError, match=found):
@@ -83,21 +83,21 @@ def scribble(corners: int) -> shapely.Polygon:
 
 def test_crossings_are_counted():
     bowtie = shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])
-    assert mending.crossings(shapely.box(0, 0, 1, 1)) == 1  # the first side meets the last
-    assert mending.crossings(bowtie) == 2
-    assert mending.crossings(shapely.MultiPolygon([bowtie, shapely.box(3, 0, 4, 1)])) == 3
-    assert mending.crossings(scribble(100)) == pytest.approx(100 * 100 / 2 * 0.23, rel=0.2)
-    assert mending.crossings(scribble(1000), 500) == 501
+    assert polygon_repair.crossings(shapely.box(0, 0, 1, 1)) == 1  # the first side meets the last
+    assert polygon_repair.crossings(bowtie) == 2
+    assert polygon_repair.crossings(shapely.MultiPolygon([bowtie, shapely.box(3, 0, 4, 1)])) == 3
+    assert polygon_repair.crossings(scribble(100)) == pytest.approx(100 * 100 / 2 * 0.23, rel=0.2)
+    assert polygon_repair.crossings(scribble(1000), 500) == 501
 
 
 def test_small_tangles_are_repaired_and_large_ones_painted(monkeypatch):
     polygons = np.array([shapely.box(0, 0, 1, 1), scribble(12), scribble(800)], object)
-    found, tangled = mending.mended(polygons)
+    found, tangled = polygon_repair.repair_polygons(polygons)
     assert tangled.tolist() == [False, False, True]
     assert shapely.is_valid(found[:2]).all()
     assert found[2] is polygons[2]
-    monkeypatch.setattr(mending, "MOST_IN_ALL", 20)
-    _, tangled = mending.mended(np.array([scribble(12)] * 4, object))
+    monkeypatch.setattr(polygon_repair, "MOST_IN_ALL", 20)
+    _, tangled = polygon_repair.repair_polygons(np.array([scribble(12)] * 4, object))
     assert not tangled[0]
     assert tangled[-1]
 
@@ -108,7 +108,7 @@ def test_a_tangle_is_painted_by_the_even_odd_rule(tmp_path, monkeypatch):
     square = [[3.87 + x * 1e-3, 43.53 + y * 1e-3] for x, y in ring]
     (tmp_path / "a.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [square]}))
     repaired = read_map(tmp_path / "a.geojson", pixels=64)
-    monkeypatch.setattr(mending, "MOST", 0)
+    monkeypatch.setattr(polygon_repair, "MOST", 0)
     assert np.array_equal(read_map(tmp_path / "a.geojson", pixels=64).heights, repaired.heights)
     assert repaired.built.any()
 
@@ -152,9 +152,9 @@ def rows(table: pa.Table) -> pa.Array:
 
 @pytest.mark.parametrize(("most", "told"), [(1 << 26, "x" * 1000), (1 << 14, "MiB of error text")])
 def test_long_errors_of_older_runs_are_cut_or_left_out(old_run, monkeypatch, most, told):
-    monkeypatch.setattr(bounds, "MOST_TEXT", most)
+    monkeypatch.setattr(read_limits, "MOST_TEXT", most)
     with_errors(old_run, pa.array(["x" * 100_000]))
-    run = open_run(old_run)
+    run = RunLog(old_run)
     texts = [one for one in run.births(1, columns=["id", "error"])["error"].to_pylist() if one]
     assert texts
     assert all(told in one and len(one) <= 1000 for one in texts)
@@ -164,9 +164,9 @@ def test_long_errors_of_older_runs_are_cut_or_left_out(old_run, monkeypatch, mos
 
 
 def test_a_billion_rows_are_not_read(old_run, monkeypatch):
-    monkeypatch.setattr(bounds, "MOST_ROWS", 3)
+    monkeypatch.setattr(read_limits, "MOST_ROWS", 3)
     with pytest.raises(RunError, match=r"rows in one generation|no generation 0"):
-        open_run(old_run).births(0, columns=["id"])
+        RunLog(old_run).births(0, columns=["id"])
 
 
 def test_more_parents_than_a_birth_can_have_are_not_read(old_run):
@@ -178,18 +178,18 @@ def test_more_parents_than_a_birth_can_have_are_not_read(old_run):
     def told(each: int) -> list[int]:
         column = pa.array([[0] * each] * len(table), kind.type)
         pq.write_table(table.set_column(at, kind, column), path)
-        births = open_run(old_run).births(1, columns=["id", "parents"])
+        births = RunLog(old_run).births(1, columns=["id", "parents"])
         return [len(one) for one in births["parents"].to_pylist()]
 
     assert told(256) == [256] * len(table)
-    assert len(open_run(old_run).generations) > 1
+    assert len(RunLog(old_run).generations) > 1
     with pytest.raises(RunError, match=f"{257 * len(table)} values of parents in one generation"):
         told(257)
 
 
 def test_more_parents_in_the_last_generation_are_not_read_either(old_run):
     """Whether it can be read is looked at first of all."""
-    whole = len(open_run(old_run).generations)
+    whole = len(RunLog(old_run).generations)
     path = sorted((old_run / "births").iterdir())[-1]
     table = pq.read_table(path)
     at = table.column_names.index("parents")
@@ -197,7 +197,7 @@ def test_more_parents_in_the_last_generation_are_not_read_either(old_run):
     pq.write_table(table.set_column(at, table.schema.field(at), column), path)
     with pytest.raises(ValueError, match="values of parents in one generation"):
         read_through(pq.ParquetFile(path), 0)
-    assert len(open_run(old_run).generations) == whole - 1
+    assert len(RunLog(old_run).generations) == whole - 1
 
 
 def test_an_array_that_is_not_there_is_not_made(old_run):
@@ -205,4 +205,4 @@ def test_an_array_that_is_not_there_is_not_made(old_run):
     head = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000), }"
     path.write_bytes(b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head)
     with pytest.raises(RunError, match="0 bytes for float32"):
-        open_run(old_run).sources()
+        RunLog(old_run).sources()

@@ -19,21 +19,22 @@ from toy_runs import write_toy
 
 from evocity import fitness
 from evocity.errors import RecipeError, RunError
+from evocity.evaluation import Workers, linux_processes
+from evocity.evaluation.cluster import host as host_module
+from evocity.evaluation.cluster.parcel import parcel_of, unpack
+from evocity.evaluation.evaluator import Setup
 from evocity.kinds import KINDS as CHROMOSOMES
 from evocity.search import Search, read_recipe
-from evocity.search.beginning import Crew
-from evocity.search.evaluation import Workers, hosting, processes
-from evocity.search.evaluation.parcels import opened, parcel_of
-from evocity.search.evaluator import Setup
-from evocity.store import open_run
+from evocity.search.preparation.startup import Crew
+from evocity.store import RunLog
 
 pytest.importorskip("distributed")
 
-from evocity.search.evaluation import cluster as clusters
-from evocity.search.evaluation import link
-from evocity.search.evaluation.cluster import Cluster
+from evocity.evaluation.cluster import dask_link
+from evocity.evaluation.cluster import engine as clusters
+from evocity.evaluation.cluster.engine import Cluster
 
-pytestmark = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+pytestmark = pytest.mark.skipif(not linux_processes.LINUX, reason="what Linux gives")
 
 MEASURE = """
 import ctypes, os, signal, sys, time
@@ -112,7 +113,7 @@ class Machines:
 
     def worker_pid(self, number: int) -> int:
         """Of the Dask worker that the loop runs."""
-        for pid in processes.children(self.workers[number].pid):
+        for pid in linux_processes.children(self.workers[number].pid):
             with contextlib.suppress(OSError), open(f"/proc/{pid}/cmdline", "rb") as file:
                 if b"dask_worker" in file.read():
                     return pid
@@ -130,13 +131,13 @@ class Machines:
         below = [
             one
             for number in range(len(self.workers))
-            for nursery in processes.children(self.worker_pid(number))
-            for one in processes.descendants(nursery)
+            for nursery in linux_processes.children(self.worker_pid(number))
+            for one in linux_processes.descendants(nursery)
         ]
         return [pid for pid in below if alive(pid)]
 
     def close(self) -> None:
-        families = [processes.descendants(one.pid) for one in [*self.workers, self.scheduler]]
+        families = [linux_processes.descendants(one.pid) for one in [*self.workers, self.scheduler]]
         for one in [*self.workers, self.scheduler]:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(one.pid, signal.SIGKILL)
@@ -205,7 +206,7 @@ def calm(count: int) -> list[str]:
 
 def births_of(folder) -> list:
     """All births but for how long they took."""
-    run = open_run(folder)
+    run = RunLog(folder)
     rows = [row for number in run.generations for row in run.births(number).to_pylist()]
     return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
 
@@ -213,6 +214,7 @@ def births_of(folder) -> list:
 # -- the same births ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_births_are_those_of_one_machine(tmp_path, machines):
     helper = "import evocity\ndef twice(x):\n    return 2 * x\n"
     more = "from helper import twice\n\n@evocity.fitness(goal='min')\ndef double(city):\n"
@@ -220,7 +222,7 @@ def test_the_births_are_those_of_one_machine(tmp_path, machines):
     more += "    return twice(float(city.heights.mean()))\n"
     more = "\n" + more
     (tmp_path / "helper.py").write_text(helper)
-    recipe = write_toy(tmp_path, more, generations=2, max_failures=0.9)
+    recipe = write_toy(tmp_path, more, generations=2, max_failures=0.9, workers=2)
 
     def bred(name, **how):
         with Search(read_recipe(recipe), out=tmp_path / name, **how) as search:
@@ -234,17 +236,18 @@ def test_the_births_are_those_of_one_machine(tmp_path, machines):
         assert bred(f"of-{workers}", workers=workers) == expected
     assert bred("dask", cluster=machines.address, workers=1) == expected
     assert bred("dask-4", cluster=machines.address, workers=2) == expected
-    run = open_run(tmp_path / "dask-4")
+    run = RunLog(tmp_path / "dask-4")
     engine = run.events()[0]
     assert (engine["engine"], engine["cluster"]) == ("dask", machines.address)
     assert (engine["dask_workers"], engine["workers"]) == (2, 4)
     assert run.provenance["evaluation"]["engine"] == "dask"
-    assert open_run(tmp_path / "of-2").provenance["evaluation"] == {
+    assert RunLog(tmp_path / "of-2").provenance["evaluation"] == {
         "engine": "workers",
         "workers": 2,
     }
 
 
+@pytest.mark.slow
 def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, genome):
     engine = cluster(machines.address, "time.sleep(0.5 if told == 'slow' else 0.01)")
     engine.run("evaluate", named(genome, *calm(4)))  # workers are there
@@ -263,6 +266,7 @@ def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, ge
     assert taken[0] != 0
 
 
+@pytest.mark.slow
 def test_what_cannot_be_sent_is_an_error_as_with_workers(cluster, machines, genome, setup_of):
     job = (genome, [], threading.Lock())
     here = Workers(setup_of()[0], 1, 30.0)
@@ -285,6 +289,7 @@ BAD = """{
     }.get(told, float)()"""
 
 
+@pytest.mark.slow
 def test_bad_measures_cost_their_own_births(cluster, machines, genome, setup_of):
     names = ["hangs", "calm", "exits", "raises", "calm-2", "allocates", "starts", "kills", "calm-3"]
     limits = {"timeout": 2.0, "memory": 300 * 10**6}
@@ -315,6 +320,7 @@ def named_the_data(city):
 """
 
 
+@pytest.mark.slow
 def test_files_of_measures_travel_with_what_they_import_and_read(
     cluster, machines, genome, tmp_path
 ):
@@ -337,22 +343,23 @@ def test_files_of_measures_travel_with_what_they_import_and_read(
 def test_a_parcel_is_opened_where_its_files_are(setup_of, tmp_path):
     setup, measures = setup_of()
     parcel = parcel_of(setup, measures)
-    assert opened(parcel.told, parcel.files).measures == setup.measures
-    assert opened(parcel.told, parcel.files).moved == {}
+    assert unpack(parcel.setup, parcel.files).measures == setup.measures
+    assert unpack(parcel.setup, parcel.files).moved == {}
     (tmp_path / "own" / "bad.py").write_text("raise SystemExit")
-    again = opened(parcel.told, parcel.files)
+    again = unpack(parcel.setup, parcel.files)
     assert again.measures != setup.measures
     assert list(again.moved.values()) == [str(tmp_path / "own")]
-    with pytest.raises(RunError, match="has changed since it was executed"):
+    with pytest.raises(RunError, match="has changed since evocity executed it"):
         parcel_of(setup, measures)
 
 
+@pytest.mark.slow
 def test_a_measure_of_the_session_travels_as_source(tmp_path, machines):
     @fitness.fitness(goal="max")
     def of_this_session(city):
         return float(np.median(city.heights))
 
-    recipe = write_toy(tmp_path, generations=1)
+    recipe = write_toy(tmp_path, generations=1, workers=2)
     text = recipe.read_text() + '[[fitness]]\nname = "of_this_session"\n'
     recipe.write_text(text)
     for name, how in (("one", {"workers": 1}), ("dask", {"cluster": machines.address})):
@@ -365,18 +372,19 @@ def test_a_measure_of_the_session_travels_as_source(tmp_path, machines):
 # -- what ends ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, told):
     engine = cluster(machines.address, "time.sleep(0.05)")
     jobs = named(genome, *calm(60))
     expected = [one.values for one in engine.run("evaluate", jobs)]
     victim = machines.worker_pid(0)
-    family = processes.descendants(victim)
+    family = linux_processes.descendants(victim)
     killer = threading.Timer(0.5, os.kill, (victim, signal.SIGKILL))
     killer.start()
     found = engine.run("evaluate", jobs)
     killer.join()
     assert [one.values for one in found] == expected
-    assert any("is gone: its births again" in text for text in told)
+    assert any("is gone; its births are done again" in text for text in told)
     assert within(10, lambda: not any(map(alive, family)))
     # the loop starts another, which takes part
     assert within(30, lambda: engine._link.sites().__len__() == 2)
@@ -402,6 +410,7 @@ def test_a_scheduler_that_is_gone_is_waited_for(cluster, tmp_path, genome, told)
         own.close()
 
 
+@pytest.mark.slow
 def test_what_came_before_a_scheduler_was_lost_is_kept(
     cluster, machines, genome, told, monkeypatch
 ):
@@ -413,7 +422,7 @@ def test_what_came_before_a_scheduler_was_lost_is_kept(
     def taken(*told):
         if lost == ["while looking"] and came:  # another came after it was connected to again
             lost.append("while hearing")
-            raise link.Lost(lost[-1])
+            raise dask_link.SchedulerLost(lost[-1])
         came.append(found := take(*told))
         return found
 
@@ -421,7 +430,7 @@ def test_what_came_before_a_scheduler_was_lost_is_kept(
         if came and not lost:  # one chunk or more, as their times would have it
             came.clear()
             lost.append("while looking")
-            raise link.Lost(lost[-1])
+            raise dask_link.SchedulerLost(lost[-1])
         look()
 
     monkeypatch.setattr(engine, "_take", taken)
@@ -439,7 +448,7 @@ def test_a_scheduler_that_does_not_come_back_ends_the_run(
     try:
         engine = cluster(own.address)
         monkeypatch.setattr(clusters, "PATIENCE", 2.0)
-        monkeypatch.setattr(link, "CONNECT", 1.0)
+        monkeypatch.setattr(dask_link, "CONNECT", 1.0)
         own.kill_scheduler()
         began = time.monotonic()
         with pytest.raises(RunError, match=r"did not come back in 2 s.*[\s\S]*evocity resume"):
@@ -450,7 +459,7 @@ def test_a_scheduler_that_does_not_come_back_ends_the_run(
 
 
 def test_an_address_where_nobody_answers_is_told_in_time(cluster, monkeypatch):
-    monkeypatch.setattr(link, "CONNECT", 1.0)
+    monkeypatch.setattr(dask_link, "CONNECT", 1.0)
     began = time.monotonic()
     with pytest.raises(RunError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9 "):
         cluster("tcp://127.0.0.1:9")
@@ -468,6 +477,7 @@ def test_a_cluster_without_workers_is_told_in_time(cluster, tmp_path, monkeypatc
         own.close()
 
 
+@pytest.mark.slow
 def test_other_versions_are_refused(cluster, machines, monkeypatch):
     real = importlib.metadata.version
 
@@ -480,7 +490,7 @@ def test_other_versions_are_refused(cluster, machines, monkeypatch):
 
 
 def test_without_the_extra_it_is_named(cluster, monkeypatch):
-    monkeypatch.setattr(link, "MISSING", "No module named 'distributed'")
+    monkeypatch.setattr(dask_link, "MISSING", "No module named 'distributed'")
     with pytest.raises(RunError, match=r"extra `cluster`[\s\S]*pip install 'evocity\[cluster\]'"):
         cluster("local:2")
 
@@ -488,7 +498,7 @@ def test_without_the_extra_it_is_named(cluster, monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
-    recipe = write_toy(tmp_path, generations=400)
+    recipe = write_toy(tmp_path, generations=400, workers=2)
     script = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
         "from evocity.cli import main; main(prog_name='evocity')"
@@ -503,7 +513,7 @@ def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
     )
     first = tmp_path / "run" / "membership" / "generation-00000001.parquet"
     assert within(250, lambda: first.exists() or run.poll() is not None)
-    family = processes.descendants(run.pid)
+    family = linux_processes.descendants(run.pid)
     assert len(family) > 4
     if number == signal.SIGINT:  # a terminal's goes to all of the group
         os.killpg(run.pid, number)
@@ -522,7 +532,7 @@ def test_a_run_that_is_stopped_leaves_no_process(tmp_path, number):
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "tls://host:1", "local:1", "none"])
 def test_addresses_of_clusters(tmp_path, address):
-    recipe = read_recipe(write_toy(tmp_path), cluster=address)
+    recipe = read_recipe(write_toy(tmp_path, workers=2), cluster=address)
     assert recipe.evaluation.cluster == address
 
 
@@ -531,13 +541,13 @@ def test_addresses_of_clusters(tmp_path, address):
 )
 def test_addresses_that_are_none(tmp_path, address):
     with pytest.raises(RecipeError, match=r"evaluation\.cluster"):
-        read_recipe(write_toy(tmp_path), cluster=address)
+        read_recipe(write_toy(tmp_path, workers=2), cluster=address)
     with pytest.raises(RecipeError, match=r"cluster = "):
-        Search(read_recipe(write_toy(tmp_path)), cluster=address or "local:")
+        Search(read_recipe(write_toy(tmp_path, workers=2)), cluster=address or "local:")
 
 
 def test_a_cluster_has_worker_processes(tmp_path):
-    path = write_toy(tmp_path)
+    path = write_toy(tmp_path, workers=2)
     with pytest.raises(RecipeError, match="workers = 0"):
         read_recipe(path, cluster="local:2", workers=0)
     with pytest.raises(RecipeError, match="workers = 0"):
@@ -546,21 +556,21 @@ def test_a_cluster_has_worker_processes(tmp_path):
 
 
 def test_workers_of_one_machine_say_nothing_of_a_cluster_that_a_run_goes_on_with(tmp_path):
-    path = write_toy(tmp_path)
+    path = write_toy(tmp_path, workers=2)
     for workers in (0, 2):
-        crew = Crew.asked(read_recipe(path, workers=workers), cluster="local:2")
+        crew = Crew.choose(read_recipe(path, workers=workers), cluster="local:2")
         assert (crew.workers, crew.cluster) == (None, "local:2")
-    crew = Crew.asked(read_recipe(path, workers=2, cluster="local:3"), cluster="local:2")
+    crew = Crew.choose(read_recipe(path, workers=2, cluster="local:3"), cluster="local:2")
     assert crew.workers == 2
-    assert Crew.asked(read_recipe(path), workers=3, cluster="local:2").workers == 3
+    assert Crew.choose(read_recipe(path), workers=3, cluster="local:2").workers == 3
 
 
 def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):
-    monkeypatch.setattr(hosting, "IDLE", 0.2)
-    from evocity.search.evaluation.frames import framed
+    monkeypatch.setattr(host_module, "IDLE", 0.2)
+    from evocity.evaluation.frames import write_frame
 
-    host = hosting.Host(parcel_of(*setup_of()), 2, 30.0, None)
-    jobs = [bytes(framed(job)) for job in named(genome, *calm(6))]
+    host = host_module.Host(parcel_of(*setup_of()), 2, 30.0, None)
+    jobs = [bytes(write_frame(job)) for job in named(genome, *calm(6))]
     first = host.run("evaluate", jobs)
     assert [one.status for one in first.outcomes] == ["ok"] * 6
     assert within(10, lambda: not host._pools)
@@ -568,20 +578,20 @@ def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):
         one.values for one in first.outcomes
     ]
     host.close()
-    with pytest.raises(hosting.Closed):
+    with pytest.raises(host_module.HostClosed):
         host.run("evaluate", jobs)
 
 
 def test_a_host_that_can_have_no_worker_says_so(setup_of, genome, monkeypatch):
     """Nobody would ever answer, and a cluster has no deadline of its own."""
-    from evocity.search.evaluation.frames import framed
+    from evocity.evaluation.frames import write_frame
 
     def refused(*given, **how):
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(hosting, "Workers", refused)
-    host = hosting.Host(parcel_of(*setup_of()), 2, 30.0, None)
-    jobs, answers = [bytes(framed(job)) for job in named(genome, *calm(3))], []
+    monkeypatch.setattr(host_module, "Workers", refused)
+    host = host_module.Host(parcel_of(*setup_of()), 2, 30.0, None)
+    jobs, answers = [bytes(write_frame(job)) for job in named(genome, *calm(3))], []
     for _ in range(2):
         asking = threading.Thread(
             target=lambda: answers.append(host.run("evaluate", jobs)), daemon=True
@@ -594,13 +604,13 @@ def test_a_host_that_can_have_no_worker_says_so(setup_of, genome, monkeypatch):
 
 
 def test_a_host_that_is_closed_ends_what_hangs(setup_of, genome):
-    from evocity.search.evaluation.frames import framed
+    from evocity.evaluation.frames import write_frame
 
-    host = hosting.Host(parcel_of(*setup_of("time.sleep(1e6)")), 1, 600.0, None)
-    jobs = [bytes(framed(job)) for job in named(genome, *calm(2))]
+    host = host_module.Host(parcel_of(*setup_of("time.sleep(1e6)")), 1, 600.0, None)
+    jobs = [bytes(write_frame(job)) for job in named(genome, *calm(2))]
     closer = threading.Timer(3.0, host.close)
     closer.start()
     began = time.monotonic()
-    with pytest.raises(hosting.Closed):
+    with pytest.raises(host_module.HostClosed):
         host.run("evaluate", jobs)
     assert time.monotonic() - began < 30

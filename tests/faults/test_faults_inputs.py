@@ -58,12 +58,14 @@ def told(files, tmp_path_factory):
     return {name: [(job, next(found)) for job in several] for name, several in jobs.items()}
 
 
+@pytest.mark.slow
 def test_whole_files_are_read(told):
     for job, one in told["whole"]:
         assert one["outcome"] == "read", (job, one)
         assert one["made"] == [], job
 
 
+@pytest.mark.slow
 def test_damaged_inputs(told):
     check(told["damaged"])
 
@@ -74,6 +76,7 @@ def test_2500_damaged_inputs(files, tmp_path):
     check(read(fuzzed(files, tmp_path, 2500, seed=2), tmp_path))
 
 
+@pytest.mark.slow
 def test_bombs(told):
     check(told["bombs"])
 

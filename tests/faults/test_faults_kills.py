@@ -17,15 +17,15 @@ import pytest
 from toy_runs import write_toy
 
 from evocity.errors import RunError
+from evocity.evaluation import linux_processes
 from evocity.fitness import registry
 from evocity.search import Search, read_recipe
-from evocity.search.evaluation import processes
-from evocity.store import open_run
+from evocity.store import RunLog
 
 if not hasattr(os, "fork"):
     pytest.skip("runs are forked", allow_module_level=True)
 
-linux = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+linux = pytest.mark.skipif(not linux_processes.LINUX, reason="what Linux gives")
 
 LONG = [pytest.mark.long, pytest.mark.timeout(3600)]
 
@@ -112,7 +112,7 @@ def host(the_host):
 
 def rows(path) -> list[dict]:
     """All births and members of a run but for their seconds."""
-    run = open_run(path)
+    run = RunLog(path)
     return [*run.births().drop_columns(["seconds"]).to_pylist(), *run.members().to_pylist()]
 
 
@@ -160,9 +160,10 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
             return done
         done += 1
         if out.exists():
-            open_run(out).status()  # readable at once
+            RunLog(out).status()  # readable at once
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kills", "workers", "generations"),
     [
@@ -194,13 +195,14 @@ def killed_before_each(host, folder, recipe, deeds) -> set[int]:
             beyond.add(deed)
             continue
         if out.exists():
-            open_run(out).status()
+            RunLog(out).status()
         pid = begun_or_resumed(host, recipe, out)
         assert host.ended(pid) == 0, host.told(pid)
         assert [one.name for one in place.iterdir()] == ["run"], f"left by deed {deed}"
     return beyond
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 31])
 def test_killed_before_any_deed_on_files_it_goes_on_to_the_same_births(
     host, tmp_path, uninterrupted, share
@@ -227,14 +229,14 @@ def test_workers_killed_or_stopped_in_a_run_cost_no_birth(host, tmp_path, uninte
         """The nursery and its workers."""
         until = time.monotonic() + 60
         while time.monotonic() < until:
-            for one in processes.children(pid):
-                if len(workers := processes.children(one)) >= 2:
+            for one in linux_processes.children(pid):
+                if len(workers := linux_processes.children(one)) >= 2:
                     return one, workers
             time.sleep(0.02)
         raise AssertionError("no workers")
 
     def generations() -> int:
-        return len(open_run(out).generations) if out.exists() else 0
+        return len(RunLog(out).generations) if out.exists() else 0
 
     def until_more(count: int = 2) -> None:
         wanted = min(generations() + count, 23)
@@ -260,16 +262,17 @@ def test_workers_killed_or_stopped_in_a_run_cost_no_birth(host, tmp_path, uninte
         until_more()
     assert host.ended(pid) == 0
     assert rows(out) == uninterrupted(22, SLOW)
-    told = [one["reason"] for one in open_run(out).events() if one["event"] == "retry"]
+    told = [one["reason"] for one in RunLog(out).events() if one["event"] == "retry"]
     assert any("killed" in reason for reason in told)
     assert any("stopped" in reason for reason in told)
 
 
+@pytest.mark.slow
 def test_of_four_that_resume_at_once_one_runs(host, tmp_path, uninterrupted):
     recipe, out = write_toy(tmp_path, SLOW, generations=12), tmp_path / "run"
     pid = host.begin(out, recipe)
     until = time.monotonic() + 60
-    while not out.exists() or len(open_run(out).generations) < 2:
+    while not out.exists() or len(RunLog(out).generations) < 2:
         assert time.monotonic() < until
         time.sleep(0.02)
     os.kill(pid, signal.SIGKILL)
@@ -287,6 +290,7 @@ def test_of_four_that_resume_at_once_one_runs(host, tmp_path, uninterrupted):
 # -- the clock -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("2-3600.0", "2--3600.0")
 @pytest.mark.parametrize("step", [3600.0, -3600.0])
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_clock_that_is_stepped_changes_no_birth(
@@ -321,10 +325,10 @@ def to_the_end(search) -> None:
 def test_a_folder_that_is_renamed_in_a_run_goes_on_where_it_is(tmp_path, uninterrupted):
     out = tmp_path / "run"
     search = Search(read_recipe(write_toy(tmp_path, generations=6)), out=out, workers=0)
-    with pytest.raises(RunError, match="the folder is not there any more"):
+    with pytest.raises(RunError, match="the folder is gone"):
         disturbed(search, 2, lambda: out.rename(tmp_path / "moved"))
     assert not out.exists()
-    assert open_run(tmp_path / "moved").status()["generation"] == 2
+    assert RunLog(tmp_path / "moved").status()["generation"] == 2
     to_the_end(Search.resume(tmp_path / "moved", workers=0))
     assert rows(tmp_path / "moved") == uninterrupted(6)
 
@@ -332,7 +336,7 @@ def test_a_folder_that_is_renamed_in_a_run_goes_on_where_it_is(tmp_path, uninter
 def test_a_folder_that_is_removed_is_told_and_not_made_again(tmp_path):
     out = tmp_path / "run"
     search = Search(read_recipe(write_toy(tmp_path, generations=6)), out=out, workers=0)
-    with pytest.raises(RunError, match="the folder is not there any more"):
+    with pytest.raises(RunError, match="the folder is gone"):
         disturbed(search, 2, lambda: shutil.rmtree(out))
     assert not out.exists()
     with pytest.raises(RunError, match=r"no run|not a run|does not exist"):
@@ -364,6 +368,7 @@ def size_of(folder: Path) -> int:
     return sum(one.stat().st_size for one in folder.rglob("*") if one.is_file())
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("count", [5, pytest.param(10, marks=LONG)])
 def test_a_full_disk_at_many_sizes_loses_nothing_that_was_whole(
@@ -382,7 +387,7 @@ def test_a_full_disk_at_many_sizes_loses_nothing_that_was_whole(
             to_the_end(Search(recipe, out=out, workers=0))
         small_disk(1 << 16)
         if out.exists():
-            reached.add(open_run(out).status()["generation"])
+            reached.add(RunLog(out).status()["generation"])
             to_the_end(Search.resume(out, workers=0))
         else:
             to_the_end(Search(recipe, out=out, workers=0))
@@ -405,7 +410,7 @@ def test_a_limit_of_file_size_is_told_and_gone_on_from(tmp_path, uninterrupted):
             disturbed(search, 1, lambda: resource.setrlimit(limit, (4096, hard)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert open_run(tmp_path / "run").status()["generation"] == 1
+    assert RunLog(tmp_path / "run").status()["generation"] == 1
     to_the_end(Search.resume(tmp_path / "run", workers=0))
     assert rows(tmp_path / "run") == uninterrupted(4)
 
@@ -436,7 +441,7 @@ def test_a_folder_made_read_only_in_a_run_is_told_and_gone_on_from(own_folder, u
 
     with pytest.raises(RunError, match=r"cannot be written: .*Permission denied"):
         disturbed(search, 1, lambda: change(0o444))
-    assert open_run(out).status()["generation"] == 1
+    assert RunLog(out).status()["generation"] == 1
     with pytest.raises(RunError, match="cannot be written"):
         Search.resume(out, workers=0)
     out.chmod(0o755)

@@ -16,8 +16,8 @@ from evocity import store
 from evocity.errors import RunError
 from evocity.fitness import registry
 from evocity.search import Search, read_recipe
-from evocity.store import lock, open_run
-from evocity.store.seals import opened, sealed
+from evocity.store import RunLog, lock
+from evocity.store.checksums import open_sealed, write_sealed
 
 
 def bred(folder, generations=4):
@@ -31,7 +31,7 @@ def bred(folder, generations=4):
 
 def rows(path) -> list[dict]:
     """All births and members of a run but for their seconds."""
-    run = open_run(path)
+    run = RunLog(path)
     return [*run.births().drop_columns(["seconds"]).to_pylist(), *run.members().to_pylist()]
 
 
@@ -43,7 +43,7 @@ def flipped(path, bit: int) -> None:
 
 def all_that_is_read(path):
     """Births with genomes, members, summaries, sources, as texts and bytes."""
-    run = open_run(path)
+    run = RunLog(path)
     births = run.individuals(run.births(columns=["id"])["id"].to_pylist())
     told = [
         (one.id, one.values, one.error, one.made, one.genome and one.genome.digest)
@@ -63,6 +63,7 @@ def whole(tmp_path_factory):
         return bred(tmp_path_factory.mktemp("whole"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [100, pytest.param(300, marks=pytest.mark.long)])
 def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path, count):
     """Bits drawn from all bytes of births, membership and sources, footers too."""
@@ -87,9 +88,9 @@ def test_no_bit_that_is_flipped_changes_what_is_read_silently(whole, tmp_path, c
             told += 1
         else:
             # a damaged last generation is left out, which `damaged` tells
-            if again != expected and not open_run(copy).damaged:
+            if again != expected and not RunLog(copy).damaged:
                 silent.append((path.name, bit))
-            told += bool(open_run(copy).damaged)
+            told += bool(RunLog(copy).damaged)
         flipped(path, bit)
     assert silent == []
     assert told > 5 / 6 * count
@@ -100,7 +101,7 @@ def test_a_whole_file_with_one_nucleotide_changed_is_refused(whole, tmp_path):
     copy = tmp_path / "run"
     shutil.copytree(whole, copy)
     path = copy / "births" / "generation-00000002.parquet"
-    with opened(path) as file:
+    with open_sealed(path) as file:
         table = file.read()
     at = table.schema.names.index("beta")
     numbers = np.array(table["beta"].to_pylist(), dtype=np.float64)
@@ -108,9 +109,9 @@ def test_a_whole_file_with_one_nucleotide_changed_is_refused(whole, tmp_path):
     kind = table.schema.field("beta").type
     column = pa.array([list(row) for row in numbers], kind)
     table = table.set_column(at, table.schema.field("beta"), column)
-    with sealed(path, table.schema) as writer:
+    with write_sealed(path, table.schema) as writer:
         writer.write_table(table)
-    run = open_run(copy)
+    run = RunLog(copy)
     first = run.births(2, columns=["id"])["id"][0].as_py()
     with pytest.raises(RunError, match="is not the one that was bred"):
         run.individuals([first])
@@ -123,7 +124,7 @@ def test_what_is_damaged_at_the_end_is_put_aside_and_bred_again(tmp_path, kind):
     path = out / kind / "generation-00000003.parquet"
     for one in (path, out / "births" / "generation-00000004.parquet"):
         one.write_bytes(one.read_bytes()[:-200])
-    run = open_run(out)
+    run = RunLog(out)
     assert list(run.generations) == [0, 1, 2]
     assert run.status()["generation"] == 2
     assert {one.name for one in run.damaged} == {path.name, "generation-00000004.parquet"}
@@ -135,12 +136,12 @@ def test_what_is_damaged_at_the_end_is_put_aside_and_bred_again(tmp_path, kind):
     assert {one.name for one in (out / "damaged").iterdir()} == {
         f"{one.parent.name}-{one.name}" for one in moved
     }
-    assert not open_run(out).damaged
+    assert not RunLog(out).damaged
     with Search.resume(out, workers=0) as search:
         for _ in search:
             pass
     assert rows(out) == expected
-    (event,) = [one for one in open_run(out).events() if one["event"] == "set aside"]
+    (event,) = [one for one in RunLog(out).events() if one["event"] == "set aside"]
     assert len(event["files"]) == 4
     assert store.set_aside(out) == []
 
@@ -150,7 +151,7 @@ def test_damage_in_the_middle_is_told_and_can_be_put_aside(tmp_path):
     expected = rows(out)
     path = out / "births" / "generation-00000001.parquet"
     flipped(path, 8 * (path.stat().st_size // 2))
-    run = open_run(out)
+    run = RunLog(out)
     assert list(run.generations) == [0, 1, 2, 3, 4]
     with pytest.raises(RunError, match="--set-aside"):
         run.births()

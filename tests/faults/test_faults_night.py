@@ -23,16 +23,17 @@ import pytest
 from click.testing import CliRunner, Result
 
 from evocity.cli import main
+from evocity.evaluation import linux_processes
 from evocity.fitness import registry
-from evocity.search import Search, commands, read_recipe
-from evocity.search.commands import Pick
-from evocity.search.evaluation import processes
-from evocity.store import open_run
-from evocity.store.events import UNTOLD
+from evocity.search import Search, read_recipe
+from evocity.search.record import commands
+from evocity.search.record.commands import Pick
+from evocity.store import RunLog
+from evocity.store.events import KILLED
 
 pytest.importorskip("distributed")
 
-if not processes.LINUX:
+if not linux_processes.LINUX:
     pytest.skip("what Linux gives", allow_module_level=True)
 
 RUNS = Path(__file__).parents[2] / "runs"
@@ -97,7 +98,7 @@ class Night:
 
     def whole(self) -> int:
         """How many generations are written."""
-        return len(open_run(self.out).generations) if self.out.exists() else 0
+        return len(RunLog(self.out).generations) if self.out.exists() else 0
 
     def status(self) -> dict:
         return json.loads(call("status", self.out, "--json").stdout)
@@ -117,12 +118,12 @@ class Night:
 
 def rows(path: Path) -> list[dict]:
     """All births and members of a run but for their seconds."""
-    run = open_run(path)
+    run = RunLog(path)
     return [*run.births().drop_columns(["seconds"]).to_pylist(), *run.members().to_pylist()]
 
 
 def events(path: Path, kind: str) -> list[dict]:
-    return [one for one in open_run(path).events() if one["event"] == kind]
+    return [one for one in RunLog(path).events() if one["event"] == kind]
 
 
 def until(condition, seconds: float = 600) -> None:
@@ -141,10 +142,10 @@ def alive(pid: int) -> bool:
 def below() -> list[int]:
     """Processes below this one, but for two that stay as long as it: what Python has watch over
     its shared memory, and what starts workers."""
-    found = processes.descendants(os.getpid())
+    found = linux_processes.descendants(os.getpid())
     staying = [
         one
-        for one in processes.children(os.getpid())
+        for one in linux_processes.children(os.getpid())
         if re.search("resource_tracker|nursery import main", command_of(one))
     ]
     return [one for one in found if one not in staying]
@@ -166,6 +167,7 @@ def listening(pids: list[int]) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mood", "generations", "smaller", "workers", "cluster"),
     [
@@ -203,7 +205,7 @@ def test_a_night_keeps_what_it_promises(
     state, memory = night.status(), psutil.Process(run.pid).memory_info().rss
     assert (state["running"], state["finished"], state["stopped"]) == (True, False, None)
     assert state["seconds_left"] > 0
-    family = processes.descendants(run.pid)
+    family = linux_processes.descendants(run.pid)
     assert len(family) >= 3  # what starts workers, and these
     liked = state["front"][:2]
     call("pick", night.out, *liked)
@@ -220,7 +222,7 @@ def test_a_night_keeps_what_it_promises(
     assert re.search(rf"^generation 0/{generations} · ", lines, re.M)
     assert re.search("^estimate: about .* of the disk", lines, re.M)
     state, cut = night.status(), night.whole()
-    assert (state["running"], state["finished"], state["stopped"]) == (False, False, UNTOLD)
+    assert (state["running"], state["finished"], state["stopped"]) == (False, False, KILLED)
     assert state["generation"] == cut - 1 < generations
     until(lambda: not any(map(alive, family)), 30)
     until(lambda: not list(night.temporary.iterdir()), 30)
@@ -242,7 +244,7 @@ def test_a_night_keeps_what_it_promises(
         patch.dict(registry._from_files),
         Search.resume(night.out, cluster=cluster, until="none") as search,
     ):
-        served = listening(processes.descendants(os.getpid()))
+        served = listening(linux_processes.descendants(os.getpid()))
         assert served
         assert set(served) <= {"127.0.0.1", "::1"}
         for _ in search:
@@ -253,7 +255,7 @@ def test_a_night_keeps_what_it_promises(
 
     # who is told, is told of each end but the kill
     killed, stop = events(night.out, "stop")
-    assert (killed["generation"], killed["reason"]) == (cut - 1, UNTOLD)
+    assert (killed["generation"], killed["reason"]) == (cut - 1, KILLED)
     told = night.told.read_text().splitlines()
     ends = [one for one in told if not one.startswith("improvement ")]
     assert ends == [f"stop {stop['generation']}", f"finish {generations}"]
@@ -274,15 +276,15 @@ def test_a_night_keeps_what_it_promises(
     assert sum(one["same"] is True for one in found) >= 0.9 * len(found)
 
     # one bad evaluation costs one evaluation
-    births = open_run(night.out).births().to_pylist()
+    births = RunLog(night.out).births().to_pylist()
     failed = {one["id"] for one in births if one["status"] != "ok"}
     assert {one["status"] for one in births} >= {"ok", "error"}
     assert all(one["error"] for one in births if one["id"] in failed)
     assert not failed & {parent for one in births for parent in one["parents"]}
-    assert not failed & {one["id"] for one in open_run(night.out).members().to_pylist()}
+    assert not failed & {one["id"] for one in RunLog(night.out).members().to_pylist()}
 
     # each start and stop is told, nothing is left over
-    kinds = [one["event"] for one in open_run(night.out).events()]
+    kinds = [one["event"] for one in RunLog(night.out).events()]
     ends = [one for one in kinds if one in ("start", "stop", "resume", "finish")]
     assert ends == ["start", "stop", "resume", "stop", "resume", "finish"]
     until(lambda: not [one for one in below() if one not in before], 30)

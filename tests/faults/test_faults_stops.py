@@ -10,7 +10,7 @@ import pytest
 from toy_runs import write_toy
 
 from evocity.search import Search
-from evocity.store import open_run
+from evocity.store import RunLog
 
 if os.name == "nt":
     pytest.skip("Windows has no such signals", allow_module_level=True)
@@ -45,27 +45,29 @@ def stopped_by(run, number: int, code: int, folder) -> None:
     assert run.returncode == code
     assert "Go on with: evocity resume" in told
     assert "Traceback" not in told
-    last = [one for one in open_run(folder).events() if one["event"] == "stop"][-1]
+    last = [one for one in RunLog(folder).events() if one["event"] == "stop"][-1]
     assert last["reason"] == signal.Signals(number).name
 
 
 def goes_on(folder) -> None:
-    whole = len(open_run(folder).generations)
+    whole = len(RunLog(folder).generations)
     with Search.resume(folder, generations=whole, workers=0) as search:
         assert [generation.number for generation in search] == [whole]
 
 
 # SIGINT: tests/cli/test_cli_process.py
+@pytest.mark.slow
 def test_a_terminal_that_is_closed_ends_a_run_that_goes_on_later(tmp_path):
     stopped_by(begun(tmp_path, workers=0), signal.SIGHUP, 129, tmp_path / "run")
     goes_on(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_signal_ends_a_run_with_workers_and_the_user_is_told_by_a_command(tmp_path):
     ask = f"{sys.executable} -c 'import sys; open(sys.argv[1], chr(119)).write(sys.argv[2])'"
     note = f'[notify]\non_end = "{ask} {tmp_path}/told {{reason}}"\n'
     run = begun(tmp_path, workers=1, recipe=note)
     stopped_by(run, signal.SIGTERM, 143, tmp_path / "run")
     assert (tmp_path / "told").read_text() == "SIGTERM"
-    assert [one["code"] for one in open_run(tmp_path / "run").events()[-1:]] == [0]
+    assert [one["code"] for one in RunLog(tmp_path / "run").events()[-1:]] == [0]
     goes_on(tmp_path / "run")

@@ -90,7 +90,7 @@ def test_a_recipes_faults_are_told_as_far_as_there_is_room():
     told = sum(fault in text for fault in faults)
     assert told > 8
     assert f"and {100 - told} more" in text
-    assert all(fault in error.listed(20_000) for fault in faults)
+    assert all(fault in error.list_faults(20_000) for fault in faults)
 
 
 @pytest.mark.parametrize(

@@ -14,15 +14,15 @@ from faults_kinds import FEW, KINDS, SOURCE
 from evocity import fitness
 from evocity.coding import decode
 from evocity.errors import RecipeError
+from evocity.evaluation import Workers, linux_processes, worker_pool, worker_start
+from evocity.evaluation.evaluator import Setup
+from evocity.evaluation.kernel_warmup import DECODE
+from evocity.evaluation.output import MOST_PRINTED
 from evocity.kinds import KINDS as CHROMOSOMES
+from evocity.recipe.search_section import bytes_of
 from evocity.search import read_recipe
-from evocity.search.evaluation import Workers, processes, starting, workers
-from evocity.search.evaluation.output import MOST_PRINTED
-from evocity.search.evaluator import Setup
-from evocity.search.searching import bytes_of
-from evocity.search.warm import DECODE
 
-linux = pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+linux = pytest.mark.skipif(not linux_processes.LINUX, reason="what Linux gives")
 pytestmark = pytest.mark.usefixtures("own_temporary")
 
 MEASURE = """
@@ -57,7 +57,7 @@ def gone(pids, seconds: float = 10.0) -> bool:
 
 
 def ended_nursery() -> None:
-    nursery, starting._the_nursery = starting._the_nursery, None
+    nursery, worker_start._the_nursery = worker_start._the_nursery, None
     if nursery is not None:
         nursery.end()
 
@@ -116,6 +116,7 @@ def noted(folder, what="") -> list[int]:
     return [int(one.name.rpartition("-")[2]) for one in folder.glob(f"{what}*-*")]
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize(
     "kinds", [FEW, pytest.param(list(KINDS), marks=pytest.mark.long)], ids=["few", "all"]
@@ -131,7 +132,7 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
     names = [one for i, kind in enumerate(kinds) for one in (kind, *[f"calm-{i}"] * 3)]
     outcomes = bad.run("evaluate", named(genome, *names))
     nursery = bad._starter._nursery.pid
-    assert len(processes.descendants(nursery)) <= 2
+    assert len(linux_processes.descendants(nursery)) <= 2
     bad.close()
     # on a loaded machine 6 s may be too few for who does not hang: with ten times as many he ends
     hung = [at for at, one in enumerate(outcomes) if one.status == "timeout"]
@@ -165,7 +166,7 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
     assert "\x1b" not in shown
     # nothing stays
     assert gone(noted(notes))
-    assert processes.descendants(nursery) == []
+    assert linux_processes.descendants(nursery) == []
     assert os.listdir(next(own_temporary.glob("evocity-workers-*"))) == []
     ended_nursery()
     assert os.listdir(own_temporary) == []
@@ -175,6 +176,7 @@ def genome_value(genome) -> float:
     return float(decode(genome).city.heights.mean())
 
 
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("deed", ["os.killpg(os.getpgid(os.getppid()), 9)"])
 def test_a_measure_that_kills_what_starts_workers_is_found(pool, genome, deed, told):
@@ -190,7 +192,7 @@ def test_a_measure_that_kills_what_starts_workers_is_found(pool, genome, deed, t
 @linux
 @pytest.mark.long
 def test_a_nursery_that_does_not_answer_is_replaced(pool, genome, monkeypatch, told):
-    monkeypatch.setattr(workers, "_ANSWER", 2.0)
+    monkeypatch.setattr(worker_pool, "_ANSWER", 2.0)
     body = "if told == 'bad': os.kill(os.getppid(), signal.SIGSTOP); os._exit(1)"
     bad = pool(MEASURE.format(body=body), count=1)
     assert [one.status for one in bad.run("evaluate", named(genome, "calm"))] == ["ok"]
@@ -200,6 +202,7 @@ def test_a_nursery_that_does_not_answer_is_replaced(pool, genome, monkeypatch, t
     assert not alive(first)
 
 
+@pytest.mark.slow
 @linux
 def test_a_worker_or_the_nursery_killed_from_outside_costs_nothing(pool, genome, told):
     body = "time.sleep(0.3)"
@@ -258,8 +261,8 @@ sys.path[:0] = TESTS
 from codes import uniformly
 from towns import draw_town
 from evocity.kinds import KINDS
-from evocity.search.evaluation import Workers
-from evocity.search.evaluator import Setup
+from evocity.evaluation import Workers
+from evocity.evaluation.evaluator import Setup
 if __name__ == "__main__":
     genome = uniformly(draw_town(1)).genome
     header = SimpleNamespace(chromosome=KINDS["fabric"], measures=("bad",), recorded=())
@@ -289,7 +292,7 @@ def test_all_end_with_the_main_process_and_no_file_stays(tmp_path):
         assert time.monotonic() < end
         assert process.poll() is None, process.stdout.read()
         time.sleep(0.05)
-    family = processes.descendants(process.pid)
+    family = linux_processes.descendants(process.pid)
     assert len(family) >= 5  # tracker, nursery, two workers, and what one began
     process.send_signal(signal.SIGKILL)
     process.communicate()
@@ -307,7 +310,7 @@ def test_the_folders_of_killed_nurseries_are_removed_by_the_next(pool, genome, o
     for folder in (old, other):  # of main processes that were killed too; one is just being made
         folder.mkdir()
     os.utime(old, (1, 1))
-    family = processes.descendants(nursery.pid)
+    family = linux_processes.descendants(nursery.pid)
     os.kill(nursery.pid, signal.SIGKILL)
     assert gone(family)  # the system ends the workers with it
     good.run("evaluate", named(genome, "calm"))
@@ -339,6 +342,7 @@ def test_memory_that_is_none_is_a_fault_of_the_recipe(tmp_path, value):
         read_recipe(path)
 
 
+@pytest.mark.slow
 @linux
 def test_what_the_worker_has_does_not_count_and_what_births_leave_is_given_back(pool, genome):
     body = "import numpy as np; ones = np.ones(10**6 * int(told)); globals()[told] = ones"
@@ -355,13 +359,14 @@ def test_what_the_worker_has_does_not_count_and_what_births_leave_is_given_back(
 
 def test_what_a_worker_runs_is_loaded_first_where_processes_are_spawned():
     """As on Windows and macOS: nothing of the package is loaded before it."""
-    code = "import evocity.search.worker, sys; sys.exit('evocity.search.worker' not in sys.modules)"
+    module = "evocity.evaluation.worker"
+    code = f"import {module}, sys; sys.exit('{module}' not in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 @pytest.mark.long
 def test_workers_of_other_systems(pool, genome, monkeypatch):
-    monkeypatch.setattr(workers.processes, "LINUX", False)
+    monkeypatch.setattr(worker_pool.linux_processes, "LINUX", False)
     body = (
         "if told == 'hang': time.sleep(1e6)\n"
         "    if told == 'end': os._exit(0)\n"
@@ -370,7 +375,7 @@ def test_workers_of_other_systems(pool, genome, monkeypatch):
     pool = pool(MEASURE.format(body=body), count=2, timeout=5.0)
     names = ["calm", "hang", "end", "raise", "calm-2", "calm-3"]
     outcomes = pool.run("evaluate", named(genome, *names))
-    assert isinstance(pool._starter, starting.Spawned)
+    assert isinstance(pool._starter, worker_start.SpawnStarter)
     pids = [seat.pid for seat in pool._seats.values()]
     pool.close()
     ends = ["ok", "timeout", "died", "error", "ok", "ok"]

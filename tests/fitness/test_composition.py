@@ -37,7 +37,7 @@ def test_one_bound_is_its_own_unit(value, bound):
 
 @pytest.mark.parametrize("bounds", [(None, None), (2, 1), (math.nan, 1), (0, math.inf), ("0", 1)])
 def test_bounds_that_are_none_are_refused(bounds):
-    with pytest.raises(FitnessError, match="gsi between"):
+    with pytest.raises(FitnessError, match="of gsi are invalid"):
         Constraint(gsi, *bounds)
 
 

@@ -15,13 +15,13 @@ from towns import draw_town
 
 import evocity.fitness
 from evocity import isometries
-from evocity.authoring import Case, check
-from evocity.authoring.timing import cost, cost_together
-from evocity.authoring.watching import watched
 from evocity.citymap import CityMap
 from evocity.coding import encode
 from evocity.errors import FitnessError
 from evocity.fitness import load_file, registry
+from evocity.fitness.check import Case, check
+from evocity.fitness.check.cost import cost, cost_together
+from evocity.fitness.check.observed_call import observe
 
 TOWNS = [draw_town(1), draw_town(2)]
 
@@ -141,7 +141,7 @@ def test_genome_and_parents_are_given_to_those_who_ask(measure):
     case = Case(TOWNS[0], genome, (genome, genome))
     report = check(asking, [TOWNS[1], case])
     plain, coded, *awkward = report.trials
-    assert (plain.value, plain.reason) == (None, "not asked: a map without genome and parents")
+    assert (plain.value, plain.reason) == (None, "not measured: the map has no genome and parents")
     assert coded.value == len(genome) / 2
     assert [trial.value for trial in awkward] == [len(genome), len(genome)]
     assert report.turned is report.halved is None
@@ -230,7 +230,7 @@ def test_a_changed_map_is_an_error_with_its_line(measure, name):
     one = found(check(tried, TOWNS), "change")
     assert (one.kind, one.file, one.line) == ("error", tried.file, FIRST + 2)
     assert says in one.found
-    assert "a map left as it was" in one.expected
+    assert "an unchanged map" in one.expected
     assert "change a copy" in one.remedy
 
 
@@ -269,7 +269,7 @@ FAULTS = {
     "exit": ("raise SystemExit(3)", "exception", 0, "raised SystemExit: 3"),
     "ends": ("import os\nos._exit(3)", "exception", 1, "os._exit(3), which ends the process"),
     "writes": ("h = city.heights\nh[0] = 1\nreturn 1", "exception", 1, "read-only"),
-    "sets": ("city.name = 'x'\nreturn 1", "exception", 0, "does not change"),
+    "sets": ("city.name = 'x'\nreturn 1", "exception", 0, "is immutable"),
     "unlocks": (
         "city.heights.setflags(write=True)\ncity.heights[:] += 1\nreturn city.heights.max()",
         "change",
@@ -286,7 +286,7 @@ FAULTS = {
         "x = city.heights.max()\nreturn x + np.random.default_rng().random()",
         "random",
         1,
-        "draws random numbers, or keeps something",
+        "draws random numbers, or keeps state",
     ),
     "counts": ("seen.append(1)\nreturn len(seen)", "random", None, "is 1.0, and of the same map"),
     "nowhere": ("return float('nan')", "undefined", None, "is undefined on every map: NaN"),
@@ -446,13 +446,13 @@ def test_a_call_that_does_not_end_is_given_up_at_its_line(measure, body):
     assert report.given_up
     assert one.line == FIRST + 2
     assert "was at this line after 0.2 s on town-1" in one.found
-    assert [(trial.map, trial.reason) for trial in report.trials] == [("town-1", "given up")]
+    assert [(trial.map, trial.reason) for trial in report.trials] == [("town-1", "timed out")]
 
 
 @pytest.mark.skipif(not hasattr(time, "pthread_getcpuclockid"), reason="a clock of each thread")
 def test_a_loop_given_up_is_ended(measure):
     before = set(threading.enumerate())
-    call = watched(measure("n = 0\nwhile True: n += 1"), Case(TOWNS[0]), 0.2)
+    call = observe(measure("n = 0\nwhile True: n += 1"), Case(TOWNS[0]), 0.2)
     assert isinstance(call.error, TimeoutError)
     for left in set(threading.enumerate()) - before:  # a loaded machine may not get to it at once
         left.join(60.0)
@@ -460,8 +460,8 @@ def test_a_loop_given_up_is_ended(measure):
 
 
 def test_what_is_given_up_waiting_does_not_stop_the_next(measure):
-    watched(measure("import time\ntime.sleep(30)"), Case(TOWNS[0]), 0.05)
-    call = watched(measure("return 1j"), Case(TOWNS[0]), 5.0)
+    observe(measure("import time\ntime.sleep(30)"), Case(TOWNS[0]), 0.05)
+    call = observe(measure("return 1j"), Case(TOWNS[0]), 5.0)
     assert call.seconds < 1
     assert call.line == FIRST + 1
 
@@ -478,8 +478,8 @@ def test_only_the_second_call_hangs(measure):
 
 
 def test_a_slow_call_is_a_warning(measure, monkeypatch):
-    monkeypatch.setattr("evocity.authoring.faults.SLOW", 0.02)
-    monkeypatch.setattr("evocity.authoring.checking._QUICK", 0.02)
+    monkeypatch.setattr("evocity.fitness.check.faults.SLOW", 0.02)
+    monkeypatch.setattr("evocity.fitness.check.trial._QUICK", 0.02)
     tried = measure("import time\ntime.sleep(0.03)\nreturn city.heights.max()")
     report = check(tried, TOWNS)
     one = found(report, "time")
@@ -502,7 +502,7 @@ def test_trying_leaves_the_process_as_it_was(measure):
 
 def test_a_call_tells_value_and_time(measure):
     tried = measure("import time\ntime.sleep(0.02)\nreturn city.heights.max()")
-    call = watched(tried, Case(TOWNS[0]), 5.0)
+    call = observe(tried, Case(TOWNS[0]), 5.0)
     assert call.value == tried(TOWNS[0])
     assert 0.02 <= call.seconds < 2
     assert call.error is call.line is call.printed is call.warned is call.peak is None
@@ -510,7 +510,7 @@ def test_a_call_tells_value_and_time(measure):
 
 def test_only_the_first_line_printed_is_kept(measure):
     tried = measure("print()\nprint('one', end=' ')\nprint('two')\nprint('three')\nreturn 1.0")
-    assert watched(tried, Case(TOWNS[0]), 5.0).printed == (FIRST + 2, "one two")
+    assert observe(tried, Case(TOWNS[0]), 5.0).printed == (FIRST + 2, "one two")
 
 
 # -- cost ------------------------------------------------------------------------------------

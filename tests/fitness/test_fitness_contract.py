@@ -212,7 +212,7 @@ def test_the_documentation_is_whole_and_its_example_runs(measure):
 
 
 @pytest.mark.parametrize(
-    "module", ["fitness", "fitness.measure", "fitness.goals", "authoring.checking"]
+    "module", ["fitness", "fitness.measure", "fitness.goals", "fitness.check.trial"]
 )
 def test_the_examples_of_the_room_run(module):
     results = doctest.testmod(importlib.import_module(f"evocity.{module}"))

@@ -200,6 +200,7 @@ def test_crumbs_are_counted_by_their_area_not_their_pixels():
 # -- autosimilarity ----------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_autosimilarity_is_that_of_trying_every_pair(seed):
     heights = draw_town(seed, side=32, buildings=12).heights

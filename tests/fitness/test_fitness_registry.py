@@ -14,7 +14,7 @@ import pytest
 from towns import draw_town
 
 import evocity
-import evocity.fitness.shipping
+import evocity.fitness.source_transfer
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import Measure, Objective, Undefined, get, gsi, load_file, measures, registry
@@ -89,7 +89,9 @@ def test_running_a_cell_again_redefines_but_another_function_may_not_take_the_na
         assert get("again") is again
 
     for name, file in (("again", "test_fitness_registry"), ("gsi", "density")):
-        with pytest.raises(FitnessError, match=rf"a second measure called {name}.*{file}\.py"):
+        with pytest.raises(
+            FitnessError, match=rf"a second measure has the name {name}.*{file}\.py"
+        ):
             evocity.fitness()(named(name))
 
 
@@ -204,7 +206,7 @@ def test_a_measure_cannot_change_its_map(write):
 
 
 def test_only_a_city_map_is_measured():
-    with pytest.raises(FitnessError, match="gsi of a ndarray"):
+    with pytest.raises(FitnessError, match="gsi cannot measure a ndarray"):
         gsi(CITY.heights)
 
 
@@ -310,7 +312,7 @@ def test_a_sibling_at_fault_is_told(write):
     path = write("import helper\n" + GOOD)
     with pytest.raises(FitnessError, match=r"mine\.py, line 1 raised SyntaxError.*helper\.py"):
         load_file(path)
-    with pytest.raises(FitnessError, match=r"lay absent\.py beside mine\.py"):
+    with pytest.raises(FitnessError, match=r"put absent\.py in the folder of mine\.py"):
         load_file(write("import absent\n" + GOOD))
     write("x = 1", "helper.py")
     late = GOOD.replace("    return", "    import helper\n    return")
@@ -366,13 +368,13 @@ def test_a_file_may_hold_several_measures_and_dataclasses(write):
         ("import numpy\n\nimport nowhere_to_be_found\n", "mine.py, line 3 raised ModuleNotFound"),
         ("x = 1\n1 / 0\n", "mine.py, line 2 raised ZeroDivisionError"),
         ("raise SystemExit(0)\n", "mine.py, line 1 raised SystemExit"),
-        ("def mine(city):\n    return 1.0\n", r"no measure in it.*@evocity.fitness\("),
-        ("", "no measure in it"),
+        ("def mine(city):\n    return 1.0\n", r"the file declares no measure.*@evocity.fitness\("),
+        ("", "the file declares no measure"),
         (GOOD.replace("mine(city)", "mine(city, other)"), r"line 4: mine\(city, other\)"),
         (GOOD.replace('goal="min"', 'goal="least"'), "line 4: goal = 'least'"),
         (GOOD.replace('(goal="min", unit="m", range=(0, 500))', ""), "without brackets"),
-        (GOOD.replace("mine", "gsi"), r"a second measure called gsi \(line 4\).*density.py"),
-        (GOOD + GOOD, "a second measure called mine"),
+        (GOOD.replace("mine", "gsi"), r"a second measure has the name gsi \(line 4\).*density.py"),
+        (GOOD + GOOD, "a second measure has the name mine"),
         ("import evocity.fitness\nevocity.fitness.get('nothing')\n", "line 2: no measure is call"),
         ("x = '\0'", r"mine.py"),
         ("\nexec(compile('def', 'other.py', 'exec'))\n", "mine.py, line 2 raised SyntaxError"),
@@ -392,7 +394,7 @@ def test_a_file_that_is_not_utf8_or_not_there_or_not_python(tmp_path, write):
         load_file(tmp_path / "latin.py")
     with pytest.raises(FitnessError, match="no Python file at"):
         load_file(tmp_path / "nowhere.py")
-    with pytest.raises(FitnessError, match="is no Python file"):
+    with pytest.raises(FitnessError, match="is not a Python file"):
         load_file(write(GOOD, "mine.txt"))
     (tmp_path / "folder.py").mkdir()
     with pytest.raises(FitnessError, match="no Python file at"):
@@ -457,7 +459,7 @@ def test_a_family_is_no_measure():
     def ends(city):
         return {"low": 0, "high": 1}
 
-    with pytest.raises(FitnessError, match="an objective of Family"):
+    with pytest.raises(FitnessError, match="an objective cannot be made of Family"):
         Objective(ends)
 
 
@@ -598,7 +600,7 @@ def test_plugins_are_found_and_broken_ones_only_told(plugins):
     assert "broken" in broken
     assert "its library is missing" in broken
     assert "not a measure" in odd
-    assert "a second measure called fsi" in clash
+    assert "a second measure has the name fsi" in clash
     with pytest.raises(FitnessError, match="its library is missing"):
         get("what_broken_would_have_had")
 
@@ -641,7 +643,7 @@ def test_to_be_like_a_city_is_to_have_its_value():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "gsi without a goal"),
+        ({}, "gsi has no goal"),
         ({"goal": "best"}, "goal = 'best'"),
         ({"goal": "target"}, "target = None"),
         ({"goal": "like"}, "target = None"),
@@ -702,7 +704,7 @@ def test_data_that_is_not_there_or_too_much_is_told_at_once(tmp_path, monkeypatc
     monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 10)
     load_file(path)
     monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 9)
-    with pytest.raises(FitnessError, match=r"data of 0 MB, with 'more\.csv'"):
+    with pytest.raises(FitnessError, match=r"the data files have 0 MB, with 'more\.csv'"):
         load_file(path)
 
 
@@ -712,4 +714,4 @@ def test_data_of_a_measure_of_the_session_is_refused_where_it_would_not_come_alo
         return 1.0
 
     with pytest.raises(FitnessError, match=r"it reads data, level\.csv, which only files have"):
-        evocity.fitness.shipping.shipped([of_a_cell])
+        evocity.fitness.source_transfer.shipped([of_a_cell])

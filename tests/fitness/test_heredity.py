@@ -19,9 +19,9 @@ from evocity.fitness import fitness
 from evocity.fitness.heredity import heritability, integrity, integrity_of, whole_buildings
 from evocity.genome import VOID, Pieces, laid, merged, packed, split
 from evocity.operators import make
-from evocity.operators.crossing import assembled as laid_by_cells
+from evocity.operators.crossover import assemble as laid_by_cells
 from evocity.pavement import Pavement
-from evocity.store import open_run
+from evocity.store import RunLog
 
 OLD = Path(__file__).parents[1] / "old"
 seeds = st.integers(0, 2**32)
@@ -88,6 +88,7 @@ def assert_as_the_slow_twin(genome, sources):
     return len(told)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=15, deadline=None)
 def test_copies_are_found_as_one_by_one(seed):
@@ -266,10 +267,10 @@ def test_the_void_takes_buildings_away():
 @pytest.mark.parametrize(
     ("sources", "found"),
     [
-        ([ONE_HOUSE], "64 lifs from a, beside maps of b"),
-        ([], "64 lifs from a, beside maps of no city"),
-        ([hamlet("a", side=16)], "lifs from beyond the map of a, 16 × 16 px"),
-        ([TWO_HOUSES, hamlet("a")], "two source cities called a"),
+        ([ONE_HOUSE], "64 lifs come from a, but the sources are maps of b"),
+        ([], "64 lifs come from a, but the sources are maps of no city"),
+        ([hamlet("a", side=16)], "lifs come from outside the map of a, 16 × 16 px"),
+        ([TWO_HOUSES, hamlet("a")], "two source cities have the name a"),
         ([coded(TWO_HOUSES)], "sources ="),
         ("a", "sources ="),
     ],
@@ -316,7 +317,7 @@ def test_smaller_macro_blocks_cut_more():
 
 @pytest.mark.parametrize("name", ["run-1", "run-2"])
 def test_runs_of_older_releases_are_traced_to_their_sources(name):
-    run = open_run(OLD / name)
+    run = RunLog(OLD / name)
     sources = [source.city for source in run.sources()]
     births = run.births(columns=["id", "parents"]).to_pylist()
     shares = {row["id"]: integrity_of(run.genome(row["id"]), sources) for row in births}

@@ -11,7 +11,7 @@ from PIL import Image
 from evocity import CityMap, encode, fitness
 from evocity.errors import FitnessError, MapError
 from evocity.fitness.curves import line_distance
-from evocity.forms import CurveForm, ShapeForm, Site
+from evocity.kinds import CurveForm, ShapeForm, Site
 from evocity.shapes import Curve, known
 
 WINDOW = {"pixels": 32, "metres_per_pixel": 2.0}
@@ -73,7 +73,7 @@ def test_a_measure_of_one_thing_refuses_another(site):
         (fitness.shape_cover, site),
         (fitness.gsi, site),
     ):
-        with pytest.raises(FitnessError, match=f"{measure.name} of a"):
+        with pytest.raises(FitnessError, match=f"{measure.name} cannot measure a"):
             measure(thing)
     with pytest.raises(FitnessError, match="of = 'town'"):
         fitness.fitness(of="town")
@@ -93,9 +93,9 @@ def test_a_picture_is_a_target(tmp_path):
     assert own(form) == 0
     assert own(ShapeForm.of(known("koch"), 32, 1.0)) > 0.02
     for content, told in (
-        (b"no picture", "no picture that can be read"),
-        (picture(np.zeros((9, 9), bool)), "nowhere dark"),
-        (picture(np.ones((9, 9), bool)), "all dark"),
+        (b"no picture", "the picture cannot be read"),
+        (picture(np.zeros((9, 9), bool)), "the picture is nowhere dark"),
+        (picture(np.ones((9, 9), bool)), "the picture is all dark"),
         (picture(np.eye(9, 5000, dtype=bool)), "5000 × 9 px"),
     ):
         (tmp_path / "bad.png").write_bytes(content)

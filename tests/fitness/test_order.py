@@ -47,6 +47,7 @@ def test_alignment_falls_strictly_with_the_angle(pixel, seed):
     assert np.all(np.diff(values) < 0)
 
 
+@pytest.mark.slow
 def test_alignment_does_not_see_which_way_a_grid_is_turned():
     for side, step in ((20, 30), (25, 40)):  # least at 5°, with long stairs
         values = [alignment(turned_grid(d, side, step)) for d in (0, 2.5, 5, 7.5, 10, 22.5, 30, 45)]

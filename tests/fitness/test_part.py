@@ -12,7 +12,7 @@ from evocity import fitness, isometries
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError, MapError
 from evocity.fitness import Part
-from evocity.fitness.part import own_name, part_of, within
+from evocity.fitness.part import own_name, part_name, within
 from evocity.operators import make
 
 CITY = draw_town(7, side=128, buildings=150)
@@ -177,14 +177,14 @@ def test_a_part_is_cut_once_for_all_measures():
 
 def test_names_tell_the_part():
     named = within(fitness.gsi, "west bank")
-    assert (named.name, own_name(named.name), part_of(named.name)) == (
+    assert (named.name, own_name(named.name), part_name(named.name)) == (
         "gsi@west bank",
         "gsi",
         "west bank",
     )
     assert named.source_hash == fitness.gsi.source_hash
     assert named(CITY) == fitness.gsi(CITY)
-    assert (own_name("gsi"), part_of("gsi")) == ("gsi", "")
+    assert (own_name("gsi"), part_name("gsi")) == ("gsi", "")
 
 
 def test_measures_that_cannot_tell_a_part_are_refused():
@@ -193,9 +193,13 @@ def test_measures_that_cannot_tell_a_part_are_refused():
     assert not part.is_rectangle
     for measure in ALONE:
         if not measure.any_site:
-            with pytest.raises(FitnessError, match="within disc, which is no rectangle"):
+            with pytest.raises(
+                FitnessError, match="cannot be limited to disc, which is not a rectangle"
+            ):
                 part.measured(measure, CITY)
-    with pytest.raises(FitnessError, match="integrity within a part: it asks for the genome"):
+    with pytest.raises(
+        FitnessError, match="integrity cannot be limited to a part: it needs the genome"
+    ):
         Part("middle", rectangle()).measured(fitness.integrity, CITY)
     assert {m.name for m in ALONE if not m.any_site} == {
         "autosimilarity",
@@ -209,9 +213,9 @@ def test_measures_that_cannot_tell_a_part_are_refused():
 @pytest.mark.parametrize(
     ("mask", "says"),
     [
-        (np.ones((64, 64), bool), "a part of bool and shape"),
-        (np.ones((128, 128)), "a part of float64"),
-        (np.zeros((128, 128), bool), "without a pixel"),
+        (np.ones((64, 64), bool), "the type bool and the shape"),
+        (np.ones((128, 128)), "the type float64"),
+        (np.zeros((128, 128), bool), "marks no pixel"),
     ],
 )
 def test_parts_that_are_none(mask, says):

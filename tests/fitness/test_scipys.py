@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, spatial
 
 from evocity.fitness import directions, sizes
-from evocity.fitness.roots import root_between
+from evocity.fitness.root_finding import root_between
 
 
 @pytest.mark.parametrize(

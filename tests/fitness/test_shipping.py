@@ -14,7 +14,7 @@ import evocity.fitness
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import registry
-from evocity.fitness.shipping import shipped, unpacked
+from evocity.fitness.source_transfer import shipped, unpacked
 
 CITY = CityMap(np.full((8, 8), 9.0), 2.0, name="eight")
 _numbers = itertools.count(1)
@@ -158,7 +158,11 @@ REFUSED = {
     "an object": ("class Odd:\n    x = 1\nodd = Odd()", "return odd.x", "uses odd, a Odd"),
     "an open file": ("log = open('/dev/null')", "return len(log.name)", "uses log, a Text"),
     "a generator": ("rng = np.random.default_rng(1)", "return rng.random()", "a Generator"),
-    "what is changed": ("count = 0", "global count\ncount += 1\nreturn count", "changes count"),
+    "what is changed": (
+        "count = 0",
+        "global count\ncount += 1\nreturn count",
+        "changes the global variable count",
+    ),
     "a lambda": ("f = lambda x: x", "return f(1)", "uses f, a function"),
     "what is not there": ("", "return missing", "uses missing, which is not defined"),
     "objects in arrays": ("a = np.array([print], object)", "return a.size", "uses a, a ndarray"),
@@ -199,10 +203,10 @@ def test_a_measure_made_in_a_function_or_without_source_is_refused(cell):
         mine = make(3)
         """
     )
-    with pytest.raises(FitnessError, match="made uses factor of the function it is made in"):
+    with pytest.raises(FitnessError, match="made uses factor of its outer function"):
         shipped([session.mine])
     exec("@evocity.fitness()\ndef typed(city):\n    return 1", session.__dict__)
-    with pytest.raises(FitnessError, match="the source of typed is not at hand"):
+    with pytest.raises(FitnessError, match="the source of typed is not available"):
         shipped([session.typed])
 
 

@@ -24,9 +24,9 @@ from evocity.fitness import (
     type_distance,
     types_of,
 )
-from evocity.fitness.type_table import FEATURES, MOST
+from evocity.fitness.type_table import FEATURES
 from evocity.fitness.types import TYPES, features, shares
-from evocity.views.boxes import left_over, meet
+from evocity.views.limit_tables import MOST, intersection, remainder
 
 DATA = Path(evocity.__file__).parent / "data" / "building-types.toml"
 SEVEN = {"shed", "courtyard_block", "tower", "row", "hall", "detached", "slab"}
@@ -319,10 +319,10 @@ def test_boxes_without_gap_by_brute_force():
             any((box[0] <= p).all() and (p < box[1]).all() for box in boxes)
             for p in itertools.product(np.arange(0.5, 4), repeat=2)
         ]
-        gap = left_over(whole_space, boxes)
+        gap = remainder(whole_space, boxes)
         assert (gap is None) == all(covered)
         if gap:
-            assert all(meet(gap, box) is None for box in boxes)
+            assert all(intersection(gap, box) is None for box in boxes)
 
 
 def test_the_bundled_table_has_a_reason_for_each_limit():
@@ -349,8 +349,8 @@ HOUSE = '[[type]]\nname = "house"\n'
     ("text", "found", "remedy"),
     [
         ("[[type]", "no TOML", "correct"),
-        ("", "no type", "write [[type]], below it name ="),
-        ("type = 3", "no type", "limits such as height"),
+        ("", "0 entries [[type]]", "for example height"),
+        ("type = 3", "no entries [[type]]", "for example height"),
         ("[[types]]\nname = 'a'", "types in a table of types", "did you mean type"),
         ("houses = 1", "houses in a table of types", "take it out"),
         (
@@ -360,8 +360,8 @@ HOUSE = '[[type]]\nname = "house"\n'
         ),
         ("[[type]]\narea = { from = 3 }", "name = None", "for example"),
         ('[[type]]\nname = "two words"', "name = 'two words'", "for example"),
-        (HOUSE + "hight = { from = 3 }", "hight of the type house", "did you mean height"),
-        (HOUSE + "height = 3", "height = 3 of", "for example"),
+        (HOUSE + "hight = { from = 3 }", "hight of entry 1, type house", "did you mean height"),
+        (HOUSE + "height = 3", "height = 3 of entry 1, type house", "for example"),
         (HOUSE + "height = {}", "height = {} of", "for example"),
         (HOUSE + "height = { to = 3 }", "height = { to = 3 } of", "for example"),
         (HOUSE + "height = { from = 'a' }", "height = { from = 'a' }", "for example"),
@@ -374,7 +374,7 @@ HOUSE = '[[type]]\nname = "house"\n'
             "for example",
         ),
         (HOUSE + "elongation = { from = 1.5 }", "elongation = { from = 1.5 }", "for example"),
-        (HOUSE * (MOST + 1), f"{MOST + 1} entries", "leave some out"),
+        (HOUSE * (MOST + 1), f"{MOST + 1} entries", "for example"),
         (
             HOUSE + "height = { below = 9 }",
             "no type takes a building of area 100",
@@ -388,8 +388,8 @@ HOUSE = '[[type]]\nname = "house"\n'
         ("shares = 1", "shares = 1", "= 0.6 under [shares]"),
         (
             "[shares]\nrows = 1\nslab = -1",
-            "[shares] has rows, which is no type, did you mean row?; slab = -1",
-            "correct that",
+            "[shares] has rows, which is not a type, did you mean row?; slab = -1",
+            "correct [shares]",
         ),
     ],
 )
@@ -469,10 +469,10 @@ def test_shares_alone_are_of_the_package_s_types(tmp_path):
 def test_names_that_are_taken_or_none(tmp_path):
     path = tmp_path / "building_types.toml"
     path.write_text(DATA.read_text(encoding="utf-8"))
-    with pytest.raises(FitnessError, match="second measure called building_types"):
+    with pytest.raises(FitnessError, match="second measure has the name building_types"):
         load_file(path)
     path = path.rename(tmp_path / "my-types.toml")
-    with pytest.raises(FitnessError, match="a table called my-types"):
+    with pytest.raises(FitnessError, match="the name of the table file, my-types"):
         load_file(path)
 
 

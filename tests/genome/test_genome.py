@@ -155,7 +155,7 @@ def test_files_that_are_no_genome(genome, tmp_path):
     with pytest.raises(GenomeError, match="not a genome file"):
         read_genome(tmp_path / "text.parquet")
     pq.write_table(pa.table({"a": [1]}), tmp_path / "other.parquet")
-    with pytest.raises(GenomeError, match="no genome"):
+    with pytest.raises(GenomeError, match="not a genome"):
         read_genome(tmp_path / "other.parquet")
     genome.write(tmp_path / "cut.parquet")
     data = (tmp_path / "cut.parquet").read_bytes()

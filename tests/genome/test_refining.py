@@ -12,7 +12,7 @@ from evocity import isometries
 from evocity.coding import decode
 from evocity.errors import GenomeError
 from evocity.genome import FIELDS, Pieces, laid, merged, refined, split, unpacked
-from evocity.genome.refining import _part
+from evocity.genome.split_merge import _part
 from evocity.pavement import Pavement, common_refinement
 
 seeds = st.integers(0, 2**32)
@@ -39,6 +39,7 @@ def test_what_was_split_is_merged_again(seed):
     assert np.array_equal(whole.turn, genome.turn)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=30, deadline=None)
 def test_merging_changes_no_pixel_and_leaves_nothing_to_merge(seed):

@@ -27,6 +27,7 @@ RNG = np.random.default_rng
 # -- a function of seed and place -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_original_stays_as_it_is_and_all_is_laid(code, fabric):
     top, left = fabric.place
     assert fabric.place == (52, 84)
@@ -44,6 +45,7 @@ WINDOWS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_windows_are_the_same_in_any_order(code):
     first, second = (grow(code, 200, 264, RNG(5)) for _ in range(2))
     forward = [first.window(*box) for box in WINDOWS]
@@ -61,6 +63,7 @@ def digest_of(fabric) -> str:
     return state.hexdigest()
 
 
+@pytest.mark.slow
 def test_another_process_shows_the_same(code, tmp_path):
     code.write(tmp_path / "town.parquet")
     program = f"""
@@ -79,15 +82,23 @@ print(state.hexdigest())
     assert told.stdout.strip() == digest_of(grow(code, 200, 264, RNG(5)))
 
 
+@pytest.mark.slow
 def test_what_is_kept_changes_nothing(code, fabric, monkeypatch):
-    monkeypatch.setattr("evocity.growth.plane._KEPT_REGIONS", 3)
+    monkeypatch.setattr("evocity.growth.plane._REGIONS", 3)
     forgetful = grow(code, 200, 264, RNG(5))
     assert digest_of(forgetful) == digest_of(fabric)
     assert len(forgetful.plane._regions) <= 3
 
 
+@pytest.mark.slow
 def test_a_fabric_travels_to_other_processes(fabric):
     assert digest_of(pickle.loads(pickle.dumps(fabric))) == digest_of(fabric)
+
+
+@pytest.fixture(scope="module")
+def whole(fabric):
+    """All that the windows of the next test lie within."""
+    return fabric.window(-400, -400, 1100, 1100)
 
 
 @settings(max_examples=30, deadline=None)
@@ -95,12 +106,12 @@ def test_a_fabric_travels_to_other_processes(fabric):
     top=st.integers(-400, 500), left=st.integers(-400, 500),
     height=st.integers(1, 200), width=st.integers(1, 200),
 )  # fmt: skip
-def test_windows_that_overlap_agree(fabric, top, left, height, width):
-    whole = fabric.window(-400, -400, 1100, 1100)
+def test_windows_that_overlap_agree(fabric, whole, top, left, height, width):
     part = whole[top + 400 : top + 400 + height, left + 400 : left + 400 + width]
     assert np.array_equal(fabric.window(top, left, height, width), part)
 
 
+@pytest.mark.slow
 def test_size_and_corner_of_the_map_change_nothing_in_the_fabric(code, fabric):
     shown = fabric.window(fabric.place[0] - 200, fabric.place[1] - 200, 500, 500)
     for options in ({}, {"height": 96, "width": 300}, {"corner": (-90, 3)}):
@@ -130,6 +141,7 @@ def test_the_original_stands_where_it_is_told(code, corner):
     assert np.array_equal(24 * told["row"] + told["column"], np.arange(576).reshape(24, 24))
 
 
+@pytest.mark.slow
 def test_cells_need_not_be_the_range_blocks(code):
     heights = decode(code).city.heights
     for cell in (2, 3, 6, 8):
@@ -183,7 +195,7 @@ def test_what_is_laid_apart_lies_apart(lattice, i, j):
     """Of what is laid without knowing of each other, no two cells touch by a side."""
     near = [(i + di, j + dj) for di in (-1, 0, 1) for dj in (-1, 0, 1)]
     for kinds in ((CROSSING,), (EAST, SOUTH), (INSIDE,)):
-        regions = {(kind, *at): lattice.laid(kind, *at) for kind in kinds for at in near}
+        regions = {(kind, *at): lattice.extent(kind, *at) for kind in kinds for at in near}
         for kind in kinds:
             top, left, bottom, right = regions.pop((kind, i, j))
             for other in regions.values():
@@ -208,9 +220,9 @@ def test_places_cover_a_tile_and_what_stands_lies_within_them(lattice, i, j, see
 
     original = of((0, 0, lattice.rows, lattice.columns))
     laid[original] = True
-    for key in [*lattice.needs(INSIDE, i, j), (INSIDE, i, j)]:
+    for key in [*lattice.prerequisites(INSIDE, i, j), (INSIDE, i, j)]:
         whole = np.zeros(span, bool)
-        whole[of(lattice.laid(*key))] = True
+        whole[of(lattice.extent(*key))] = True
         for top, left, tall, wide in lattice.places(*key, rng):
             assert max(tall, wide) <= lattice.size_max
             place = of((top, left, top + tall, left + wide))
@@ -229,6 +241,7 @@ def test_places_cover_a_tile_and_what_stands_lies_within_them(lattice, i, j, see
     assert laid[of(tile)].all()
 
 
+@pytest.mark.slow
 def test_no_seam_along_the_lines_between_tiles(code):
     fabric = grow(code, rng=RNG(1))
     heights = fabric.window(-1088, -1088, 1024, 1024)
@@ -251,17 +264,14 @@ def laid_one_by_one(code, monkeypatch, **options):
     """(fabric before, its stones after, the place, its step) of every group laid."""
     laid = []
 
-    def one_by_one(stones, *rest):
-        *rest, steps, twice = rest
-        before_places, (places, owners, draws), after_draws = rest[:6], rest[6:9], rest[9:]
+    def one_by_one(*, stones, places, steps, **others):
+        single = {name: others.pop(name) for name in ("owners", "draws", "twice")}
+        single |= {"places": places, "steps": steps}
         grown = np.zeros(2, int)
         for n in range(len(places)):
             before = stones.copy()
-            some = slice(n, n + 1)
-            grown += _kernels.lay_groups(
-                stones, *before_places, places[some], owners[some], draws[some], *after_draws,
-                steps[some], twice[some],
-            )  # fmt: skip
+            some = {name: values[n : n + 1] for name, values in single.items()}
+            grown += _kernels.lay_groups(stones=stones, **some, **others)
             if np.isfinite(steps[n]):
                 laid.append((before, stones.copy(), places[n], steps[n]))
         return grown
@@ -271,6 +281,7 @@ def laid_one_by_one(code, monkeypatch, **options):
     return laid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [2.0, pytest.param(6.0, marks=pytest.mark.long)])
 def test_outlines_step_by_no_more_than_the_tolerance(code, monkeypatch, tolerance):
     heights = decode(code).city.heights
@@ -309,6 +320,7 @@ def candidate_of(stone, i, j, tall, wide, heights):
     raise AssertionError("no such rectangle")
 
 
+@pytest.mark.slow
 def test_density_is_kept(code):
     own = CityMap(decode(code).city.heights, 2)
     for place in (-2000, 5000):
@@ -387,6 +399,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.slow_cases("town-options0", "oblong-options1", "small-options2")
 @pytest.mark.parametrize(
     ("name", "options"),
     [
@@ -404,18 +417,20 @@ def test_drawn_towns_do_not_repeat(name, options):
     assert fabric.repeats() == 0
 
 
+@pytest.mark.slow_cases("town", "small")
 @pytest.mark.parametrize("name", [name for name in DRAWN if name not in ("ramp", "chess")])
 def test_not_even_open_ground_repeats_in_a_tile(name):
     drawn = uniformly(CityMap(DRAWN[name], 2)).genome
     fabric = grow(drawn, rng=RNG(1))
     for i, j in [(-2, -1), (3, 3)]:
-        top, left, bottom, right = (4 * at for at in fabric.plane.lattice.seen(INSIDE, i, j))
+        top, left, bottom, right = (4 * at for at in fabric.plane.lattice.context(INSIDE, i, j))
         shown = fabric.window(top, left, bottom - top, right - left)
         region = fabric.plane.region(INSIDE, i, j)
         found = repeated_beyond(decode(drawn).city.heights, shown)
         assert found == region.repeated == 0
 
 
+@pytest.mark.slow
 def test_repeats_are_counted():
     drawn = uniformly(CityMap(DRAWN["house"], 2)).genome
     fabric = grow(drawn, 400, 384, RNG(1))
@@ -424,6 +439,7 @@ def test_repeats_are_counted():
     assert fabric.repeats(*box) == found > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cape-town-salt-river", "lyon-1er"])
 def test_cities_do_not_repeat_and_keep_their_density(name):
     city = evocity.read_map(name)
@@ -450,6 +466,7 @@ def test_no_window_comes_twice_within_4096_pixels(name):
     assert fabric.repeats(-30_000, 10_000, 4096, 4096) == 0
 
 
+@pytest.mark.slow
 def test_what_must_repeat_is_told():
     # no window of it is without the house, so that straight copies cannot but show it again
     code = uniformly(CityMap(one_house(80), 2)).genome
@@ -480,6 +497,7 @@ def test_straight_growth_turns_nothing(code):
     assert len(np.unique(grow(code, 200, 264, RNG(5)).sources()["iso"])) == 8
 
 
+@pytest.mark.slow
 def test_cells_have_their_share(code):
     told = grow(code, 400, 400, RNG(0)).sources()
     uses = np.bincount((24 * told["row"] + told["column"]).ravel(), minlength=len(code))
@@ -494,6 +512,7 @@ def test_progress_is_told_to_the_end(code):
     assert told == sorted(told)
 
 
+@pytest.mark.slow
 def test_sizes_in_metres_and_in_range_blocks_mean_the_same(code):
     blocks = grow(code, rng=RNG(0), size_min=4, size_max=6)
     metres = grow(code, rng=RNG(0), side_min=32, side_max=48.0)
@@ -526,7 +545,7 @@ def test_sizes_in_metres_and_in_range_blocks_mean_the_same(code):
         ({"size_min": 2}, "24 to 112 m, 3 to 14 cells"),
         ({"size_max": 15}, "24 to 112 m"),
         ({"size_min": 9, "size_max": 8}, "the smaller at most the larger"),
-        ({"size_max": 4}, "which is 40 m or more"),
+        ({"size_max": 4}, "the larger 40 m or more"),
         ({"size_min": 4.5}, "24 to 112 m"),
         ({"side_max": 130}, "growth: side_max = 130"),
         ({"side_max": float("nan")}, "24 to 112 m"),
@@ -567,7 +586,7 @@ def test_too_small_originals_are_refused():
     for side, block in ((20, 4), (221, 13)):
         city = CityMap(RNG(0).random((side, side)) * 9, 2)
         code = uniformly(city, block=block, reach=8).genome
-        with pytest.raises(OperatorError, match="6 × 6 cells or more of 2 to 11 px"):
+        with pytest.raises(OperatorError, match="6 × 6 whole cells of 2 to 11 px"):
             grow(
                 code.replace()
                 if side > 20

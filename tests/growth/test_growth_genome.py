@@ -12,7 +12,7 @@ from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, unpacked
 from evocity.growth import grow
-from evocity.growth.lifs import lifs_laid
+from evocity.growth.fabric import lay_lifs
 
 RNG = np.random.default_rng
 
@@ -32,7 +32,7 @@ def test_domain_blocks_are_carried_along_and_turned(iso, cell):
     wider = np.where(code.uniform | (code.x > 40), code.dx, code.dx + 4 * rng.integers(0, 3))
     code = code.replace(dx=wider)
     rows, columns = (isometries.apply(iso, k) for k in np.indices((64 // cell, 96 // cell)))
-    child = lifs_laid([code], cell, 0 * rows, rows, columns, 0 * rows + iso)
+    child = lay_lifs([code], cell, 0 * rows, rows, columns, 0 * rows + iso)
     image = isometries.apply(iso, decode(code).city.heights)
     assert decode(child).city.heights == pytest.approx(image, abs=0.05)
 
@@ -115,8 +115,8 @@ def test_range_blocks_may_be_parts_of_cells():
     [
         ({}, (1, 0, 40, 40), "row 0 + n · 4, column 0 + n · 4"),
         ({}, (0, 0, 40, 42), "sides that are multiples of 4 px"),
-        ({"cell": 3}, (0, 0, 60, 60), "range blocks of 4 px in one map, laid in cells of 3 px"),
-        ({}, (40, 40, 4, 40), "sides of 8 px or more"),
+        ({"cell": 3}, (0, 0, 60, 60), "range blocks of 4 px in one map, in cells of 3 px"),
+        ({}, (40, 40, 4, 40), "sides of at least 8 px"),
     ],
 )
 def test_what_is_no_genome_is_refused(code, options, box, says):

@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from evocity.errors import MapError
-from evocity.io import READERS, Footprints, Grid, Reader, bundled, cities, read_map, reading
+from evocity.io import (
+    READERS,
+    Footprints,
+    Grid,
+    Reader,
+    bundled_cities,
+    cities,
+    map_reader,
+    read_map,
+)
 
 BREAKABLE = [".geojson", ".gpkg", ".osm", ".osm.pbf", ".osm.gz", ".tif", ".png", ".npy"]
 
@@ -67,7 +76,7 @@ def test_missing_empty_and_foreign_files(refused, suffix):
 def test_a_folder_a_wrong_suffix_and_a_missing_folder(refused, tmp_path):
     (tmp_path / "town.tif").mkdir()
     refused("town.tif", None, "is a folder")
-    message = refused("a.docx", b"x", "nothing reads .docx")
+    message = refused("a.docx", b"x", "no reader for .docx")
     assert all(suffix in message for suffix in READERS)
     refused("no/where/a.tif", None, "there is no folder")
     refused("a\0.tif", None, "no file|cannot be opened")
@@ -115,12 +124,12 @@ def test_addresses_are_no_files(source):
 @pytest.mark.parametrize(
     ("content", "found"),
     [
-        (b'{"type": "FeatureCollection", "features": [', "not whole JSON"),
-        (b"{" * 100_000, "not whole JSON"),
-        (b'{"a":' * 200_000, "not whole JSON"),
+        (b'{"type": "FeatureCollection", "features": [', "not complete JSON"),
+        (b"{" * 100_000, "not complete JSON"),
+        (b'{"a":' * 200_000, "not complete JSON"),
         (b"[1, 2]", "type None"),
         ({"type": "Topology"}, "type 'Topology'"),
-        ({"type": "FeatureCollection"}, "no list"),
+        ({"type": "FeatureCollection"}, "not a list"),
         ({"type": "FeatureCollection", "features": [3]}, "feature 0"),
         (collection(), "no building"),
         (collection(None), "no building"),
@@ -176,8 +185,8 @@ def test_a_window_in_which_nothing_is_is_open_ground(refused, tmp_path):
     assert city.shape == (32, 32)
     assert not city.heights.any()
     point = {"type": "Point", "coordinates": [4.83, 45.76]}
-    refused("a.geojson", collection(point, window=window), "no building among")
-    refused("a.geojson", collection(window=window), "no building among", center=(5, 45))
+    refused("a.geojson", collection(point, window=window), "has no building")
+    refused("a.geojson", collection(window=window), "has no building", center=(5, 45))
 
 
 @pytest.mark.parametrize("share", [0.05, 0.4, 0.95])
@@ -310,7 +319,7 @@ def test_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
     def denied(*_args, **_options):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(reading, "open", denied, raising=False)
+    monkeypatch.setattr(map_reader, "open", denied, raising=False)
     with pytest.raises(MapError, match="Permission denied"):
         read_map(tmp_path / "a.geojson")
 
@@ -318,7 +327,7 @@ def test_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
 def test_a_shapefile_without_its_companions(refused, whole_files, tmp_path):
     for suffix in (".shp", ".shx", ".dbf"):
         shutil.copy(whole_files / f"a{suffix}", tmp_path)
-    refused("a.shp", None, "names no reference system")
+    refused("a.shp", None, "has no reference system")
     (tmp_path / "a.shx").unlink()
     refused("a.shp", None, "cannot be read")
 
@@ -435,17 +444,17 @@ def test_a_misspelt_city(wrong):
     if wrong != "xyz":
         assert "did you mean" in str(fault.value)
     with pytest.raises(MapError):
-        bundled.attribution_of(wrong)
+        bundled_cities.attribution_of(wrong)
 
 
 @pytest.fixture
 def plugins(monkeypatch):
     def install(*entries):
         monkeypatch.setattr("evocity.plugins.entry_points", lambda group: entries)
-        reading._from_plugins.cache_clear()
+        map_reader._from_plugins.cache_clear()
 
     yield install
-    reading._from_plugins.cache_clear()
+    map_reader._from_plugins.cache_clear()
 
 
 def test_a_reader_from_another_package(tmp_path, plugins):
@@ -479,10 +488,10 @@ def test_a_reader_from_another_package(tmp_path, plugins):
     (tmp_path / "a.city.xyz").write_text("{}")
     with pytest.raises(MapError, match="no building"):
         read_map(tmp_path / "a.city.xyz")
-    assert {".asc", ".city.xyz"} <= set(reading.suffixes())
-    broken, clash = reading.plugin_warnings()
+    assert {".asc", ".city.xyz"} <= set(map_reader.suffixes())
+    broken, clash = map_reader.plugin_warnings()
     assert "plugin .dwg (afar:read) not loaded: ImportError: its library is missing" in broken
     assert "a second reader of .png" in clash
     (tmp_path / "a.dwg").write_text("7")
-    with pytest.raises(MapError, match=r"nothing reads \.dwg; .*its library is missing"):
+    with pytest.raises(MapError, match=r"no reader for \.dwg; .*its library is missing"):
         read_map(tmp_path / "a.dwg")

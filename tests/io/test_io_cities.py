@@ -8,10 +8,10 @@ import shapely
 from pyproj import CRS
 
 from evocity.errors import MapError
-from evocity.io import attribution_of, bundled, cities, read_map, write_map
+from evocity.io import attribution_of, bundled_cities, cities, read_map, write_map
 from evocity.io.geojson import read_json
-from evocity.io.projection import moved_polygons
-from evocity.io.sources import Request
+from evocity.io.projection import transform_polygons
+from evocity.io.reader_types import Request
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "cities"
 with_shared = pytest.mark.skipif(not SHARED.is_dir(), reason=f"there is no {SHARED}")
@@ -28,7 +28,9 @@ BUNDLED = {
 
 def test_all_are_bundled_with_their_thanks():
     assert cities() == sorted(BUNDLED)
-    written = (bundled.path_of("lyon-1er").parent / "ATTRIBUTION.md").read_text(encoding="utf-8")
+    written = (bundled_cities.path_of("lyon-1er").parent / "ATTRIBUTION.md").read_text(
+        encoding="utf-8"
+    )
     for name in cities():
         assert attribution_of(name) in written
         assert f"`{name}`" in written
@@ -78,8 +80,8 @@ def test_lyon_is_built_as_the_project_says():
 @pytest.mark.parametrize("name", BUNDLED)
 def test_burnt_area_is_the_area_of_the_union(name):
     """Oracle: shapely's union of the footprints, cut to the window."""
-    found = read_json(bundled.path_of(name), Request())
-    polygons = moved_polygons(found.polygons, found.crs, found.projection)
+    found = read_json(bundled_cities.path_of(name), Request())
+    polygons = transform_polygons(found.polygons, found.crs, found.projection)
     window = shapely.box(-256, -256, 256, 256)
     area = shapely.union_all(shapely.make_valid(polygons)).intersection(window).area
     for pixels, side, tolerance in ((256, 2.0, 0.005), (1024, 0.5, 0.0015)):
@@ -100,7 +102,9 @@ def test_unknown_heights_take_the_default():
 @with_shared
 def test_bundled_files_are_the_shared_ones():
     for name in BUNDLED:
-        assert bundled.path_of(name).read_bytes() == (SHARED / f"{name}.geojson").read_bytes()
+        assert (
+            bundled_cities.path_of(name).read_bytes() == (SHARED / f"{name}.geojson").read_bytes()
+        )
 
 
 # file, options, built share, heights by rule
@@ -173,7 +177,7 @@ def test_prague_in_true_metres():
 
     _, _, shapes, _ = pyogrio.raw.read(path, layer="buildings")
     source = shapely.from_wkb(shapes)
-    true = moved_polygons(source, CRS.from_epsg(3857), CRS.from_epsg(32633))
+    true = transform_polygons(source, CRS.from_epsg(3857), CRS.from_epsg(32633))
     area = shapely.union_all(true).area
     city = read_map(path, metres_per_pixel=1.0, pixels=512)
     assert city.built.sum() == pytest.approx(area, rel=0.005)

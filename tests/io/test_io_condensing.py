@@ -161,16 +161,16 @@ def test_heights_of_a_raster(tmp_path, city, suffix):
     ("name", "content", "word"),
     [
         ("missing.geojson", None, "no file"),
-        ("a.npy", np.ones((60, 40), bool), r"60 × 40 px, here has 40 × 60 px"),
+        ("a.npy", np.ones((60, 40), bool), r"60 × 40 px, but here has 40 × 60 px"),
         ("a.npy", np.zeros((40, 60), bool), "no pixel of here is above 0"),
         ("a.npy", np.full((40, 60), -1.0), "no pixel of here is above 0"),
         ("a.npy", np.full((40, 60), np.nan), "no pixel of here is above 0"),
         ("a.png", np.zeros((40, 60, 3), np.uint8), "picture in colour"),
-        ("a.geojson", [], "no polygon among its features"),
+        ("a.geojson", [], "has no polygon"),
         ("a.geojson", [[[4.8, 45.7], [4.9, 45.7], [4.9, 45.8], [4.8, 45.7]]], "lies in its 1 foot"),
         ("a.geojson", [ring(10.6, 10.6, 11.4, 11.4)], "lies in its 1 footprints"),
         ("a.geojson", [[[1e6, 1e6], [2e6, 1e6], [2e6, 2e6], [1e6, 1e6]]], "out of range"),
-        ("a.doc", b"a letter", "nothing reads .doc"),
+        ("a.doc", b"a letter", "no reader for .doc"),
     ],
 )
 def test_places_at_fault_are_refused(tmp_path, city, name, content, word):

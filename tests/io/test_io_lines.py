@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from evocity import CityMap
 from evocity.errors import MapError
-from evocity.io import PlacedLines, condensation_along, line_on, lines, read_lines, write_lines
+from evocity.formats import geojson_lines
+from evocity.io import PlacedLines, condensation_along, line_on, read_lines, write_lines
 
 CITY = CityMap(np.zeros((50, 60)), 2.0, origin=(1000.0, 2000.0), crs="EPSG:2154")
 HERE = CityMap(np.zeros((50, 60)), 2.0)
@@ -105,17 +106,17 @@ for _ in range(30):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"{", "no whole JSON|not whole JSON"),
-        (b"[1, 2]", "no GeoJSON"),
-        (line_of(), "no line|one point"),
-        (line_of([0, 0]), "one point alone"),
-        (line_of([1, 1], [1, 1]), "one point alone"),
+        (b"{", "not complete JSON"),
+        (b"[1, 2]", "not GeoJSON"),
+        (line_of(), "no line"),
+        (line_of([0, 0]), "only lines of one point"),
+        (line_of([1, 1], [1, 1]), "only lines of one point"),
         (line_of([0, "x"], [1, 1]), "cannot be read"),
         (line_of([0], [1, 1]), "cannot be read"),
         (line_of([0, float("nan")], [1, 1]), "not finite"),
         (line_of([0, 0], [1, 10**400]), "cannot be read"),
         ({"type": "LineString"}, "cannot be read"),
-        ({"type": "FeatureCollection", "features": 7}, "cannot be read"),
+        ({"type": "FeatureCollection", "features": 7}, "no line"),
         (line_of([500, 500], [501, 500]), "longitude and latitude"),
         (line_of([0, 0], [1, 1], crs={"properties": {"name": "+init=/etc/passwd"}}), "system"),
         (NESTED, "no line"),
@@ -130,7 +131,7 @@ def test_what_is_no_line_is_told(tmp_path, content, says):
 
 
 def test_files_are_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(lines, "MOST_POINTS", 10)
+    monkeypatch.setattr(geojson_lines, "MOST_POINTS", 10)
     path = tmp_path / "a.geojson"
     path.write_text(json.dumps(line_of(*[[k, 0] for k in range(11)])))
     with pytest.raises(MapError, match="11 points"):

@@ -19,7 +19,7 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import MapError
 from evocity.io import attribution_of, cities, read_condensation, read_map, write_map
-from evocity.io.bundled import path_of
+from evocity.io.bundled_cities import path_of
 
 SUFFIXES = [".gpkg", ".geojson"]
 PARIS = {"origin": (652_345.25, 6_862_345.5), "crs": "EPSG:2154"}
@@ -202,7 +202,7 @@ def test_a_map_without_a_place_is_in_local_metres_or_refused(tmp_path):
 
 def test_local_footprints_take_no_place_and_only_metres(tmp_path):
     write_map(town(placed=False), tmp_path / "a.gpkg")
-    with pytest.raises(MapError, match="no place on Earth, yet center="):
+    with pytest.raises(MapError, match="no place on Earth, so center="):
         read_map(tmp_path / "a.gpkg", center=(2.3, 48.9))
     with pytest.raises(MapError, match="in foot"):
         read_map(local_layer(tmp_path / "b.gpkg", [0, 0, 40, 40], "foot", 0.3048))
@@ -217,7 +217,7 @@ def test_local_footprints_take_no_place_and_only_metres(tmp_path):
 
 def test_local_footprints_lock_nothing_of_a_map_that_has_a_place(tmp_path):
     path = local_layer(tmp_path / "a.gpkg", [0, 0, 40, 40], "metre", 1)
-    with pytest.raises(MapError, match=r"no place on Earth, .* has one"):
+    with pytest.raises(MapError, match=r"no place on Earth, but .* has"):
         read_condensation(path, town())
 
 
@@ -254,7 +254,7 @@ def test_across_the_180th_meridian_geojson_is_refused(tmp_path):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_failed_write_leaves_the_old_file(tmp_path, suffix, monkeypatch):
     (tmp_path / f"a{suffix}").write_bytes(b"old")
-    monkeypatch.setattr("evocity.io.polygons._footprints", fail)
+    monkeypatch.setattr("evocity.io.footprint_files._footprints", fail)
     with pytest.raises(MapError, match="No space left"):
         write_map(town(), tmp_path / f"a{suffix}")
     assert [p.name for p in tmp_path.iterdir()] == [f"a{suffix}"]

@@ -41,7 +41,7 @@ def test_native_pixels_are_kept_as_they_are(tmp_path):
     np.testing.assert_array_equal(city.heights, heights)
     assert (city.metres_per_pixel, city.crs) == (2.0, "EPSG:25830")
     assert city.origin == (500000, 4794000)
-    assert city.taken == "the file's raster as it is, 80 × 60 px"
+    assert city.taken == "the whole raster of the file, 80 × 60 px"
 
 
 def test_a_window_is_cut_on_the_same_pixels(tmp_path):
@@ -62,7 +62,7 @@ def test_finer_and_coarser_pixels_take_what_lies_at_their_centre(tmp_path):
     path = write_tif(tmp_path / "a.tif", heights)
     finer = read_map(path, metres_per_pixel=1.0)
     np.testing.assert_array_equal(finer.heights, heights.repeat(2, axis=0).repeat(2, axis=1))
-    assert finer.taken == "160 × 120 m at 1 m a pixel, out of a raster of 80 × 60 px of about 2 m"
+    assert finer.taken == "160 × 120 m at 1 m a pixel, from a raster of 80 × 60 px of about 2 m"
     coarser = read_map(path, metres_per_pixel=6.0)
     np.testing.assert_array_equal(coarser.heights, heights[1::3, 1::3][:20, : coarser.shape[1]])
 
@@ -145,7 +145,7 @@ def test_npy(tmp_path):
     city = read_map(tmp_path / "a.npy", metres_per_pixel=0.5)
     np.testing.assert_array_equal(city.heights, blocks())
     assert city.metres_per_pixel == 0.5
-    assert city.taken == "the file's raster as it is, 80 × 60 px"
+    assert city.taken == "the whole raster of the file, 80 × 60 px"
     cut = read_map(tmp_path / "a.npy", metres_per_pixel=0.5, pixels=30)
     assert cut.taken == "a window of 30 × 30 px of the file's 80 × 60 px"
 

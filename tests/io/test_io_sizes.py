@@ -5,13 +5,15 @@ import json
 import pytest
 
 from evocity.errors import MapError
-from evocity.io import geojson, osm, read_map
+from evocity.formats import geojson_lines
+from evocity.io import osm, read_map
 
 
 def test_json_that_takes_too_much_once_read_is_refused_unread(tmp_path, monkeypatch):
     path = tmp_path / "a.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": [[]] * 1000}))
-    monkeypatch.setattr(geojson, "MOST", 100_000)
+    monkeypatch.setattr(geojson_lines, "SMALL", 0)
+    monkeypatch.setattr(geojson_lines, "MOST_MEMORY", 100_000)
     with pytest.raises(MapError, match="1002 lists and objects"):
         read_map(path)
 

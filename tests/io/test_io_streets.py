@@ -131,5 +131,5 @@ def test_other_formats_hold_no_streets(town, tmp_path, name):
 
 
 def test_an_unknown_suffix_is_told_as_ever(town, tmp_path):
-    with pytest.raises(MapError, match="no map is written as"):
+    with pytest.raises(MapError, match="no writer for"):
         write_map(town, tmp_path / "town.doc", streets=True)

@@ -14,17 +14,17 @@ from pyproj import CRS
 
 from evocity.errors import MapError
 from evocity.io import read_map
-from evocity.io.burning import burnt
 from evocity.io.heights import RULES, height_of, is_building, metres
 from evocity.io.projection import (
     WGS84,
-    crs_named,
     is_metric,
     is_true_to_scale,
     local_metres,
-    moved_polygons,
+    parse_crs,
+    transform_polygons,
 )
-from evocity.io.sources import Footprints, Request
+from evocity.io.rasterization import rasterize_footprints
+from evocity.io.reader_types import Footprints, Request
 
 LON, LAT = 4.8344, 45.7685
 LOCAL = local_metres(LON, LAT)
@@ -35,13 +35,13 @@ def burn(polygons, tags=None, *, pixels=64, side=2.0, crs=LOCAL, center=(LON, LA
     tags = tags if tags is not None else [{"height": 5.0}] * len(polygons)
     found = Footprints(np.array(polygons, dtype=object), tags, crs)
     request = Request(pixels=pixels, metres_per_pixel=side, center=center)
-    return burnt(found, request, "test")
+    return rasterize_footprints(found, request, "test")
 
 
 def lonlat(polygon, crs=LOCAL):
     """GeoJSON coordinates of a polygon in metres."""
-    moved = moved_polygons(np.array([polygon], dtype=object), crs, WGS84)[0]
-    return shapely.geometry.mapping(moved)
+    transform = transform_polygons(np.array([polygon], dtype=object), crs, WGS84)[0]
+    return shapely.geometry.mapping(transform)
 
 
 def write_geojson(path, polygons, properties, **members):
@@ -87,9 +87,9 @@ def test_a_pixel_has_the_highest_footprint_over_its_centre(boxes, heights):
 @given(boxes=rectangles(), right=st.integers(-5, 5), down=st.integers(-5, 5))
 def test_shifted_footprints_give_the_shifted_map(boxes, right, down):
     polygons = [shapely.box(*b) for b in boxes]
-    moved = [shapely.affinity.translate(p, 2.0 * right, -2.0 * down) for p in polygons]
+    transform = [shapely.affinity.translate(p, 2.0 * right, -2.0 * down) for p in polygons]
     here = np.pad(burn(polygons, pixels=96).heights, 5)
-    there = np.pad(burn(moved, pixels=96).heights, 5)
+    there = np.pad(burn(transform, pixels=96).heights, 5)
     rolled = np.roll(here, (down, right), axis=(0, 1))
     np.testing.assert_array_equal(there[10:-10, 10:-10], rolled[10:-10, 10:-10])
 
@@ -241,12 +241,12 @@ def test_feet_are_no_metres():
     ],
 )
 def test_names_of_one_reference_system(name):
-    assert crs_named(name, "here") == CRS.from_epsg(3946)
+    assert parse_crs(name, "here") == CRS.from_epsg(3946)
 
 
 def test_a_compound_system_is_made_flat():
-    assert crs_named("https://www.opengis.net/def/crs/EPSG/0/7415", "").to_epsg() == 28992
-    assert crs_named("urn:ogc:def:crs:OGC:1.3:CRS84", "").is_geographic
+    assert parse_crs("https://www.opengis.net/def/crs/EPSG/0/7415", "").to_epsg() == 28992
+    assert parse_crs("urn:ogc:def:crs:OGC:1.3:CRS84", "").is_geographic
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_a_compound_system_is_made_flat():
 )
 def test_other_names_are_refused(name):
     with pytest.raises(MapError, match="reference system"):
-        crs_named(name, "here")
+        parse_crs(name, "here")
 
 
 def test_metres_are_true_whatever_the_source_has():
@@ -262,7 +262,7 @@ def test_metres_are_true_whatever_the_source_has():
     square = np.array([shapely.box(-50, -50, 50, 50)], dtype=object)
     for code in (4326, 3857, 2154, 32631, 3946):
         crs = CRS.from_epsg(code)
-        city = burn(moved_polygons(square, LOCAL, crs), crs=crs)
+        city = burn(transform_polygons(square, LOCAL, crs), crs=crs)
         assert city.built.sum() * 4 == pytest.approx(100 * 100, rel=0.001), code
 
 
@@ -283,8 +283,8 @@ def test_geojson_window_attribution_and_3d(tmp_path):
     assert city.heights[128 - 100, 128 + 100] == 20
     assert city.heights[128 - 5, 128 + 5] == 6
     assert city.taken == (
-        "a window of 512 × 512 m, with 2 of the file's 2 buildings, which take up 210 × 210 m; "
-        "the file itself names a window of 100 × 100 m"
+        "a window of 512 × 512 m, with 2 of the file's 2 buildings, which extend over 210 × 210 m; "
+        "the file names a window of 100 × 100 m"
     )
     assert city.replace(city.heights).taken == city.taken
     asked = read_map(path, pixels=50).taken
@@ -338,7 +338,7 @@ def test_without_a_window_the_middle_of_the_buildings_is_the_centre(tmp_path):
 def test_geopackage_and_shapefile(tmp_path, driver, suffix, crs):
     squares = np.array([shapely.box(0, 0, 40, 40), shapely.box(-40, -40, 0, 0)], dtype=object)
     path = tmp_path / f"map{suffix}"
-    write_layer(path, moved_polygons(squares, LOCAL, CRS.from_epsg(crs)), crs, driver)
+    write_layer(path, transform_polygons(squares, LOCAL, CRS.from_epsg(crs)), crs, driver)
     city = read_map(path, center=(LON, LAT), pixels=64)
     assert city.height_rules == {"HAUTEUR": 1, "levels": 1}
     assert city.built.sum() * 4 == pytest.approx(3200, rel=0.03)
@@ -361,7 +361,7 @@ def write_layer(path, polygons, crs, driver="GPKG", layer=None, **options):
 
 def test_which_layer(tmp_path):
     squares = np.array([shapely.box(0, 0, 40, 40), shapely.box(-40, -40, 0, 0)], dtype=object)
-    squares = moved_polygons(squares, LOCAL, CRS.from_epsg(2154))
+    squares = transform_polygons(squares, LOCAL, CRS.from_epsg(2154))
     path = tmp_path / "layers.gpkg"
     write_layer(path, squares, 2154, layer="parcels")
     assert read_map(path).built.any()  # the only one
@@ -549,7 +549,7 @@ def test_cityjson_without_a_reference_system_lies_nowhere(tmp_path, metadata):
     assert (city.crs, city.origin, city.height_rules) == (None, None, {"solid": 1})
     assert (city.heights[10:30, 10:30] == 9).all()
     assert city.built.sum() == 400
-    with pytest.raises(MapError, match="no place on Earth, yet center="):
+    with pytest.raises(MapError, match="no place on Earth, so center="):
         read_map(path, center=(LON, LAT))
     del document["metadata"]
     path.write_text(json.dumps(document))

@@ -14,16 +14,16 @@ from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, Genome, laid
-from evocity.operators.asymmetric_fusion import AsymmetricFusion
+from evocity.operators.content_fusion import AsymmetricFusion
 from evocity.operators.pairing import (
     _closest_level,
-    _grouped,
+    _group_blocks,
     _traits,
     level_cells,
-    mosaic_of,
-    paired,
-    paired_pieces,
-    pairing,
+    mosaic,
+    pair_blocks,
+    pair_cells,
+    pieces_of,
 )
 from evocity.operators.pairing._kernels import LANES, alike_blocks
 from evocity.pavement import Pavement
@@ -75,7 +75,7 @@ def test_kernel_against_its_naive_twin(block, count, turns, slack):
     keys, found = np.empty((50, 8), np.int64), np.empty(50, np.int64)
     traits = _traits(ours.reshape(50, -1))
     assert traits == pytest.approx(naive.block_traits(ours.reshape(50, -1)), rel=1e-5, abs=1e-5)
-    groups = _grouped(members, others.reshape(count, -1))
+    groups = _group_blocks(members, others.reshape(count, -1))
     assert groups[0].shape[1] % LANES == 0
     images = isometries.sources(block)[:turns].astype(np.int64)
     alike_blocks(
@@ -118,13 +118,13 @@ def test_no_block_is_closer_than_the_paired_one(genomes, turned):
     ours, theirs = (pavement.blocks(heights).astype(float) for heights in maps)
     everywhere = np.arange(len(pavement))
     flat = level_of(genomes[1])
-    index, iso = paired(*maps, pavement, flat, everywhere, isometries=turned)
+    index, iso = pair_blocks(*maps, pavement, flat, everywhere, isometries=turned)
     images = np.stack([isometries.apply(k, theirs) for k in range(8 if turned else 1)])
     rms = np.sqrt(((ours[:, None, None] - images) ** 2).mean(axis=(3, 4)))
     assert (rms[everywhere, iso, index] <= rms.min(axis=(1, 2)) + 0.01 + 1e-4).all()
     assert rms.min() < rms[everywhere, iso, index].max()
     some = everywhere[::3]
-    part = paired(*maps, pavement, flat, some, isometries=turned)
+    part = pair_blocks(*maps, pavement, flat, some, isometries=turned)
     assert np.array_equal(part, (index[some], iso[some]))
 
 
@@ -136,9 +136,9 @@ def test_surroundings_decide_among_equal_contents():
     both = np.concatenate([courtyard, street], axis=1).astype("f4")
     flat = np.zeros(len(pavement), bool)
     walls = np.arange(6, 12)  # the middle row
-    index, _ = paired(np.roll(both, 12, axis=1), both, pavement, flat, walls, alike=0.01)
+    index, _ = pair_blocks(np.roll(both, 12, axis=1), both, pavement, flat, walls, alike=0.01)
     assert np.array_equal(index >= 9, [True, True, True, False, False, False])
-    index, _ = paired(both, both, pavement, flat, walls)
+    index, _ = pair_blocks(both, both, pavement, flat, walls)
     assert np.array_equal(index, walls)
 
 
@@ -270,15 +270,15 @@ def test_blocks_may_be_paired_in_part(genomes):
     where = np.arange(len(genomes[0])) % 2 == 0
     grid, how = genomes[0].pavement, {"isometries": False, "alike": 0.01}
     found = [
-        pairing(grid, genomes[1], maps, **how),
-        pairing(grid, genomes[1], maps, **how, where=where),
+        pair_cells(grid, genomes[1], maps, **how),
+        pair_cells(grid, genomes[1], maps, **how, where=where),
     ]
-    every, some = (laid(genomes, paired_pieces(grid, 1, *one)).genome for one in found)
-    mosaic, partial = (mosaic_of(grid, maps[1], *one) for one in found)
+    every, some = (laid(genomes, pieces_of(grid, 1, *one)).genome for one in found)
+    full, partial = (mosaic(grid, maps[1], *one) for one in found)
     assert np.array_equal(stones(some)[where], stones(every)[where])
     assert np.array_equal(stones(some)[~where], np.flatnonzero(~where))
     blocks = grid.blocks
-    assert np.array_equal(blocks(partial)[where], blocks(mosaic)[where])
+    assert np.array_equal(blocks(partial)[where], blocks(full)[where])
     assert np.array_equal(blocks(partial)[~where], blocks(maps[1])[~where])
 
 

@@ -1,5 +1,7 @@
 """Block exchange: two macro-blocks of one size, seamless at both places."""
 
+from types import SimpleNamespace
+
 import naive
 import numpy as np
 import pytest
@@ -19,8 +21,8 @@ from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import OperatorError
 from evocity.operators._kernels import outline_sides, outline_step
-from evocity.operators.block_exchange import BlockExchange
 from evocity.operators.groups import Rearrangement, square
+from evocity.operators.rearrangements import BlockExchange
 
 GROUPS = [
     square(1),
@@ -138,7 +140,7 @@ def test_best_move_against_its_naive_twin(group, exchanged, turned):
     moves.blocks = blocks = (blocks + rng.random(blocks.shape)).astype(np.float32)
     if turned:
         starts = np.zeros(2, np.int64)
-        isos, ends = moves.turned_elsewhere(group, starts, rng)
+        isos, ends = moves.turned_ends(group, starts, rng)
         assert len(np.unique(isos)) > 3
     else:
         reach = np.array([6, 7]) - group.max(axis=1)
@@ -153,7 +155,8 @@ def test_best_move_against_its_naive_twin(group, exchanged, turned):
                 asked = {"exchanged": exchanged, "change": change, "choice": choice}
                 asked["tolerance"] = tolerance
                 truth = naive.best_move(blocks, 7, group, ways, each, ends, **asked)
-                best = moves.best(group, starts, ends, isos=isos, **asked)
+                rules = SimpleNamespace(tolerance=tolerance, change=change, choice=choice)
+                best = moves.find_move(group, starts, ends, rules, exchanged=exchanged, isos=isos)
                 assert (-1 if best is None else best) == truth
                 found.add(truth)
     assert len(found) > 2

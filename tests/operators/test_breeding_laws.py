@@ -35,7 +35,7 @@ from evocity.operators import (
     make,
 )
 from evocity.operators._kernels import inject, outline_difference
-from evocity.operators.lambda_crossover import interpolated
+from evocity.operators.lambda_crossover import interpolate
 from evocity.operators.pavement_fusion import VOID
 
 
@@ -325,7 +325,7 @@ def test_interpolation_mixes_convexly(genomes):
     first, second = genomes[:2]
     n = len(first)
     grid, lambdas = first.pavement, np.full(n, 0.25)
-    child = interpolated("test", genomes[:2], grid, lambdas, np.random.default_rng(4))
+    child = interpolate("test", genomes[:2], grid, lambdas, np.random.default_rng(4))
     draws = np.random.default_rng(4).random(n)
     both = ~first.uniform & ~second.uniform
     assert child.sigma[both] == pytest.approx(
@@ -367,7 +367,7 @@ def test_wrong_parents_are_refused(genomes, name):
     operator = make(name)
     with pytest.raises(OperatorError, match="parents"):
         operator([], np.random.default_rng(0))
-    with pytest.raises(OperatorError, match="parents of type str"):
+    with pytest.raises(OperatorError, match="parents have the type str"):
         operator(["lyon-1er"] * operator.parents[0], np.random.default_rng(0))
     with pytest.raises(OperatorError, match="parents is a Genome"):
         operator(genomes[0], np.random.default_rng(0))
@@ -375,7 +375,7 @@ def test_wrong_parents_are_refused(genomes, name):
         operator(parents_for(operator, genomes), 7)
     small = uniformly(draw_town(4, side=32)).genome
     if operator.parents[0] > 1:
-        with pytest.raises(OperatorError, match="one grid of pixels"):
+        with pytest.raises(OperatorError, match="same number and size of pixels"):
             operator([genomes[0], small], np.random.default_rng(0))
 
 

@@ -8,10 +8,9 @@ from towns import draw_town
 
 from evocity.citymap import CityMap
 from evocity.coding import decode
-from evocity.operators.asymmetric_fusion import AsymmetricFusion
+from evocity.operators.content_fusion import AsymmetricFusion, SymmetricFusion
 from evocity.operators.direct_fusion import DirectFusion
 from evocity.operators.interpolation import Interpolation
-from evocity.operators.symmetric_fusion import SymmetricFusion
 from evocity.towns.patterns import chessboard_town, concentric_town
 
 SIDE = 64

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rearranged import assert_genes_stay_as_they_are, assert_laws, assert_meant, odd_maps, town
 
 from evocity.errors import OperatorError
-from evocity.operators.gene_exchange import GeneExchange
+from evocity.operators.rearrangements import GeneExchange
 
 ANY_TWO = GeneExchange(rate=1, group=1, tolerance=None, change=0, choice=1, repair=None)
 

@@ -20,8 +20,8 @@ from evocity.fitness import fsi
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome
 from evocity.operators import HeightField, HeightScaling
+from evocity.operators.building_heights import refit_lifs
 from evocity.operators.grid import common_grid
-from evocity.operators.refitting import refitted
 from evocity.operators.storeys import Storeys
 from evocity.operators.street_blocks import street_blocks
 
@@ -131,7 +131,7 @@ def test_buildings_stay_the_buildings_they_are(what, seed, rows):
     done = [storeys.scale(one, float(rng.choice([0.4, 0.7, 1.4, 2.5]))) for one in groups]
     assert done == [bool(storeys.change[one].any()) for one in groups]
     assume(any(done))  # all may be refused, by heights that would be too low or too high
-    after = CityMap(storeys.laid(), 2.0)
+    after = CityMap(storeys.lay(), 2.0)
     assert np.array_equal(after.building_labels, labels)
     assert np.array_equal(after.built, city.built)
     became = roofs + 3 * storeys.change
@@ -170,7 +170,7 @@ def test_a_wall_that_would_vanish_asks_for_another_number_of_storeys():
     assert together.change.tolist() == [0, -1, -2]
     low = Storeys(city.heights, city.building_labels, roofs, 3.0, 10.0)
     assert not low.scale(np.array([1]), 3.0)
-    assert np.array_equal(low.laid(), city.heights)
+    assert np.array_equal(low.lay(), city.heights)
 
 
 def test_neighbours_that_would_become_one_change_alike():
@@ -239,11 +239,11 @@ def test_a_shift_of_all_that_is_read_is_exact_and_leaves_sigma():
     parent = houses()
     before = decode(parent, tolerance=1e-5).attractor
     after = before + np.float32(6)
-    code = refitted(parent, before, after)
+    code = refit_lifs(parent, before, after)
     assert np.array_equal(code.sigma, parent.sigma)
     assert code.beta == pytest.approx(parent.beta + 6 * (1 - parent.sigma), abs=1e-3)
     assert np.abs(decode(code).attractor - after).max() < 0.1
-    assert refitted(parent, before, before) == parent
+    assert refit_lifs(parent, before, before) == parent
 
 
 @pytest.mark.parametrize("sigma_max", [0.9, np.inf])
@@ -252,7 +252,7 @@ def test_fits_are_the_best_within_the_cap(sigma_max):
     before = decode(parent, tolerance=1e-5).attractor
     after = before.copy()
     after[10:31, 5:42] *= 2
-    code = refitted(parent, before, after)
+    code = refit_lifs(parent, before, after)
     steepest = np.maximum(np.abs(parent.sigma), 0.9) if sigma_max > 1 else sigma_max
     assert (np.abs(code.sigma) <= steepest + 1e-6).all()
 

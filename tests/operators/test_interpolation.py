@@ -146,6 +146,7 @@ def mixed_naively(parents, weight, steps=60, kept=None):
     return heights
 
 
+@pytest.mark.slow
 def test_what_is_meant_is_the_attractor_of_the_mixture(genomes, coarse):
     for second, share in ((genomes[1], 0.3), (coarse, 0.6), (coarse, generator().random(256))):
         parents = [genomes[0], second]
@@ -240,7 +241,7 @@ def test_only_stepwise_takes_other_range_blocks(genomes, coarse):
     near = uniformly(draw_town(3, pixel=1.0)).genome
     for other in (small, near):
         for stepwise in (False, True):
-            with pytest.raises(OperatorError, match="one grid of pixels"):
+            with pytest.raises(OperatorError, match="same number and size of pixels"):
                 Interpolation(stepwise=stepwise)([genomes[0], other], generator())
 
 

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from evocity.citymap import CityMap
 from evocity.coding import decode
-from evocity.coding.decoded import decoded
+from evocity.coding.decoding_cache import decoded
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import Genome
 from evocity.operators import LambdaField
-from evocity.operators.crossing import raw_heights
+from evocity.operators.crossover import raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.street_blocks import street_blocks
 
@@ -139,7 +139,7 @@ def test_what_is_locked_stays(genomes):
 
 def test_genomes_of_other_windows_are_refused(genomes):
     other = uniformly(lots(4, side=72)).genome
-    with pytest.raises(OperatorError, match=r"parents of .* px"):
+    with pytest.raises(OperatorError, match=r"different grids, .* px"):
         laid([genomes[0], other], [0.5] * 4)
     coarse = genomes[1].replace(metres_per_pixel=4.0)
     with pytest.raises(OperatorError, match="4 m"):

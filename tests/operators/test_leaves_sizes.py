@@ -1,5 +1,7 @@
 """Sizes of operators, in metres on any partition, in range blocks on those of one side alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from test_breeding_laws import parents_for
@@ -104,6 +106,8 @@ def test_sizes_are_rounded_to_cells():
     grid, parents = common_grid("test", [on_leaves(1)]), [on_leaves(1)]
     assert grid.block == 4  # the largest side within 8 m
     for metres, cells in ((1, 1), (11.9, 1), (12.1, 2), (64, 8), (None, 4)):
-        assert in_cells("test", "size_min", metres, None, 32.0, grid, parents) == cells
+        given = SimpleNamespace(name="test", size_min=None, side_min=metres)
+        assert in_cells(given, "size_min", 32.0, grid, parents) == cells
     for area, cells in ((1, 1), (64, 1), (640, 10), (None, 400)):
-        assert in_cells("test", "limit", area, None, 25600.0, grid, parents, power=2) == cells
+        given = SimpleNamespace(name="test", limit=None, area_max=area)
+        assert in_cells(given, "limit", 25600.0, grid, parents, power=2) == cells

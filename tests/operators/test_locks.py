@@ -11,7 +11,7 @@ from towns import draw_town
 from evocity.coding import decode
 from evocity.condensation import Condensation, merged
 from evocity.operators import LambdaCrossover, PavementFusion
-from evocity.operators.crossing import Draft, Drafting
+from evocity.operators.crossover import Draft, Drafting
 
 
 def quarter(seed: int, rows: slice, columns: slice) -> Condensation:

@@ -171,11 +171,11 @@ def plugins(monkeypatch):
     def install(*entries):
         found = lambda group: asked.append(group) or entries  # noqa: E731
         monkeypatch.setattr("evocity.plugins.entry_points", found)
-        operators._from_plugins.cache_clear()
+        operators._plugins.cache_clear()
         return asked
 
     yield install
-    operators._from_plugins.cache_clear()
+    operators._plugins.cache_clear()
 
 
 def test_plugins_are_found_once_and_broken_ones_only_told(plugins):
@@ -192,7 +192,7 @@ def test_plugins_are_found_once_and_broken_ones_only_told(plugins):
     assert operators.operators()["mutation"] is Mutation
     broken, odd, clash = operators.plugin_warnings()
     assert broken == "plugin broken (afar:broken) not loaded: ImportError: its library is missing"
-    assert "no class" in odd
+    assert "is not a class" in odd
     assert "a second operator called mutation" in clash
     with pytest.raises(OperatorError, match="its library is missing"):
         make("broken")

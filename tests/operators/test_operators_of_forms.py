@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evocity.errors import OperatorError
-from evocity.forms import CurveForm, ShapeForm
+from evocity.kinds import CurveForm, ShapeForm
 from evocity.operators import OF_FORMS, make
 from evocity.shapes import Curve, Detailed, ShapeError, known
 
@@ -110,7 +110,7 @@ def test_curves_of_other_points_or_without_details_are_refused():
     for name in ("point_exchange", "curve_metamorphosis", "detail_exchange"):
         with pytest.raises(OperatorError, match="4 and 3 control points"):
             make(name)([CURVES[0], short], rng)
-    with pytest.raises(OperatorError, match="without details"):
+    with pytest.raises(OperatorError, match="has no details"):
         make("detail_scaling")([short], rng)
     with pytest.raises(OperatorError, match="5 and 0 levels"):
         make("detail_exchange")([CURVES[0], CURVES[1].replace(details=())], rng)

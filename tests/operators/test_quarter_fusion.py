@@ -20,10 +20,9 @@ from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID, unpacked
-from evocity.operators.crossing import raw_heights
+from evocity.operators.crossover import raw_heights
 from evocity.operators.grid import common_grid
-from evocity.operators.quarter_fusion import QuarterFusion
-from evocity.operators.quarter_refill import QuarterRefill
+from evocity.operators.quarter_fusion import QuarterFusion, QuarterRefill
 from evocity.operators.street_blocks import Filling, Room, best_place, street_blocks
 from evocity.operators.street_blocks._kernels import (
     SPARE,
@@ -32,7 +31,7 @@ from evocity.operators.street_blocks._kernels import (
     row_sums,
     stones_of_cells,
 )
-from evocity.operators.street_blocks.stones import Stones
+from evocity.operators.street_blocks.refill import Origins
 from evocity.pavement import Pavement
 
 LAYOUTS = {"B = 4": {"block": 4}, "leaves": {"block": (2, 16)}}
@@ -199,7 +198,7 @@ def test_what_fits_is_whole_and_inside(seed):
     fit = best_place(room, donor, fresh(donor), 0.0, 0.03, np.random.default_rng(seed))
     if fit is None:
         return
-    seen = fit.seen(donor.components)
+    seen = fit.view(donor.components)
     assert seen.shape == room.block.shape
     assert not (fit.kept & ~room.block).any()
     for number in np.unique(seen[fit.kept]):
@@ -230,7 +229,7 @@ def test_a_building_of_the_same_shape_is_found_wherever_it_stands_and_however_it
                     np.where(shape, 1, -1).astype(np.float32), float(shape.mean()))  # fmt: skip
         fit = best_place(room, there, fresh(there), 0.0, 0.0, np.random.default_rng(0))
         assert np.array_equal(fit.kept, shape)
-        assert np.array_equal(fit.seen(there.built), here.built[14:23, 12:24])
+        assert np.array_equal(fit.view(there.built), here.built[14:23, 12:24])
 
 
 def test_weights_count_block_outline_and_facades():
@@ -404,9 +403,9 @@ def test_what_stands_in_a_block_is_not_laid_there_again():
     for host, donor in [(0, 3), (3, 0), (1, 4), (4, 1), (2, 5), (5, 2), (0, 0), (1, 1)]:
         pair = [children[host], children[donor]]
         filling = Filling(pair, grid, spread=0.03, density=0.1, facades=0.25, repeats=0.5)
-        before, built = Stones(pair[:1], grid).of[0], filling.host.built
+        before, built = Origins(pair[:1], grid).of[0], filling.host.built
         drawn = [n for n in filling.numbers(0.0) if filling.fill(n, 1, rng)]
-        after = Stones([filling.genome()], grid).of[0]
+        after = Origins([filling.genome()], grid).of[0]
         for number in drawn:
             here = (filling.host.labels == number) & built
             same += (after == before)[here].all()
@@ -457,7 +456,7 @@ def test_stones_are_known_wherever_they_lie(layout):
     parents = towns(layout)
     grid = common_grid("test", parents, 0.0)
     child = QuarterFusion(fill=0.5, density=0.1, repair=None)(parents, np.random.default_rng(1))
-    found = Stones([*parents, child], grid)
+    found = Origins([*parents, child], grid)
     cells = np.concatenate([one.ravel() for one in found.of[:2]])
     assert np.unique(cells).size == cells.size
     side = grid.block
@@ -486,7 +485,7 @@ def test_what_stands_already_is_seldom_laid_again():
         )
         for _ in range(6):
             child = refill([child, *others], rng)
-        stones = Stones([child], Pavement(96, 96, 4)).of[0]
+        stones = Origins([child], Pavement(96, 96, 4)).of[0]
         built = stones[street_blocks(decode(child).city, Pavement(96, 96, 4)).built]
         once[repeats] = np.unique(built).size / built.size
     assert once[1.0] > once[0.0] + 0.1

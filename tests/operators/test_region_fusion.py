@@ -25,7 +25,7 @@ from evocity.operators._kernels import (
     inject_regions,
     tallied,
 )
-from evocity.operators.footings import footings_of
+from evocity.operators.groups import footings_of
 from evocity.operators.pavement_fusion import VOID, PavementFusion
 from evocity.operators.region_fusion import RegionFusion
 

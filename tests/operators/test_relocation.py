@@ -20,9 +20,9 @@ from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome, unpacked
+from evocity.operators.grid import swaps_axes, turn_places
 from evocity.operators.groups import Rearrangement, square
-from evocity.operators.relocation import Relocation
-from evocity.operators.turning import swaps, turned_places
+from evocity.operators.rearrangements import Relocation
 
 VARIANTS = [
     Relocation(),
@@ -152,9 +152,9 @@ def test_every_isometry_is_laid():
 @pytest.mark.parametrize("iso", range(8))
 def test_places_are_turned_as_the_blocks_are(iso):
     table = np.arange(15).reshape(3, 5)
-    row, column = turned_places(np.indices((3, 5)).reshape(2, -1), (3, 5), iso)
+    row, column = turn_places(np.indices((3, 5)).reshape(2, -1), (3, 5), iso)
     turned = isometries.apply(iso, table)
-    assert turned.shape == ((5, 3) if swaps(iso) else (3, 5))
+    assert turned.shape == ((5, 3) if swaps_axes(iso) else (3, 5))
     assert np.array_equal(turned[row, column], np.arange(15))
 
 
@@ -170,14 +170,14 @@ def test_a_turned_group_of_its_own_kind_needs_no_repair(iso, mode):
         heights[y : y + tall, x : x + wide] = plots.repeat(4, 0).repeat(4, 1)
     parent = uniformly(CityMap(heights, 2.0), reach=4).genome
     group = np.indices((6, 8)).reshape(2, -1)  # rows × columns of the first house's ground
-    end = np.array([8, 14]) if swaps(iso) else np.array([9, 14])
+    end = np.array([8, 14]) if swaps_axes(iso) else np.array([9, 14])
     moves = Rearrangement(parent, "test")
     lay = moves.copy if mode == "copy" else moves.exchange
     lay(group, np.array([1, 1]), end, carried=True, iso=iso)
     draft = moves.draft({})
     before = decode(parent).city.heights
-    window = np.s_[4 * end[0] : 4 * end[0] + (32 if swaps(iso) else 24)]
-    across = np.s_[4 * end[1] : 4 * end[1] + (24 if swaps(iso) else 32)]
+    window = np.s_[4 * end[0] : 4 * end[0] + (32 if swaps_axes(iso) else 24)]
+    across = np.s_[4 * end[1] : 4 * end[1] + (24 if swaps_axes(iso) else 32)]
     laid = isometries.apply(iso, before[4:28, 4:36])
     assert np.array_equal(draft.intended[window, across], laid)
     gave = isometries.apply(isometries.INVERSE[iso], before[window, across])

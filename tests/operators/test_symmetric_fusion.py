@@ -10,8 +10,7 @@ from towns import draw_town
 from evocity.coding import decode
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, Genome
-from evocity.operators.asymmetric_fusion import AsymmetricFusion
-from evocity.operators.symmetric_fusion import SymmetricFusion
+from evocity.operators.content_fusion import AsymmetricFusion, SymmetricFusion
 
 
 def generator(seed: int = 0) -> np.random.Generator:

@@ -65,7 +65,7 @@ def test_leaves_have_no_one_side():
     leaves = Pavement(8, 8, [4, 4, 4, 2, 2, 2, 2])
     assert (leaves.finest, leaves.coarsest, len(leaves)) == (2, 4, 7)
     for ask in ("block", "rows", "columns"):
-        with pytest.raises(GenomeError, match="2…4 px"):
+        with pytest.raises(GenomeError, match="2 to 4 px"):
             getattr(leaves, ask)
     assert leaves != Pavement(8, 8, 4)
 

@@ -3,9 +3,8 @@
 from pathlib import Path
 from unittest.mock import patch
 
-import numpy as np
 import pytest
-from toy_runs import town, write_toy
+from toy_runs import write_toy
 from written_runs import written
 
 import evocity
@@ -20,30 +19,6 @@ target = 0.2
 name = "crumbs"
 goal = "min"
 max = 500
-"""
-
-GRID = """
-[run]
-seed = 3
-population = 10
-generations = 2
-[map]
-pixels = 64
-metres_per_pixel = 2.0
-[genome]
-block = 4
-fit = false
-[[parents]]
-map = "left.npy"
-[[parents]]
-map = "right.npy"
-[[fitness]]
-name = "alignment"
-[search]
-algorithm = "map_elites"
-descriptors = ["gsi", "mean_height"]
-grid = [4, 3]
-ranges = [[0.2, 0.8], [2.0, 8.0]]
 """
 
 
@@ -71,14 +46,9 @@ def run(night) -> Run:
 
 
 @pytest.fixture(scope="session")
-def cells(tmp_path_factory) -> Run:
+def cells(finished_runs, tmp_path_factory) -> Run:
     """A run of MAP-Elites."""
-    folder = tmp_path_factory.mktemp("cells")
-    for name, seed in (("left", 1), ("right", 2)):
-        np.save(folder / f"{name}.npy", town(seed))
-    path = folder / "cells.toml"
-    path.write_text(GRID, encoding="utf-8")
-    return evocity.open_run(bred(path))
+    return evocity.open_run(finished_runs.copy("grid", tmp_path_factory.mktemp("cells")))
 
 
 @pytest.fixture(scope="session")

@@ -13,8 +13,7 @@ import evocity
 from evocity import plot
 from evocity.errors import EvocityError
 from evocity.genome import VOID
-from evocity.pictures.colours import oklab, rgb, srgb
-from evocity.pictures.palette import BARE, VOID_TOLD, city_colours
+from evocity.pictures.colours import BARE, VOID_LABEL, city_colours, oklab, rgb, srgb
 from evocity.plot.galleries import MOST
 from evocity.plot.pedigrees import MOST_IN_A_ROW
 from evocity.plot.style import panels
@@ -26,14 +25,14 @@ def plots_of_numbers(run):
     yield plot.first_and_last(run)
     yield plot.convergence(run)
     yield plot.credit(run)
-    yield plot.parallel(run, of=run.told.ids)
+    yield plot.parallel(run, of=run.columns.ids)
     yield plot.front(run, "gsi", "fsi", thumbnails=0)
 
 
 def plots_of_maps(run):
     yield plot.diversity(run)
     yield plot.front(run, "gsi", "fsi")
-    yield plot.gallery(run, of=run.told.ids, order="gsi", clusters=1)
+    yield plot.gallery(run, of=run.columns.ids, order="gsi", clusters=1)
     yield plot.pedigree(run, 0)
 
 
@@ -144,7 +143,7 @@ def test_eight_cities_are_told_apart_by_all_eyes(eyes):
 
 
 def test_bare_ground_is_no_city():
-    assert city_colours([VOID_TOLD, "a"]) == city_colours([VOID, "a"])
+    assert city_colours([VOID_LABEL, "a"]) == city_colours([VOID, "a"])
     plain = city_colours(["a", "b", "c"])
     assert city_colours(["a", VOID, "b", "c"]) == [plain[0], BARE, *plain[1:]]
     assert city_colours([*map(str, range(9))])[8] == plain[0]
@@ -199,7 +198,7 @@ def test_without_matplotlib_an_error_names_the_extra(monkeypatch):
     def lacking(name):
         raise ImportError(name)
 
-    monkeypatch.setattr("evocity.analysis.extras.import_module", lacking)
+    monkeypatch.setattr("evocity.analysis.optional_libraries.import_module", lacking)
     monkeypatch.delitem(vars(evocity.plot), "front", raising=False)
     with pytest.raises(EvocityError, match=r"plot.front needs matplotlib") as told:
         evocity.plot.front  # noqa: B018
@@ -229,6 +228,7 @@ def test_a_key_of_long_names_is_not_cut(tmp_path, monkeypatch):
     assert ax.get_legend().get_window_extent().x1 <= ax.figure.bbox.x1
 
 
+@pytest.mark.slow
 def test_a_pedigree_tells_where_it_is_cut(tmp_path):
     """A line of descent of sixteen steps: twelve are drawn, of however many."""
     births = [[{"id": n, "parents": (n - 1,) if n else ()}] for n in range(17)]

@@ -7,13 +7,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from evocity import plot
+from evocity.analysis.thumbnails import highest_of
 from evocity.coding.usage import usage
 from evocity.errors import EvocityError
 from evocity.pictures import city_colours, render
 from evocity.plot.fronts import _wide_apart
 from evocity.plot.generations import in_place, quantiles
-from evocity.plot.style import BROKEN, LIVING, PAPERS, folded
-from evocity.search.fronts import Hypervolume
+from evocity.plot.style import BROKEN, LIVING, PAPERS, fold
+from evocity.selection.fronts import Hypervolume
 
 
 def line(ax, label):
@@ -32,7 +33,7 @@ def pixels(image):
 
 
 def test_objectives_draws_quantiles_and_the_best_of_the_living(run):
-    told = run.told
+    told = run.columns
     axes = plot.objectives(run)
     assert len(axes) == len(told.aims) == 4
     born, rows = told.lives
@@ -61,18 +62,18 @@ def test_quantiles_of_a_generation_without_values_are_unknown():
 def test_convergence_ends_at_the_archives_hypervolume(run):
     ax = plot.convergence(run)
     living, archive = ax.lines
-    np.testing.assert_array_equal(living.get_xdata(), range(run.told.last + 1))
+    np.testing.assert_array_equal(living.get_xdata(), range(run.columns.last + 1))
     assert living.get_ydata()[-1] == pytest.approx(run.archive.hypervolume_alive)
     assert archive.get_ydata()[-1] == pytest.approx(run.archive.hypervolume)
     assert (archive.get_ydata() >= living.get_ydata() - 1e-12).all()
-    first = run.told.losses[run.told.generation == 0]
+    first = run.columns.losses[run.columns.generation == 0]
     assert archive.get_ydata()[0] == pytest.approx(Hypervolume(first)(first))
 
 
 def test_diversity_compares_the_maps_of_the_living(run):
     ax = plot.diversity(run)
     apart, placed = ax.lines
-    told = run.told
+    told = run.columns
     ids = told.ids[told.alive]
     cities = [run[int(one)].city.heights for one in ids]
     pairs = [np.mean(abs(a - b) > 3.05) for n, a in enumerate(cities) for b in cities[:n]]
@@ -86,7 +87,7 @@ def test_diversity_compares_the_maps_of_the_living(run):
 
 
 def test_first_and_last_counts_individuals(run):
-    told = run.told
+    told = run.columns
     for ax, aim in zip(plot.first_and_last(run), told.aims, strict=True):
         first, last = (
             np.unique(told.rows(run.members(n)["id"].to_numpy())) for n in (0, told.last)
@@ -100,7 +101,7 @@ def test_first_and_last_counts_individuals(run):
 
 
 def test_parallel_has_a_line_an_individual_between_its_ends(run):
-    told = run.told
+    told = run.columns
     rows = np.flatnonzero(told.feasible)
     ax = plot.parallel(run, of=told.ids[rows])
     (drawn,) = [one for one in ax.collections if one.get_array() is not None]
@@ -113,7 +114,7 @@ def test_parallel_has_a_line_an_individual_between_its_ends(run):
 
 
 def test_those_that_break_a_constraint_are_apart_in_every_plot(broken):
-    (dotted, kept) = plot.parallel(broken, of=broken.told.ids).collections
+    (dotted, kept) = plot.parallel(broken, of=broken.columns.ids).collections
     assert len(dotted.get_segments()) == 2
     assert len(kept.get_segments()) == 4
     assert to_rgb(dotted.get_color()[0]) == to_rgb(BROKEN)
@@ -128,7 +129,7 @@ def test_those_that_break_a_constraint_are_apart_in_every_plot(broken):
 
 def test_credit_draws_what_the_table_tells(run):
     ax = plot.credit(run)
-    told = run.told
+    told = run.columns
     births, lived, entered = ([b.get_width() for b in bars] for bars in ax.containers)
     names = [one.get_text().replace("\n", " ") for one in ax.get_yticklabels()]
     for name, count, some, new in zip(names, births, lived, entered, strict=True):
@@ -154,7 +155,7 @@ def test_of_a_large_front_an_even_part_is_compared(monkeypatch):
 
 
 def test_front_draws_each_birth_once_where_it_lies(run):
-    told = run.told
+    told = run.columns
     ax = plot.front(run, "spread", "roof", thumbnails=3)
     layers = {one.get_label(): one for one in ax.collections if one.get_label()[0] != "_"}
     offsets = np.vstack([np.asarray(one.get_offsets()) for one in layers.values()])
@@ -175,7 +176,7 @@ def test_front_draws_each_birth_once_where_it_lies(run):
 def test_a_front_of_some_draws_these_alone(run):
     ax = plot.front(run, "spread", "roof", of="id < 6", thumbnails=0)
     layers = [one for one in ax.collections if one.get_label()[0] != "_"]
-    assert sum(len(one.get_offsets()) for one in layers) == run.told.ok[:6].sum()
+    assert sum(len(one.get_offsets()) for one in layers) == run.columns.ok[:6].sum()
     assert not ax.child_axes
 
 
@@ -183,7 +184,7 @@ def test_a_front_of_some_draws_these_alone(run):
 
 
 def test_gallery_shows_each_map_on_one_scale(run):
-    ids = [int(one) for one in run.told.ids[run.told.ok][:5]]
+    ids = [int(one) for one in run.columns.ids[run.columns.ok][:5]]
     ax = plot.gallery(run, of=ids, columns=3, order=None)
     assert [one.get_text() for one in ax.texts if one.get_text() in map(str, ids)] == list(
         map(str, ids)
@@ -192,14 +193,14 @@ def test_gallery_shows_each_map_on_one_scale(run):
     lefts = [image.get_extent()[0] for image in images(ax)]
     assert lefts[0] == lefts[3] == 0
     assert lefts[1] == lefts[4] > lefts[0]
-    high = plot.chosen.highest_of(run.told)
+    high = highest_of(run.columns)
     for one, image in zip(ids, images(ax), strict=True):
         picture = render(run[one].city, highest=high, legend=False)
         np.testing.assert_array_equal(pixels(image), np.asarray(picture))
 
 
 def test_gallery_orders_and_clusters(run):
-    told = run.told
+    told = run.columns
     ids = told.ids[told.ok]
 
     def shown(**how):
@@ -216,7 +217,7 @@ def test_gallery_orders_and_clusters(run):
 
 @pytest.mark.parametrize(("name", "first"), [("sky_view_factor", "high"), ("slivers", "low")])
 def test_gallery_is_in_the_order_of_what_was_scored_later(run, name, first):
-    ids = run.told.ids[run.told.ok][:6]
+    ids = run.columns.ids[run.columns.ok][:6]
     table = run.score(ids, name, workers=0)
     table.loc[ids[2], name] = np.nan
     ax = plot.gallery(run, of=table, order=name)
@@ -237,7 +238,7 @@ def test_several_axes_have_their_figure(run):
 
 @pytest.mark.parametrize("what", ["sigma", "lambda", "side", "usage"])
 def test_lifs_colours_one_value_alike(run, what):
-    genome = run[int(run.told.ids[-1])].genome
+    genome = run[int(run.columns.ids[-1])].genome
     ax = plot.lifs(genome, what)
     (image,) = images(ax)
     values = {
@@ -267,17 +268,17 @@ def test_cities_have_one_colour_everywhere(run):
     ax = plot.lifs(genome, "provenance")
     (patch,) = ax.get_legend().get_patches()
     assert to_rgb(patch.get_facecolor()) == to_rgb(city_colours(genome.cities)[0])
-    drawn = plot.buildings(run[int(run.told.ids[-1])])
+    drawn = plot.buildings(run[int(run.columns.ids[-1])])
     for name, colour in zip(run.header.cities, city_colours(run.header.cities), strict=True):
         own = [one for one in drawn.lines if one.get_label().startswith(f"{name}\n")]
         assert [to_rgb(one.get_color()) for one in own] == [to_rgb(colour)] * len(own)
-    tree = plot.pedigree(run, int(run.told.ids[-1]), 2)
+    tree = plot.pedigree(run, int(run.columns.ids[-1]), 2)
     legend = [to_rgb(one.get_facecolor()) for one in tree.get_legend().get_patches()]
     assert legend == [to_rgb(one) for one in city_colours(run.header.cities)]
 
 
 def test_difference_is_pale_where_both_are_alike(run):
-    first, second = run[0], run[int(run.told.ids[-1])]
+    first, second = run[0], run[int(run.columns.ids[-1])]
     a, b, change = plot.difference(first, second)
     np.testing.assert_array_equal(pixels(images(a)[0]).shape, pixels(images(b)[0]).shape)
     colours = pixels(images(change)[0]).astype(int)
@@ -396,6 +397,7 @@ def test_nothing_is_cut_and_no_texts_overlap(run, name):
         assert not overlapping(ax.texts)
 
 
+@pytest.mark.slow
 def test_maps_show_metres_and_attribution(broken):
     maps = {
         "gallery": plot.gallery(broken),
@@ -428,6 +430,6 @@ def test_a_notebook_shows_the_figure(run):
 
 
 def test_long_names_are_folded_where_words_end():
-    assert folded("gsi") == "gsi"
-    assert folded("open_space_connectivity", 14) == "open_space_\nconnectivity"
-    assert all(len(line) <= 44 for line in folded("x" * 300).split("\n"))
+    assert fold("gsi") == "gsi"
+    assert fold("open_space_connectivity", 14) == "open_space_\nconnectivity"
+    assert all(len(line) <= 44 for line in fold("x" * 300).split("\n"))

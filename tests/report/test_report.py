@@ -19,32 +19,33 @@ from PIL import Image
 
 import evocity
 from evocity import fitness
-from evocity.analysis.keeping import kept_of
+from evocity.analysis.export import caption
+from evocity.analysis.goals import Aim, planned_generations
 from evocity.analysis.likeness import Likeness
+from evocity.analysis.shortlist import choose_shortlist
 from evocity.analysis.thumbnails import highest_of
-from evocity.analysis.wanted import Aim
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
 from evocity.genome import VOID
-from evocity.operators.crossing import assembled
-from evocity.pages import of_few_colours
+from evocity.operators.crossover import assemble
 from evocity.pictures.picture import render
 from evocity.report import contact_sheet, failures, tables, write_report
-from evocity.report.facts import MOST_SHOWN, Facts
-from evocity.report.failing import shortened
+from evocity.report.failed_births import shortened
 from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
+from evocity.report.glossary import WORDS, measure_texts
 from evocity.report.html import page_of
-from evocity.report.kept import best_of_last, few_to_keep, search_for
-from evocity.report.pictures import Pictures, _caption, data_uri
+from evocity.report.pictures import Pictures, data_uri
 from evocity.report.plots import Axis, curve
+from evocity.report.shortlist import best_of_last, search_for, shortlist_cards
+from evocity.report.shown_births import MOST_SHOWN, ShownBirths
 from evocity.report.summary import Summary, gain
-from evocity.report.words import WORDS, told_measures
 from evocity.scene import scene
 from evocity.search import archive
-from evocity.store import Birth, Header, Member, RunWriter, Source, environment, open_run
+from evocity.store import Birth, Header, Member, RunLog, RunWriter, Source, environment
+from evocity.templates import of_few_colours
 
 SIDE, BLOCK = 32, 4
 HOSTILE = '<script src="http://evil.example/x.js">alert(1)</script>&"\''
@@ -226,7 +227,7 @@ def test_it_lies_in_the_run_folder(usual):
 
 def test_every_measure_that_was_logged_stands_under_each_picture(usual):
     folder, text = usual
-    page, run = Page(text), open_run(folder)
+    page, run = Page(text), RunLog(folder)
     members = run.members(2)["id"].to_pylist()
     assert page.members() == {f"i{one}" for one in members}
     for birth in run.individuals(members):
@@ -250,7 +251,7 @@ def test_all_measures_stand_under_those_that_are_looked_at_closely(usual, tmp_pa
 
 def test_pictures_show_the_decoded_maps(usual):
     folder, text = usual
-    images, run = Page(text).images, open_run(folder)
+    images, run = Page(text).images, RunLog(folder)
     for identifier in run.members(2)["id"].to_pylist():
         code = images[f"i{identifier}"].partition(",")[2]
         picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("L")
@@ -264,15 +265,15 @@ def test_pictures_show_the_decoded_maps(usual):
 
 def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
     folder, text = usual
-    shown = re.findall(r'<figure class="scene"><img src="data:[^,]*,([^"]*)" alt="(.*?) in', text)
-    facts = Facts(open_run(folder))
-    best = facts.best(3)
-    assert [name for _, name in shown] == [f"individual {one.birth.id}" for one in best] != []
-    for (code, _), one in zip(shown, best, strict=True):
+    scenes = re.findall(r'<figure class="scene"><img src="data:[^,]*,([^"]*)" alt="(.*?) in', text)
+    shown = ShownBirths(evocity.open_run(folder))
+    best = shown.best(3)
+    assert [name for _, name in scenes] == [f"individual {one.birth.id}" for one in best] != []
+    for (code, _), one in zip(scenes, best, strict=True):
         assert len(code) < 150_000
         picture = Image.open(io.BytesIO(base64.b64decode(code))).convert("RGB")
         whole = scene(one.city).picture(
-            width=picture.width, highest=highest_of(facts.told), legend=False
+            width=picture.width, highest=highest_of(shown.births), legend=False
         )
         assert picture.size == whole.size
         assert np.abs(np.asarray(picture, int) - np.asarray(whole, int)).mean() < 2
@@ -280,23 +281,26 @@ def test_the_best_by_each_measure_are_drawn_in_three_dimensions(usual):
 
 def test_captions_tell_goals_from_constraints(usual, tmp_path):
     folder, text = usual
-    facts = Facts(open_run(folder))
+    shown = ShownBirths(evocity.open_run(folder))
     captions = re.findall(r"<figcaption><b>individual.*?</figcaption>", text)
     assert captions
-    assert facts.sought == facts.told.aims
+    assert shown.births.sought == shown.births.aims
     assert not any("onstraint" in one for one in captions)
     bounded = tmp_path / "bounded"
     shutil.copytree(folder, bounded)
-    name = facts.told.aims[-1].name
+    name = shown.births.aims[-1].name
     provenance = json.loads((bounded / "provenance.json").read_text())
     provenance["fitness"] = [{"name": name, "min": -1e9, "max": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
-    told = best_of_last(Facts(open_run(bounded)), 30.0)[0].told
+    told = best_of_last(ShownBirths(evocity.open_run(bounded)), 30.0)[0].caption
     assert f". Constraints: {name} " in told
     assert "(at least -1e+09" in told
     provenance["fitness"] = [{"name": name, "min": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
-    assert f". Breaks a constraint: {name} " in best_of_last(Facts(open_run(bounded)), 30.0)[0].told
+    assert (
+        f". Breaks a constraint: {name} "
+        in best_of_last(ShownBirths(evocity.open_run(bounded)), 30.0)[0].caption
+    )
 
 
 def test_rare_colours_survive_the_palette(town):
@@ -342,17 +346,17 @@ def test_measures_that_ask_for_sources_get_the_cities_of_the_run(tmp_path):
         if generation == 0 or slot:
             return genomes[slot % 2]
         pavement = genomes[0].pavement
-        child = assembled(genomes, owner.ravel(), pavement)
+        child = assemble(genomes, owner.ravel(), pavement)
         return (
-            child if generation == 1 else assembled([genomes[0], child], owner.T.ravel(), pavement)
+            child if generation == 1 else assemble([genomes[0], child], owner.T.ravel(), pavement)
         )
 
-    run = open_run(make_run(tmp_path / "run", bred=bred))
+    run = evocity.open_run(make_run(tmp_path / "run", bred=bred))
     founder, *_, second = run.individuals([0, 6, 12])
     assert run.parents([founder, second]) == [(founder.genome,), (founder.genome, run.genome(6))]
     told = {
         one: {name: value for name, value, _ in others}
-        for one, others in Facts(run).unlogged([founder, second]).items()
+        for one, others in ShownBirths(run).unlogged([founder, second]).items()
     }
     cities = [source.city for source in run.sources()]
     expected = integrity_of(second.genome, cities)
@@ -365,17 +369,17 @@ def test_parents_settings_lineage_and_attributions_are_told(usual):
     told = " ".join(Page(text).words)
     for part in ("© the people of A", "© the people of B", "[run]", "mutation", "numpy"):
         assert part in told
-    for one in Facts(open_run(folder)).shown:
+    for one in ShownBirths(evocity.open_run(folder)).shown:
         assert one.birth.genome.shares.sum() == pytest.approx(1)
 
 
 def test_it_tells_whose_stones_the_buildings_of_the_kept_are(usual):
     folder, text = usual
-    run, facts = evocity.open_run(folder), Facts(open_run(folder))
-    for kept in facts.kept_few:
+    run, shown = evocity.open_run(folder), ShownBirths(evocity.open_run(folder))
+    for kept in shown.shortlist:
         shares = run[kept.individual.id].ancestry(built=True)
         most = max(shares, key=shares.get)
-        assert re.search(f"of what is built: [^<]*{most} {shares[most]:.0%}", text)
+        assert re.search(f"buildings: [^<]*{most} {shares[most]:.0%}", text)
 
 
 def test_a_strangers_text_is_text(tmp_path):
@@ -403,7 +407,7 @@ def test_any_number_of_measures(tmp_path, count):
     pairs = {1: 1, 2: 1, 3: 3, 4: 6}.get(count, 6)
     assert page.svg == pairs + 1 + count  # the front; hypervolume; the best of each
     if count > 1:
-        assert len(set(pairs_to_show(Facts(open_run(folder))))) == pairs
+        assert len(set(pairs_to_show(evocity.open_run(folder).columns))) == pairs
 
 
 def test_pairs_of_goals_come_before_pairs_with_a_bound(tmp_path):
@@ -411,9 +415,9 @@ def test_pairs_of_goals_come_before_pairs_with_a_bound(tmp_path):
     wanted = [{"name": name, "goal": "max"} for name in measures[3:]]
     bounds = [{"name": name, "goal": "bounds", "max": 9.0} for name in measures[:3]]
     folder = make_run(tmp_path / "run", measures=measures, provenance={"fitness": bounds + wanted})
-    facts = Facts(open_run(folder))
-    assert [aim.sought for aim in facts.told.aims] == [False] * 3 + [True] * 3
-    assert {(3, 4), (3, 5), (4, 5)} < set(pairs_to_show(facts))
+    shown = ShownBirths(evocity.open_run(folder))
+    assert [aim.sought for aim in shown.births.aims] == [False] * 3 + [True] * 3
+    assert {(3, 4), (3, 5), (4, 5)} < set(pairs_to_show(shown.births))
 
 
 def test_words_beside_an_axis_keep_clear_of_its_numbers():
@@ -428,9 +432,9 @@ def test_why_births_failed_stands_beside_their_number(tmp_path):
     folder = make_run(tmp_path / "run", **fails)
     words = Page(write_report(folder).read_text("utf-8")).words
     assert words[words.index("failed") + 1 :][:2] == ["2 ", "6 error: gsi is nan: no houses"]
-    (kind,) = failures(open_run(folder))
+    (kind,) = failures(RunLog(folder))
     assert (kind.status, kind.count, kind.error) == ("error", 6, "gsi is nan: no houses")
-    assert failures(open_run(make_run(tmp_path / "sound"))) == []
+    assert failures(RunLog(make_run(tmp_path / "sound"))) == []
 
 
 def test_a_long_reason_is_shortened():
@@ -445,7 +449,7 @@ def told_run(folder, **options):
 
 def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
     folder = told_run(tmp_path / "run", generations=6)
-    run = open_run(folder)
+    run = RunLog(folder)
     page, found = Page(write_report(folder).read_text("utf-8")), archive(run)
     rows = found.births.to_pylist()
     gone = {row["id"] for row in rows if not row["alive"]}
@@ -461,43 +465,48 @@ def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
             assert f"{value:.4g}" == words[words.index(name) + 1]
     told = page.text
     assert (
-        f"{len(rows)} births that no other ever dominated, {len(rows) - len(gone)} of them alive "
-        f"at the end and in the gallery above; hypervolume of the archive {found.hypervolume:.4g}, "
-        f"of the last generation {found.hypervolume_alive:.4g}."
+        f"{len(rows)} births. No other birth dominates a birth of the archive. "
+        f"{len(rows) - len(gone)} of these "
+        "births are alive in the last generation; the gallery above shows these births. The "
+        "hypervolume of the archive is "
+        f"{found.hypervolume:.4g}, and that of the last generation is "
+        f"{found.hypervolume_alive:.4g}."
     ) in told
     assert page.words[page.words.index("in the archive") + 1] == str(len(rows))
-    assert "does not record what it wanted" in " ".join(Page(usual[1]).words)
+    assert "does not record its goals" in " ".join(Page(usual[1]).words)
 
 
 def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkeypatch):
-    run = open_run(told_run(tmp_path / "run", generations=6))
+    run = evocity.open_run(told_run(tmp_path / "run", generations=6))
     whole, ends = run.generations, iter(range(1, 100))
     monkeypatch.setattr(  # one generation more each time the folder is looked at
-        type(run), "generations", property(lambda _: whole[: min(1 + next(ends), len(whole))])
+        RunLog, "generations", property(lambda _: whole[: min(1 + next(ends), len(whole))])
     )
-    facts = Facts(run)
-    assert facts.told.last < whole[-1]
-    assert set(facts.archive.births["generation"].to_pylist()) <= set(range(facts.told.last + 1))
-    assert not set(facts.gone) & {row["id"] for row in facts.members}
-    assert facts.told.generation.max() == facts.told.last
-    assert facts.told.history[-1]["generation"] == facts.told.last
+    shown = ShownBirths(run.refresh())
+    assert shown.births.last < whole[-1]
+    assert set(shown.archive.births["generation"].to_pylist()) <= set(range(shown.births.last + 1))
+    assert not set(shown.gone) & {one for one, _ in shown.living}
+    assert shown.births.generation.max() == shown.births.last
+    assert shown.births.history[-1]["generation"] == shown.births.last
 
 
 def test_an_archive_that_lives_is_one_sentence(tmp_path):
     page = Page(write_report(told_run(tmp_path / "run", generations=1)).read_text("utf-8"))
     assert len(page.members()) == 6
-    assert "ever dominated, all of them in the last generation." in page.text
+    assert (
+        "a birth of the archive. All of these births are alive in the last generation." in page.text
+    )
 
 
 def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
-    facts = Facts(open_run(told_run(tmp_path / "run", generations=6)))
-    crowding = {row["id"]: row["crowding"] for row in facts.archive.births.to_pylist()}
-    spread = [crowding[one] for one in facts.gone]
+    shown = ShownBirths(evocity.open_run(told_run(tmp_path / "run", generations=6)))
+    crowding = {row["id"]: row["crowding"] for row in shown.archive.births.to_pylist()}
+    spread = [crowding[one] for one in shown.gone]
     assert spread == sorted(spread, reverse=True)
-    monkeypatch.setattr("evocity.report.facts.MOST_SHOWN", 1)
-    assert [one.birth.id for one in facts.shown_gone] == facts.gone[:1]
-    told = write_report(facts.run.path).read_text("utf-8")
-    assert f"Of those {len(facts.gone)} the 1 widest apart are shown." in told
+    monkeypatch.setattr("evocity.report.shown_births.MOST_SHOWN", 1)
+    assert [one.birth.id for one in shown.shown_gone] == shown.gone[:1]
+    told = write_report(shown.run.path).read_text("utf-8")
+    assert f"The page shows 1 of these {len(shown.gone)} births: those" in told
 
 
 @pytest.mark.parametrize(
@@ -513,16 +522,16 @@ def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
 )
 def test_the_gain_is_a_share_where_a_share_tells(tmp_path, volumes, failed, said):
     fails = {"fails": lambda generation, slot: generation == 0 and slot < failed}
-    facts = Facts(open_run(make_run(tmp_path / "run", **fails)))
-    facts.told.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
-    assert gain(facts) == said
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run", **fails)))
+    shown.births.__dict__["history"] = [{"hypervolume": volume} for volume in volumes]
+    assert gain(shown.births) == said
 
 
 def test_what_replaced_the_recipe_stands_beside_it(tmp_path, usual):
     noted = {"recipe": {"overrides": {"run.seed": 8, "run.generations": 40}}}
     folder = make_run(tmp_path / "second", provenance=noted)
-    facts = Facts(open_run(folder))
-    assert facts.planned == 40
+    shown = ShownBirths(evocity.open_run(folder))
+    assert planned_generations(shown.run) == 40
     page = Page(write_report(folder).read_text("utf-8"))
     assert page.words[page.words.index("run.seed") + 1] == "8"
     assert "replaced on the command line" in page.words
@@ -530,9 +539,9 @@ def test_what_replaced_the_recipe_stands_beside_it(tmp_path, usual):
 
 
 def test_a_report_is_called_as_its_folder(tmp_path):
-    facts = Facts(open_run(make_run(tmp_path / "a run-2")))
-    assert facts.title == "a run-2"
-    assert "a run-2" in Page(write_report(facts.run.path).read_text("utf-8")).words
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "a run-2")))
+    assert shown.run.name == "a run-2"
+    assert "a run-2" in Page(write_report(shown.run.path).read_text("utf-8")).words
 
 
 @pytest.mark.parametrize(
@@ -540,12 +549,15 @@ def test_a_report_is_called_as_its_folder(tmp_path):
     [("[run]\ngenerations = 7\n", 7), ("[map]\n", 100), ("no toml", None), ("run = 3", 100)],
 )
 def test_generations_planned_are_the_recipes(tmp_path, recipe, planned):
-    assert Facts(open_run(make_run(tmp_path / "run", recipe=recipe))).planned == planned
+    assert planned_generations(RunLog(make_run(tmp_path / "run", recipe=recipe))) == planned
 
 
 def test_captions_of_the_contact_sheet_have_units(tmp_path):
-    facts = Facts(open_run(make_run(tmp_path / "run", measures=("mean_height", "gsi"))))
-    first, height, gsi = _caption(facts, facts.best(1)[0])
+    shown = ShownBirths(
+        evocity.open_run(make_run(tmp_path / "run", measures=("mean_height", "gsi")))
+    )
+    (best,) = shown.best(1)
+    first, height, gsi = caption(best.birth.id, shown.births.logged, best.birth.values)
     assert first.startswith("individual ")
     assert height.startswith("mean_height ")
     assert height.endswith(" m")
@@ -571,20 +583,20 @@ def test_nobody_alive(tmp_path):
     folder = make_run(tmp_path / "run", fails=lambda generation, slot: True)
     page = Page(write_report(folder).read_text("utf-8"))
     assert page.members() == set()
-    assert contact_sheet(open_run(folder)).size[0] > 0
+    assert contact_sheet(evocity.open_run(folder)).size[0] > 0
 
 
 def test_a_large_population_stays_a_page(tmp_path):
     folder = make_run(tmp_path / "run", population=150, generations=1)
     text = write_report(folder).read_text("utf-8")
     assert len(Page(text).members()) == MOST_SHOWN
-    assert f"the first {MOST_SHOWN} of 150 by rank" in text
+    assert f"the first {MOST_SHOWN} of 150 individuals by rank" in text
 
 
 def test_targets_of_the_recipe_are_told(tmp_path):
     recipe = '[[fitness]]\nname = "gsi"\ntarget = 0.35\n[[fitness]]\nname = "fsi"\ngoal = "min"\n'
     folder = make_run(tmp_path / "run", recipe=recipe)
-    gsi, fsi = Facts(open_run(folder)).told.aims
+    gsi, fsi = ShownBirths(evocity.open_run(folder)).births.aims
     assert (gsi.target, gsi.wanted) == (0.35, "0.35 is wanted")
     assert gsi.loss(0.25) == pytest.approx(0.1)
     assert (fsi.wanted, fsi.loss(3.0)) == ("less is better", 3.0)
@@ -594,15 +606,15 @@ def test_the_target_found_for_a_city_to_be_like_is_told(tmp_path):
     recipe = '[[fitness]]\nname = "gsi"\nlike = "lyon-1er"\n'
     found = {"fitness": [{"name": "gsi", "goal": "like", "target": 0.6}]}
     folder = make_run(tmp_path / "run", recipe=recipe, provenance=found)
-    assert Facts(open_run(folder)).told.aims[0].wanted == "0.6 is wanted"
+    assert ShownBirths(evocity.open_run(folder)).births.aims[0].wanted == "0.6 is wanted"
     assert "0.6 is wanted" in write_report(folder).read_text("utf-8")
 
 
 def test_contact_sheet_shows_parents_and_best_on_one_scale(tmp_path):
-    run = open_run(make_run(tmp_path / "run", names="ABCDEF"))  # nobody looks like another
+    run = evocity.open_run(make_run(tmp_path / "run", names="ABCDEF"))  # nobody looks like another
     few, more = contact_sheet(run, best=1), contact_sheet(run, best=6)
     assert more.height > few.height
-    best = Facts(run).best(2)
+    best = ShownBirths(run).best(2)
     values = np.array([[b.values[m] for m in ("gsi", "fsi")] for b in _alive(run)])
     # gsi and fsi have no goal of their own: taken as more is better
     assert best[0].birth.values["gsi"] == values[:, 0].max()
@@ -612,42 +624,42 @@ def test_contact_sheet_shows_parents_and_best_on_one_scale(tmp_path):
 def test_the_best_that_are_shown_differ(tmp_path):
     """Of twins the better is shown; where too few differ, the best of the others are."""
     folder = make_run(tmp_path / "run", measures=("gsi",), population=8)
-    facts = Facts(open_run(folder))
-    alive = sorted(_alive(facts.run), key=lambda birth: -birth.values["gsi"])
+    shown = ShownBirths(evocity.open_run(folder))
+    alive = sorted(_alive(shown.run), key=lambda birth: -birth.values["gsi"])
     of = [birth.id % 2 for birth in alive]  # there are two cities, and their copies
     first = [0, of.index(1 - of[0])]
-    assert [one.birth.id for one in facts.best(2)] == [alive[place].id for place in first]
+    assert [one.birth.id for one in shown.best(2)] == [alive[place].id for place in first]
     three = sorted([*first, next(n for n in range(8) if n not in first)])
-    assert [one.birth.id for one in facts.best(3)] == [alive[place].id for place in three]
+    assert [one.birth.id for one in shown.best(3)] == [alive[place].id for place in three]
 
 
 def test_the_gallery_knows_who_looks_like_another(usual):
     """Of two cities and their copies, the first of each looks like nobody before it."""
-    facts = Facts(open_run(usual[0]))
-    ids = [one.birth.id for one in facts.shown]
+    shown = ShownBirths(evocity.open_run(usual[0]))
+    ids = [one.birth.id for one in shown.shown]
     first = {next(one for one in ids if one % 2 == odd) for odd in (0, 1)}
-    assert facts.look_alikes == set(ids) - first
+    assert shown.look_alikes == set(ids) - first
     marked = {one for one, told in Page(usual[1]).told.items() if "data-alike" in told}
-    assert marked == {f"i{one}" for one in facts.look_alikes}
+    assert marked == {f"i{one}" for one in shown.look_alikes}
 
 
 @pytest.mark.parametrize(
     ("stated", "apart"),
     [({"apart": 0.4}, 0.4), ({}, 0.25), ({"apart": -1}, 0.25), ({"apart": "x"}, 0.25), (3, 0.25)],
 )
-def test_what_looks_alike_is_what_the_recipe_says(tmp_path, stated, apart):
-    facts = Facts(open_run(make_run(tmp_path / "run", generations=1)))
-    vars(facts)["recipe"] = {"search": stated}
-    assert facts.apart == apart
+def test_what_looks_alike_is_what_the_recipe_says(tmp_path, monkeypatch, stated, apart):
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run", generations=1)))
+    monkeypatch.setattr("evocity.report.shown_births.recipe_of", lambda run: {"search": stated})
+    assert shown.apart == apart
 
 
 # -- which to keep -----------------------------------------------------------------------------
 
 
 def test_those_worth_keeping_stand_first_with_their_reasons(tmp_path):
-    facts = Facts(open_run(told_run(tmp_path / "run", generations=6, names="ABCDEF")))
-    text = page_of(facts)
-    page, kept = Page(text), facts.kept_few
+    shown = ShownBirths(evocity.open_run(told_run(tmp_path / "run", generations=6, names="ABCDEF")))
+    text = page_of(shown)
+    page, kept = Page(text), shown.shortlist
     assert 1 < len(kept) <= 5
     assert page.kept() == [f"keep-{one.individual.id}" for one in kept]
     assert any(not one.individual.alive for one in kept)
@@ -663,22 +675,22 @@ def test_those_worth_keeping_stand_first_with_their_reasons(tmp_path):
 
 
 def test_those_worth_keeping_stand_beside_archive_and_parents(tmp_path):
-    facts = Facts(open_run(told_run(tmp_path / "run", generations=6)))
-    gsi = [row["fitness.gsi"] for row in facts.archive.births.to_pylist()]
-    for one in few_to_keep(facts, Pictures(30.0, ())):
+    shown = ShownBirths(evocity.open_run(told_run(tmp_path / "run", generations=6)))
+    gsi = [row["fitness.gsi"] for row in shown.archive.births.to_pylist()]
+    for one in shortlist_cards(shown, Pictures(30.0, ())):
         (row,) = (row for row in one.rows if row.name == "gsi")
         low, high = map(float, row.archive.split(" to "))
         assert (low, high) == (float(f"{min(gsi):.4g}"), float(f"{max(gsi):.4g}"))
-        assert low <= float(row.told) <= high
-        assert row.parents == ", ".join(f"{b.values['gsi']:.4g}" for b in facts.source_births)
+        assert low <= float(row.value) <= high
+        assert row.parents == ", ".join(f"{b.values['gsi']:.4g}" for b in shown.source_births)
 
 
 def test_no_near_duplicate_fills_up_those_worth_keeping(tmp_path):
     """There are two cities and their copies: beside the best by number, one of each at most."""
-    facts = Facts(open_run(told_run(tmp_path / "run", generations=20)))
-    assert len(facts.archive) > 5
-    kinds = [one.individual.id % 2 for one in facts.kept_few if one.role == "of another kind"]
-    best = [one.individual.id % 2 for one in facts.kept_few if one.role != "of another kind"]
+    shown = ShownBirths(evocity.open_run(told_run(tmp_path / "run", generations=20)))
+    assert len(shown.archive) > 5
+    kinds = [one.individual.id % 2 for one in shown.shortlist if one.role == "of another kind"]
+    best = [one.individual.id % 2 for one in shown.shortlist if one.role != "of another kind"]
     assert len(kinds) == len({0, 1} - set(best))
 
 
@@ -697,13 +709,13 @@ def test_of_a_single_birth_or_goal_there_is_one_to_keep(tmp_path, population):
 def test_those_that_break_a_constraint_are_crosses(tmp_path, usual):
     goals = [{"name": "gsi", "goal": "max"}, {"name": "fsi", "min": 0.5}]
     folder = make_run(tmp_path / "run", provenance={"fitness": goals})
-    facts, text = Facts(open_run(folder)), write_report(folder).read_text("utf-8")
-    broken = int((facts.told.ok & ~facts.told.feasible).sum())
-    assert 0 < broken < len(facts.told.feasible)
+    shown, text = ShownBirths(evocity.open_run(folder)), write_report(folder).read_text("utf-8")
+    broken = int((shown.births.ok & ~shown.births.feasible).sum())
+    assert 0 < broken < len(shown.births.feasible)
     assert text.count('<path d="') == broken
     assert (
         text.count("<circle ") - text.count('<circle class="front"')
-        == len(facts.told.feasible) - broken
+        == len(shown.births.feasible) - broken
     )
     key = '<i class="cross">'
     assert key in text
@@ -713,11 +725,11 @@ def test_those_that_break_a_constraint_are_crosses(tmp_path, usual):
 
 def test_cards_can_be_ordered_and_filtered_by_every_measure(tmp_path):
     goals = [{"name": "gsi", "goal": "min"}, {"name": "fsi", "min": 0.5}]
-    facts = Facts(open_run(make_run(tmp_path / "run", provenance={"fitness": goals})))
-    galleries = Galleries(facts, Pictures(30.0, ()))
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run", provenance={"fitness": goals})))
+    galleries = Galleries(shown, Pictures(30.0, ()))
     assert galleries.orders[2:] == ["gsi, best first", "fsi, highest first", "fsi, lowest first"]
-    told = Page(page_of(facts)).told
-    for one in facts.shown:
+    told = Page(page_of(shown)).told
+    for one in shown.shown:
         gsi, fsi = (one.birth.values[name] for name in ("gsi", "fsi"))
         attributes = told[f"i{one.birth.id}"]
         assert json.loads(attributes["data-values"]) == [gsi, fsi]
@@ -727,8 +739,8 @@ def test_cards_can_be_ordered_and_filtered_by_every_measure(tmp_path):
 
 def test_every_birth_has_its_numbers_while_they_fit(tmp_path, monkeypatch):
     folder = make_run(tmp_path / "run", fails=lambda generation, slot: slot == 4)
-    every = tables.every_birth(Facts(open_run(folder)))
-    births = open_run(folder).births().to_pylist()
+    every = tables.every_birth(evocity.open_run(folder).columns)
+    births = RunLog(folder).births().to_pylist()
     assert [row[0] for row in every.rows] == [one["id"] for one in births]
     for row, one in zip(every.rows, births, strict=True):
         gsi = one["fitness.gsi"]
@@ -752,25 +764,25 @@ def test_words_are_explained_where_they_stand(usual):
 def test_measures_say_what_they_measure(usual):
     own = Aim("of-ones-own", "km", "max", meaning="How far.")
     names = ("gsi", "alignment@old-town", "bare", "built_area_lost")
-    logged, others = told_measures([own, *(Aim(name, "", "max") for name in names)])
+    logged, others = measure_texts([own, *(Aim(name, "", "max") for name in names)])
     gsi = evocity.fitness.get("gsi")
     assert logged["gsi"] == f"{gsi.summary} 0…1"
     assert logged["alignment@old-town"] == f"{evocity.fitness.get('alignment').summary} 0…1"
     assert (logged["of-ones-own"], logged["bare"]) == ("How far. km", "A measure of its own.")
     assert logged["built_area_lost"].endswith("0…1")
     assert set(others) == {one.name for one in evocity.fitness.measures()} - {"gsi", "alignment"}
-    columns = Facts(open_run(usual[0])).told.logged
-    for name, text in told_measures(columns)[0].items():
+    columns = ShownBirths(evocity.open_run(usual[0])).births.logged
+    for name, text in measure_texts(columns)[0].items():
         assert f"<dt>{name}</dt><dd>{escape(text)}</dd>" in usual[1]
 
 
 def test_parents_of_which_no_trace_is_left_are_told(tmp_path):
-    facts = Facts(open_run(told_run(tmp_path / "run", generations=3)))
-    assert bool(facts.kept_few.untraced) == ("In none of these is more than" in page_of(facts))
-    founder = kept_of(facts.told, np.array([0]), Likeness(facts.told), 1)
+    shown = ShownBirths(evocity.open_run(told_run(tmp_path / "run", generations=3)))
+    assert bool(shown.shortlist.untraced) == ("None of these has more than" in page_of(shown))
+    founder = choose_shortlist(shown.births, np.array([0]), Likeness(shown.births), 1)
     assert founder.untraced
-    facts.__dict__["kept_few"] = founder
-    page = page_of(facts)
+    shown.__dict__["shortlist"] = founder
+    page = page_of(shown)
     assert escape(founder.lacking) in page
     assert search_for(founder.untraced) in unescape(page)
 
@@ -787,11 +799,11 @@ def test_what_finds_them_is_python_whatever_they_are_called(name):
 
 def test_the_void_is_no_parent(tmp_path):
     """It stands in the key with what it is, and neither in the title nor among the parents."""
-    facts = Facts(open_run(make_run(tmp_path / "run", generations=1, also=(VOID,))))
-    assert Summary(facts).cities == "A × B"
-    assert "<p>A × B, " in page_of(facts)
-    assert city_key(facts.run.header.cities)[2][1].startswith(f"{VOID}: bare ground")
-    assert [birth.id for birth in facts.source_births] == [0, 1]
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run", generations=1, also=(VOID,))))
+    assert Summary(shown).cities == "A × B"
+    assert "<p>A × B, " in page_of(shown)
+    assert city_key(shown.run.header.cities)[2][1].startswith(f"{VOID}: bare ground")
+    assert [birth.id for birth in shown.source_births] == [0, 1]
 
 
 def _alive(run):

@@ -10,8 +10,8 @@ from PIL import Image
 
 import evocity
 from evocity.cli import main
-from evocity.report import Facts, grid_picture, run_picture, write_report
 from evocity.report import grid as room
+from evocity.report import grid_picture, run_picture, write_report
 from evocity.search import Search, read_recipe
 
 RECIPE = """
@@ -50,9 +50,9 @@ def cells_drawn(picture, layout, count) -> set[tuple[int, int]]:
 
 
 def test_maps_lie_in_the_filled_cells(small):
-    facts = Facts(small)
+    bins = small.columns.grids[None]
     picture = run_picture(small)
-    layout = room._Layout.of(facts.binned)
+    layout = room._Layout.of(bins)
     assert layout.maps
     births = evocity.archive(small).births.to_pydict()
     filled = set(zip(births["cell.gsi"], births["cell.fsi"], strict=True))
@@ -65,15 +65,15 @@ def test_maps_lie_in_the_filled_cells(small):
 
 def test_many_cells_are_colours(small, monkeypatch):
     monkeypatch.setattr(room, "_MOST_MAPS", 0)
-    facts = Facts(small)
-    layout = room._Layout.of(facts.binned)
+    bins = small.columns.grids[None]
+    layout = room._Layout.of(bins)
     assert not layout.maps
-    monkeypatch.setattr(Facts, "city", None)  # no map is decoded
-    births = facts.binned.births.to_pydict()
+    monkeypatch.setattr(room, "map_of", None)  # no map is decoded
+    births = bins.births.to_pydict()
     filled = set(zip(births["cell.gsi"], births["cell.fsi"], strict=True))
-    picture = grid_picture(facts)
+    picture = grid_picture(small)
     assert cells_drawn(picture, layout, (4, 3)) == filled
-    best = facts.binned.grid.places(births["cell"])[int(facts.binned.worth.argmax())]
+    best = bins.grid.places(births["cell"])[int(bins.worth.argmax())]
     left, top = layout.corner(best)
     middle = left + layout.side // 2, top + layout.side // 2
     assert picture.getpixel(middle) == room._BAR
@@ -86,11 +86,11 @@ def test_a_third_descriptor_makes_slices(tmp_path):
         "[3, 3, 4]",
         "[[0, 1], [0, 9], [0, 40]]",
     )
-    facts = Facts(run)
-    layout = room._Layout.of(facts.binned)
-    births = facts.binned.births.to_pydict()
+    bins = run.columns.grids[None]
+    layout = room._Layout.of(bins)
+    births = bins.births.to_pydict()
     assert layout.slices == tuple(sorted(set(births["cell.mean_height"])))
-    picture = grid_picture(facts)
+    picture = grid_picture(run)
     assert picture.size[0] == layout.width
     places = zip(births["cell.gsi"], births["cell.fsi"], births["cell.mean_height"], strict=True)
     for place in places:
@@ -102,14 +102,13 @@ def test_a_third_descriptor_makes_slices(tmp_path):
 
 
 def test_grids_of_any_size_are_drawn(small, monkeypatch):
-    from evocity.search.binning import binned
-    from evocity.search.cells import Grid
+    from evocity.search.record.grid import binned
+    from evocity.selection.cells import Grid
 
     for counts in ((1, 1), (1, 1000), (1000, 1000), (2, 37)):
-        facts = Facts(small)
         grid = Grid(("gsi", "fsi"), counts, ((0.0, 1.0), (0.0, 9.0)))
-        monkeypatch.setattr(Facts, "binned", binned(small, grid))
-        width, height = grid_picture(facts).size
+        monkeypatch.setitem(small.columns.grids, None, binned(small, grid))
+        width, height = grid_picture(small).size
         assert max(width, height) < 1800
 
 
@@ -118,7 +117,7 @@ def test_the_report_has_the_picture_and_the_figures(small, tmp_path):
     part = text.split("<h2>The grid</h2>")[1].split("</section>")[0]
     address = part.split('src="data:image/png;base64,')[1].split('"')[0]
     shown = Image.open(io.BytesIO(base64.b64decode(address)))
-    assert shown.size == grid_picture(Facts(small)).size
+    assert shown.size == grid_picture(small).size
     for name in ("coverage", "cells", "qd score"):
         assert f">{name}</abbr></dt>" in text
         assert f'aria-label="{name} over generation"' in text
@@ -135,4 +134,4 @@ def test_status_and_show_tell_of_the_grid(small, tmp_path):
     found = CliRunner().invoke(main, ["show", str(small.path), "-o", str(tmp_path / "grid.png")])
     assert found.exit_code == 0
     with Image.open(tmp_path / "grid.png") as picture:
-        assert picture.size == grid_picture(Facts(small)).size
+        assert picture.size == grid_picture(small).size

@@ -6,25 +6,26 @@ import numpy as np
 import pytest
 from test_report import HOSTILE, Page, make_run
 
+import evocity
 from evocity.report import summary, write_report
-from evocity.report.facts import Facts, Shown
 from evocity.report.html import page_of
 from evocity.report.plots import Axis, Dots, curve, scatter
-from evocity.store import Run, open_run
+from evocity.report.shown_births import Shown, ShownBirths
+from evocity.store import RunLog
 
 
 def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     folder = make_run(tmp_path / "run")
-    state = open_run(folder).status() | {"births": HOSTILE, "failures": HOSTILE}
-    monkeypatch.setattr(Run, "status", lambda run: state | {"generation": HOSTILE})
-    monkeypatch.setattr(summary, "reasons", lambda facts: "")
-    facts = Facts(open_run(folder))
-    assert facts.members  # read while the header is the files' own
-    assert facts.told.history
-    assert len(facts.told)
-    assert not facts.broken
-    facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
-    page = Page(page_of(facts))
+    state = RunLog(folder).status() | {"births": HOSTILE, "failures": HOSTILE}
+    monkeypatch.setattr(RunLog, "status", lambda run: state | {"generation": HOSTILE})
+    monkeypatch.setattr(summary, "reasons", lambda run: "")
+    shown = ShownBirths(evocity.open_run(folder))
+    assert shown.living  # read while the header is the files' own
+    assert shown.births.history
+    assert len(shown.births)
+    assert not shown.broken
+    shown.run.header = dataclasses.replace(shown.run.header, seed=HOSTILE)
+    page = Page(page_of(shown))
     assert page.scripts == 1  # our own
     assert page.words.count(HOSTILE) == 4
 
@@ -34,24 +35,24 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
 )
 def test_hostile_bounds_are_none(tmp_path, told):
     folder = make_run(tmp_path / "run")
-    facts = Facts(open_run(folder))
-    name = facts.run.header.measures[0]
+    shown = ShownBirths(evocity.open_run(folder))
+    name = shown.run.header.measures[0]
     stated = {"name": name, "min": told, "max": told, "target": told, "objective": "a\n\x1b[31mb"}
-    facts.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
-    aim = facts.told.aims[0]
+    shown.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
+    aim = shown.births.aims[0]
     assert (aim.target, aim.low, aim.high) == (None, None, None)
     assert aim.total == "a[31mb"
-    assert not facts.broken
+    assert not shown.broken
     assert write_report(folder).is_file()
 
 
 def test_cards_hold_text_alone(tmp_path):
-    facts = Facts(open_run(make_run(tmp_path / "run")))
-    one = facts.shown[0]
-    facts.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city)]
+    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run")))
+    one = shown.shown[0]
+    shown.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city)]
     object.__setattr__(one.birth, "generation", HOSTILE)
     object.__setattr__(one.birth, "parents", (HOSTILE,))
-    page = Page(page_of(facts))
+    page = Page(page_of(shown))
     assert page.scripts == 1
     assert HOSTILE in "".join(page.cards[f"i{one.birth.id}"])
     assert all(source.startswith("data:image/png") for source in page.fetched)

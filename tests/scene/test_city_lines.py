@@ -135,8 +135,8 @@ def test_a_skyline_is_measured_by_its_dimension_and_its_detail():
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        (lambda: fabric_edges(CityMap(np.zeros((8, 8)), 2.0)), "nothing is built"),
-        (lambda: facades(CityMap(np.zeros((8, 8)), 2.0)), "nothing is built"),
+        (lambda: fabric_edges(CityMap(np.zeros((8, 8)), 2.0)), "has no building"),
+        (lambda: facades(CityMap(np.zeros((8, 8)), 2.0)), "has no building"),
         (lambda: fabric_edges(TOWN, reach=-1), "reach"),
         (lambda: street_axes(TOWN, shortest=np.nan), "shortest"),
         (lambda: skyline(TOWN, np.inf), "bearing"),

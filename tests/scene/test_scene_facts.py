@@ -104,7 +104,7 @@ def test_paths_serve_for_tables_and_libraries(tmp_path):
     assert evocity.scene(four_houses(), measures={"gsi": np.float32(0.25)}).about.measures == {
         "gsi": 0.25
     }
-    with pytest.raises(MapError, match="a scene of 'lyon-1er'"):
+    with pytest.raises(MapError, match="a scene cannot be made of 'lyon-1er'"):
         evocity.scene("lyon-1er")
 
 
@@ -122,13 +122,13 @@ def test_a_library_refuses_what_comes_to_a_point_twice(tmp_path):
     library = Library.of(four_houses(), licence="CC0-1.0")
     library.polygons[0] = polygon
     library.write(tmp_path / "objects")
-    with pytest.raises(MapError, match="comes to one point twice"):
+    with pytest.raises(MapError, match="occurs twice"):
         Library.read(tmp_path / "objects")
 
 
 def test_numbers_without_end_and_depth_without_end_are_no_tables(tmp_path):
     long = TWO_CLASSES.replace("below = 6", "below = 1" + "0" * 400)
-    with pytest.raises(MapError, match="finite numbers"):
+    with pytest.raises(MapError, match="numbers, 0 or more"):
         ClassTable.of(long)
     with pytest.raises(MapError, match="too deep"):
         ClassTable.of("x = " + "[" * 5000)

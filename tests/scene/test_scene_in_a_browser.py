@@ -103,6 +103,7 @@ in_browser = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 @in_browser
 def test_a_bred_city_opens_in_three_js(tmp_path):
     towns = [evocity.encode(draw_town(seed, side=96)).genome for seed in (11, 12)]
@@ -117,6 +118,7 @@ def test_a_bred_city_opens_in_three_js(tmp_path):
     assert len(colours) > 8  # ground, roofs and walls, in light and in shade
 
 
+@pytest.mark.slow
 @in_browser
 def test_copies_of_objects_are_seen_as_if_each_were_its_own(tmp_path):
     library = evocity.scene.Library.of(draw_town(5, side=96), licence="CC0-1.0")

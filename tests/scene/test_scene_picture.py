@@ -154,7 +154,7 @@ def test_north_is_where_the_arrow_points():
     for azimuth, way in ((0, (0, -1)), (90, (-1, 0)), (180, (0, 1)), (270, (1, 0))):
         empty = Image.new("RGB", (300, 200), PAPER)
         covered, towards = np.zeros((200, 300), bool), room._directions(azimuth, 90)
-        arrow, _ = room._with_north(empty, covered, towards)
+        arrow, _ = room._add_north(empty, covered, towards)
         rows, columns = np.nonzero((np.asarray(arrow) != PAPER).any(axis=2))
         middle = np.array([np.ptp(columns) / 2 + columns.min(), np.ptp(rows) / 2 + rows.min()])
         # there are fewer dark pixels at the tip and the letter than at the foot

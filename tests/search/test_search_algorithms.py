@@ -6,18 +6,18 @@ from dataclasses import replace
 import naive
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from evocity.citymap import CityMap
-from evocity.search import algorithms as room
-from evocity.search.algorithms import algorithms
-from evocity.search.algorithms.algorithm import DistinctKeys, tournament
-from evocity.search.algorithms.hypervolume import MOST, HypervolumeContribution
-from evocity.search.borrowed.moocore import hypervolume
-from evocity.search.fronts import Scale, ranks_of
-from evocity.search.individual import Individual
-from evocity.search.looks import SIDE, alike, distinct_first, look_of
+from evocity.selection import algorithms as room
+from evocity.selection.algorithms import algorithms
+from evocity.selection.algorithms.algorithm import DistinctKeys, tournament
+from evocity.selection.algorithms.hypervolume import MOST, HypervolumeContribution
+from evocity.selection.backends.moocore import hypervolume
+from evocity.selection.fronts import Scale, ranks_of
+from evocity.selection.individual import Individual
+from evocity.selection.thumbprints import SIDE, alike, distinct_first, look_of, most_distinct_first
 
 RANKED = [kind for kind in algorithms().values() if issubclass(kind, room.Ranked)]
 DRAWN = st.tuples(st.integers(1, 4), st.integers(1, 16), st.integers(0, 2**32))
@@ -109,6 +109,7 @@ def test_crowding_stands_for_contributions_where_these_cost_too_much():
 
 @pytest.mark.parametrize("kind", RANKED, ids=lambda kind: kind.name)
 @given(drawn=DRAWN, share=st.sampled_from([0.25, 0.5, 1.0]))
+@example(drawn=(4, 10, 11666), share=1.0)  # niches begin with those that differ from the fewest
 @settings(deadline=None)
 def test_so_many_differ_as_are_asked_for_if_there_are(kind, drawn, share):
     candidates = some(*drawn)
@@ -122,13 +123,14 @@ def test_so_many_differ_as_are_asked_for_if_there_are(kind, drawn, share):
     if len(kept) <= size:
         return
 
-    def differ(individuals):
-        return naive.distinct([looks[one.id] for one in individuals], 0.2)
+    def seen(individuals):
+        return [looks[one.id] for one in individuals]
 
-    # each chosen in the order of the candidates, so a greedy choice among the living may be other
-    order = kind(len(kept), kind.Keys(distinct=0)).survivors(kept, unseen, drawing())
-    possible = min(round(share * size), len(differ(order)))
-    assert naive.most_distinct([looks[one.id] for one in living], 0.2) >= possible
+    if kind.name == "nsga3":
+        possible = naive.most_distinct(seen(kept), 0.2)
+    else:  # each the best that differs, in the order in which they are judged
+        possible = len(naive.distinct(seen(search.judged(kept)), 0.2))
+    assert naive.most_distinct(seen(living), 0.2) >= min(round(share * size), possible)
 
 
 @given(seed=st.integers(0, 2**32), count=st.integers(0, 8), apart=st.sampled_from([0.0, 0.3, 0.6]))
@@ -138,6 +140,19 @@ def test_the_best_that_differ_come_first(seed, count, apart):
     order = distinct_first(looks, apart, count).tolist()
     chosen = naive.distinct_in_turn(looks, apart, count)
     assert order == chosen + [i for i in range(9) if i not in chosen]
+
+
+@given(seed=st.integers(0, 2**32), count=st.integers(0, 8), apart=st.sampled_from([0.0, 0.3, 0.6]))
+@settings(deadline=None)
+def test_the_most_that_differ_come_first(seed, count, apart):
+    looks = np.random.default_rng(seed).choice([0, 100], (9, 7)).astype(np.uint16)
+    order = most_distinct_first(looks, apart, count).tolist()
+    assert sorted(order) == list(range(9))
+    most = min(naive.most_distinct(looks, apart), count)
+    assert len(naive.distinct(looks[order[:most]], apart)) == most
+    in_turn = distinct_first(looks, apart, count)
+    if len(naive.distinct(looks[in_turn[:most]], apart)) == most:
+        assert order == in_turn.tolist()
 
 
 def test_a_storey_more_in_a_share_of_the_cells_is_no_likeness():
@@ -302,7 +317,7 @@ def test_other_packages_add_theirs(monkeypatch):
 
     entries = [_Entry("other", Other), _Entry("nsga2", Other), _Entry("wrong", dict)]
     monkeypatch.setattr("evocity.plugins.entry_points", lambda group: entries)
-    room._known.cache_clear()
+    room._load_all.cache_clear()
     try:
         assert algorithms()["other"] is Other
         assert algorithms()["nsga2"] is not Other
@@ -311,4 +326,4 @@ def test_other_packages_add_theirs(monkeypatch):
         assert "already" in faults[0]
         assert "subclass" in faults[1]
     finally:
-        room._known.cache_clear()
+        room._load_all.cache_clear()

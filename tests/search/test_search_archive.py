@@ -15,9 +15,10 @@ from hypothesis.extra.numpy import arrays
 import evocity
 from evocity.citymap import CityMap
 from evocity.errors import RunError
-from evocity.search import Search, archiving, read_recipe
-from evocity.search.fronts import not_dominated
-from evocity.store import Birth, Header, Member, Run, RunWriter, Source, environment, open_run
+from evocity.search import Search, read_recipe
+from evocity.search.record import archive
+from evocity.selection.fronts import not_dominated
+from evocity.store import Birth, Header, Member, RunLog, RunWriter, Source, environment
 
 LOSSES = st.integers(1, 5).flatmap(
     lambda m: st.integers(0, 40).flatmap(
@@ -73,7 +74,7 @@ def write_run(folder, rows, goals, alive=lambda ids: ids[-POPULATION:]):
         members = [Member(n, one, 0, {"crowding": 0.0}) for n, one in enumerate(alive(good))]
         writer.write_generation(generation, births, members, {"births": 1, "failures": 0})
     writer.close()
-    return open_run(folder)
+    return RunLog(folder)
 
 
 GOALS = [
@@ -83,7 +84,7 @@ GOALS = [
 ]
 
 
-class GoingOn(Run):
+class GoingOn(RunLog):
     """A run that writes a generation whenever somebody looks into its births."""
 
     def births(self, *arguments, **options):
@@ -106,7 +107,7 @@ def test_of_a_run_that_goes_on_one_generation_is_seen(tmp_path):
     rows = [(float(number % 4),) for number in range(2 * POPULATION)]
     still = evocity.archive(write_run(tmp_path / "run", rows, [{"goal": "max"}]))
     found = evocity.archive(GoingOn(tmp_path / "run"))
-    assert len(open_run(tmp_path / "run").generations) > 2
+    assert len(RunLog(tmp_path / "run").generations) > 2
     assert found.births.equals(still.births)
     assert found.hypervolume_alive == still.hypervolume_alive > 0
     assert found.births["alive"].to_pylist() == [True]
@@ -124,7 +125,7 @@ def test_the_archive_is_what_no_birth_ever_dominated(rows, at_a_time):
         if row is not None and -1 <= row[2] <= 1.5
     }
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(archiving, "_ROWS", at_a_time)
+        patch.setattr(archive, "_ROWS", at_a_time)
         run = write_run(Path(folder) / "run", rows, GOALS)
         found = evocity.archive(run)
         living = set(run.members(run.generations[-1])["id"].to_pylist())
@@ -151,11 +152,12 @@ def test_sums_of_weighted_measures_are_one_goal(tmp_path):
     assert evocity.archive(write_run(tmp_path / "run", rows, goals)).births["id"].to_pylist() == [1]
 
 
+@pytest.mark.slow
 def test_the_last_hypervolume_is_that_of_the_search(toy, tmp_path):
     recipe = read_recipe(toy(generations=4, workers=1))
     for _ in Search(recipe, tmp_path / "run"):
         pass
-    run = open_run(tmp_path / "run")
+    run = RunLog(tmp_path / "run")
     found = evocity.archive(run)
     assert found.hypervolume_alive == pytest.approx(run.status()["hypervolume"], rel=1e-12)
     assert found.hypervolume >= found.hypervolume_alive
@@ -191,7 +193,7 @@ def test_the_hypervolume_of_many_births_of_many_goals_is_left_out(tmp_path):
 )
 def test_a_run_that_does_not_tell_its_goals_is_said(tmp_path, told):
     run = write_run(tmp_path / "run", [(1.0,)], [told])
-    with pytest.raises(RunError, match="does not tell what was wanted"):
+    with pytest.raises(RunError, match="lacks a measure's goal"):
         evocity.archive(run)
 
 
@@ -199,7 +201,7 @@ def test_a_strangers_provenance_is_said(tmp_path):
     run = write_run(tmp_path / "run", [(1.0,)], [{"goal": "max"}])
     for told in (None, 3, [3], [{"name": "other"}], {"name": 1}):
         run.provenance["fitness"] = told
-        with pytest.raises(RunError, match="does not tell what was wanted"):
+        with pytest.raises(RunError, match="lacks a measure's goal"):
             evocity.archive(run)
 
 

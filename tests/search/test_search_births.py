@@ -8,12 +8,12 @@ import pytest
 from test_search_run import FAILING, rows, run
 
 from evocity import operators
+from evocity.evaluation.evaluator import Evaluator, Outcome
 from evocity.search import Search, read_recipe
-from evocity.search.births import coming, to_evaluate
-from evocity.search.breeding import Plan
-from evocity.search.evaluator import Evaluator, Outcome
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.breeding.births import stream_offspring, without_failed
+from evocity.search.breeding.plans import Plan
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 HEREDITY = """
 @evocity.fitness(goal="max")
@@ -27,11 +27,12 @@ def in_two_steps(recipe, out, workers, **overrides):
     with Search(read_recipe(recipe, **overrides), out=out, workers=workers) as search:
         while not search.finished:
             search.ask()
-            asked = to_evaluate(search._asked)
-            jobs = [(o.bred.genome, o.plan.genomes if o.plan.operator else ()) for o in asked]
+            asked = without_failed(search._pending)
+            jobs = [(o.breeding.genome, o.plan.genomes if o.plan.operator else ()) for o in asked]
             search.tell(search._pool.run("evaluate", jobs))
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_one_job_a_birth_or_two_the_births_are_the_same(toy, tmp_path, workers):
     recipe = toy("import numpy as np\n" + HEREDITY)
@@ -41,8 +42,9 @@ def test_one_job_a_birth_or_two_the_births_are_the_same(toy, tmp_path, workers):
     assert len(rows(tmp_path / "one")) == 4 * 8 * 2
 
 
+@pytest.mark.slow
 def test_whoever_hangs_or_dies_the_births_are_the_same(toy, tmp_path):
-    recipe = toy(FAILING, population=24, generations=1, timeout=4.0, max_failures=0.9)
+    recipe = toy(FAILING, population=24, generations=1, timeout=4.0, max_failures=0.9, workers=2)
     run(recipe, tmp_path / "one")
     in_two_steps(recipe, tmp_path / "two", None)
     one, two = rows(tmp_path / "one"), rows(tmp_path / "two")
@@ -67,13 +69,14 @@ class Hanging:
         raise ValueError("no child today")
 
 
+@pytest.mark.slow
 def test_a_failing_operator_is_to_blame_by_name(toy, tmp_path, monkeypatch):
     monkeypatch.setitem(operators.OPERATORS, "hanging", Hanging)
-    recipe = toy(population=12, generations=1, timeout=2.0, max_failures=1.0)
+    recipe = toy(population=12, generations=1, timeout=2.0, max_failures=1.0, workers=2)
     text = recipe.read_text().replace("mutation = 2", "mutation = 0\nhanging = 9")
     recipe.write_text(text)
     run(recipe, tmp_path / "run")
-    table = open_run(tmp_path / "run").births(1)
+    table = RunLog(tmp_path / "run").births(1)
     told = {row["status"]: row for row in table.to_pylist() if row["operator"] == "hanging"}
     assert set(told) == {"timeout", "died", "error"}
     assert told["timeout"]["error"] == "hanging: no result after 2 s"
@@ -96,8 +99,8 @@ def test_a_birth_that_is_lost_twice_is_told_as_the_second_loss():
             next(jobs)
             yield 1, late
 
-    (born,) = coming(Pool(), iter([plan]))
-    assert (born.bred, born.evaluated) == (late, None)
+    (born,) = stream_offspring(Pool(), iter([plan]))
+    assert (born.breeding, born.evaluation) == (late, None)
 
 
 def test_born_is_breed_and_evaluate(toy):

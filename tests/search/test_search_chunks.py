@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import pytest
 
 from evocity.errors import RunError
-from evocity.search.evaluation import cluster as clusters
-from evocity.search.evaluation.cluster import Cluster
-from evocity.search.evaluation.hosting import Answer
-from evocity.search.evaluation.link import Lost
-from evocity.search.evaluator import Outcome
+from evocity.evaluation.cluster import engine as clusters
+from evocity.evaluation.cluster.dask_link import SchedulerLost
+from evocity.evaluation.cluster.engine import Cluster
+from evocity.evaluation.cluster.host import Answer
+from evocity.evaluation.evaluator import Outcome
 
 #: Seconds of work in a chunk, and in the least ones; chunks of a worker at a time.
 CHUNK, LEAST, DEPTH = 0.1, 0.03, 2
@@ -75,8 +75,8 @@ def sent(monkeypatch):
         machines = Machines(workers, cost)
         monkeypatch.setattr(clusters, "Link", lambda address: machines)
         monkeypatch.setattr(clusters, "SimpleQueue", lambda: machines)
-        monkeypatch.setattr(clusters, "versions_of", lambda: versions)
-        parcel = SimpleNamespace(digest="", told=b"", files={}, sides=4, parts=())
+        monkeypatch.setattr(clusters, "make_versions", lambda: versions)
+        parcel = SimpleNamespace(digest="", setup=b"", files={}, sides=4, parts=())
         ignored = lambda text: None  # noqa: E731
         engine = Cluster(parcel, "tcp://nowhere:1", 1, 9.0, None, ignored, ignored)
         engine.run("born", [(k,) for k in range(100 + round(4 / cost))])
@@ -96,7 +96,7 @@ def test_a_scheduler_that_ends_before_a_worker_came_is_told(monkeypatch):
         def sites(self):
             self.asked += 1
             if self.asked > 1:
-                raise Lost("gone")
+                raise SchedulerLost("gone")
             return {}
 
         def close(self):

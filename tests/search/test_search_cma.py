@@ -9,11 +9,12 @@ from test_search_run import rows, run
 
 from evocity import open_run
 from evocity.errors import RunError
-from evocity.search import Search, commands, read_recipe
-from evocity.search.algorithms import algorithms
-from evocity.search.borrowed.deap import Covariances
-from evocity.search.commands import Pick
-from evocity.search.individual import Individual
+from evocity.search import Search, read_recipe
+from evocity.search.record import commands
+from evocity.search.record.commands import Pick
+from evocity.selection.algorithms import algorithms
+from evocity.selection.backends.deap import Covariances
+from evocity.selection.individual import Individual
 
 Cma = algorithms()["cma"]
 CMA = '[search]\nalgorithm = "cma"\nside = 3\n'
@@ -101,6 +102,7 @@ def recipe_of(toy, **settings):
     return replaced(toy(**settings), "[[fitness]]", CMA + "[[fitness]]", count=1)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_as_if_it_had_not_stopped(toy, tmp_path):
     recipe = recipe_of(toy, generations=4)
     run(recipe, tmp_path / "whole", workers=0)
@@ -124,13 +126,13 @@ def test_a_run_goes_on_as_if_it_had_not_stopped(toy, tmp_path):
 def test_nothing_can_be_picked(toy, tmp_path):
     out = tmp_path / "run"
     run(recipe_of(toy, generations=1), out, workers=0)
-    with pytest.raises(RunError, match="cma, which breeds by itself"):
+    with pytest.raises(RunError, match="cma chooses its parents by itself"):
         commands.send(out, Pick(ids=(1,)))
     with Search.resume(out, workers=0, generations=2) as search:
         search.pick([2])
         list(search)
     refused = [one for one in open_run(out).events() if one["event"] == "command refused"]
-    assert "breeds by itself" in refused[0]["reason"]
+    assert "by itself" in refused[0]["reason"]
 
 
 def test_fields_that_cannot_be_are_faults(toy):

@@ -9,20 +9,21 @@ from hypothesis import strategies as st
 from test_search_run import rows, run, started
 
 from evocity.errors import RunError
-from evocity.search import Search, archive, commands, read_recipe
-from evocity.search.breeding import Picks
-from evocity.search.commands import (
+from evocity.search import Search, archive, read_recipe
+from evocity.search.breeding.plans import Picks
+from evocity.search.record import commands
+from evocity.search.record.commands import (
     Pick,
     Reweight,
-    Standing,
+    StandingOrders,
     Stop,
     Unpick,
-    asked_of,
+    command_document,
     command_of,
-    told,
+    command_state,
 )
-from evocity.search.observers import Observer
-from evocity.store import append_command, open_run
+from evocity.search.steering.observers import Observer
+from evocity.store import RunLog, append_command
 
 SUMMED = """
 [[fitness]]
@@ -37,7 +38,7 @@ objective = "form"
 
 
 def events(path, *kinds):
-    return [one for one in open_run(path).events() if one["event"] in kinds]
+    return [one for one in RunLog(path).events() if one["event"] in kinds]
 
 
 def steered(recipe, out, asked, workers=0, stop_after=None, **overrides):
@@ -58,6 +59,7 @@ ASKED = {
 }
 
 
+@pytest.mark.slow
 def test_picks_and_weights_are_replayed_by_any_number_of_workers(toy, tmp_path):
     recipe = toy(recipe=SUMMED, generations=5)
     steered(recipe, tmp_path / "whole", ASKED)
@@ -97,7 +99,7 @@ def test_a_command_told_but_not_bred_by_counts_once(toy, tmp_path):
 def test_picks_are_bred_from(toy, tmp_path):
     out = tmp_path / "run"
     steered(toy(generations=3), out, {1: [Pick(ids=(2, 4), share=1)]})
-    births = open_run(out).births().to_pylist()
+    births = RunLog(out).births().to_pylist()
     bred = [b for b in births if b["generation"] > 1]
     assert {b["parents"][0] for b in bred} == {2, 4}
     assert all(len(set(b["parents"])) == len(b["parents"]) for b in bred)
@@ -125,7 +127,7 @@ def test_a_stop_ends_after_the_generation_and_resuming_goes_on(toy, tmp_path):
     assert search.asked_to_stop
     assert not search.finished
     assert events(out, "stop")[-1]["reason"] == "asked to"
-    with pytest.raises(RunError, match="no process is at this run"):
+    with pytest.raises(RunError, match="no process works on this run"):
         commands.send(out, Stop())
     with open(out / "commands.jsonl", "a") as file:  # a stop of before is over
         file.write('{"command": "stop"}\n')
@@ -134,6 +136,7 @@ def test_a_stop_ends_after_the_generation_and_resuming_goes_on(toy, tmp_path):
     assert "had ended" in events(out, "command refused")[0]["reason"]
 
 
+@pytest.mark.slow
 def test_another_process_may_ask(toy, tmp_path):
     recipe, out = toy(generations=400), tmp_path / "run"
     process = started(recipe, out)
@@ -178,7 +181,7 @@ def test_what_is_no_command_is_refused_and_told(toy, tmp_path):
         (Pick(ids=(8,)), "individual 8 failed"),
         (Reweight(weights={"spread": 2}), "weighs no 'spread'"),
         (Reweight(weights={"mutaton": 2}), "did you mean mutation"),
-        (Stop(), "no process is at this run"),
+        (Stop(), "no process works on this run"),
     ],
 )
 def test_commands_that_cannot_be_carried_out_are_refused_at_once(toy, tmp_path, command, says):
@@ -192,7 +195,7 @@ def first(city):
     out = tmp_path / "run"
     run(toy(body, max_failures=1), out, workers=0, generations=2)
     if isinstance(command, Pick) and command.ids == (8,):
-        failed = next(b["id"] for b in open_run(out).births().to_pylist() if b["status"] != "ok")
+        failed = next(b["id"] for b in RunLog(out).births().to_pylist() if b["status"] != "ok")
         command, says = Pick(ids=(failed,)), f"individual {failed} failed"
     with pytest.raises(RunError, match=says):
         commands.send(out, command)
@@ -210,7 +213,7 @@ def test_all_weights_of_nothing_are_refused(toy, tmp_path):
                 commands.send(out, Reweight(weights=dict.fromkeys(names[:2], 0)))
                 with pytest.raises(RunError, match="all operators"):  # with what waits
                     commands.send(out, Reweight(weights={"mutation": 0}))
-                append_command(out / "commands.jsonl", told(nothing))
+                append_command(out / "commands.jsonl", command_document(nothing))
     assert "weight 0" in events(out, "command refused")[0]["reason"]
 
 
@@ -231,21 +234,21 @@ def test_what_waits_and_what_was_refused_is_told(toy, tmp_path):
     commands.send(out, Unpick(ids=(3,)))
     with (out / "commands.jsonl").open("a") as lines:
         lines.write('no JSON\n{"command": "pick", "ids": [99]}\n')
-    asked = asked_of(open_run(out))
-    assert [one.words for one in asked.waits] == [
+    asked = command_state(RunLog(out))
+    assert [one.words for one in asked.pending] == [
         "picked: 1 3, first parents of 25% of the births",
         "no longer picked: 3",
         "picked: 99",
     ]
-    assert (asked.refused, asked.stands.picks) == ((), (1, 99))
+    assert (asked.refused, asked.orders.picks) == ((), (1, 99))
     for ids, says in (((3,), "3 is not picked"), ((3, 5), "3 5 are not picked")):
         with pytest.raises(RunError, match=says):
             commands.send(out, Unpick(ids=ids))
     with Search.resume(out, generations=2, workers=0) as search:
         for _ in search:
             pass
-    asked = asked_of(open_run(out))
-    assert (asked.waits, asked.stands.picks) == ((), (1,))
+    asked = command_state(RunLog(out))
+    assert (asked.pending, asked.orders.picks) == ((), (1,))
     assert [generation for generation, _ in asked.refused] == [2, 2]
     commands.send(out, Unpick())
     with pytest.raises(RunError, match="nobody is picked"):
@@ -256,7 +259,7 @@ def test_new_weights_of_a_sum_count_at_once_and_in_the_archive(toy, tmp_path):
     out = tmp_path / "run"
     recipe = toy(recipe=SUMMED, generations=3)
     steered(recipe, out, {1: [Reweight(weights={"gsi": 1000.0})]})
-    (run_,) = [open_run(out)]
+    (run_,) = [RunLog(out)]
     told_of = {one["id"]: one for one in run_.births().to_pylist()}
     front = archive(run_).births.to_pylist()
     best = min(abs(one["fitness.gsi"] - 0.3) for one in told_of.values())
@@ -326,12 +329,12 @@ COMMANDS = st.one_of(
 
 @given(st.lists(COMMANDS))
 def test_what_stands_is_what_the_events_tell(asked):
-    written = [json.loads(json.dumps(told(one))) for one in asked]
+    written = [json.loads(json.dumps(command_document(one))) for one in asked]
     assert [command_of(one) for one in written] == asked
-    standing = Standing()
+    standing = StandingOrders()
     for one in asked:
         standing = standing if isinstance(one, Stop) else standing.after(one)
     events = [{"event": "command", "generation": g, **one} for g, one in enumerate(written)]
-    assert Standing.of(events, len(asked)) == standing
-    assert Standing.of(events, -1) == Standing()
+    assert StandingOrders.of(events, len(asked)) == standing
+    assert StandingOrders.of(events, -1) == StandingOrders()
     assert len(set(standing.picks)) == len(standing.picks)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from evocity import accelerate, fitness
+from evocity.evaluation import compilation, kernel_warmup
 from evocity.operators import OPERATORS
-from evocity.search import Search, compiling, read_recipe, warm
+from evocity.search import Search, read_recipe
 
 
 @pytest.fixture
@@ -23,44 +24,47 @@ def notes(tmp_path, monkeypatch):
 
 
 def test_a_recipe_names_the_parts_that_it_calls(toy):
-    parts = compiling.needed(read_recipe("demo"))
-    assert parts[0] == warm.SEARCH
+    parts = compilation.kernel_parts(read_recipe("demo"))
+    assert parts[0] == kernel_warmup.SEARCH
     assert {"fit", "decode", "operator:quarter_fusion", "measure:crumbs"} <= set(parts)
     assert not {"views", "operator:gene_copy", "measure:street_width", "search everywhere"} & {
         *parts
     }
-    assert set(parts) - {"buildings"} <= set(warm.every_part())
+    assert set(parts) - {"buildings"} <= set(kernel_warmup.every_part())
     own = toy(recipe='[[fitness]]\nname = "gsi"\ntarget = 0.3\n', genome='block = 4\nreach = "all"')
-    parts = compiling.needed(read_recipe(own))  # a measure of one's own may ask for any view
+    parts = compilation.kernel_parts(
+        read_recipe(own)
+    )  # a measure of one's own may ask for any view
     assert {"views", "search everywhere", "measure:gsi"} <= set(parts)
     assert not [one for one in parts if "spread" in one]
 
 
 def test_every_part_does_what_it_is_for():
-    for part in warm.every_part():
+    for part in kernel_warmup.every_part():
         kind, _, name = part.partition(":")
         if kind == "operator":
-            parents = warm._genomes(8)[: OPERATORS[name].parents[0]]
+            parents = kernel_warmup._genomes(8)[: OPERATORS[name].parents[0]]
             assert OPERATORS[name]()(parents, np.random.default_rng(0)).pavement.block == 8
         elif kind == "measure":
-            genome = warm._genomes(8)[0]
-            toys = [warm._toy(1, 8), warm._toy(2, 8)]
+            genome = kernel_warmup._genomes(8)[0]
+            toys = [kernel_warmup._toy(1, 8), kernel_warmup._toy(2, 8)]
             given = {"genome": genome, "parents": (genome,), "sources": toys, "reference": toys}
             measure = fitness.get(name)
             measure(toys[0], **{key: one for key, one in given.items() if key in measure.takes})
-    for view in warm._VIEWS:
-        assert getattr(warm._toy(1, 8), view) is not None
+    for view in kernel_warmup._VIEWS:
+        assert getattr(kernel_warmup._toy(1, 8), view) is not None
 
 
+@pytest.mark.slow
 def test_what_was_compiled_is_noted_and_not_done_again(notes):
     told = []
-    parts = [warm.SEARCH, warm.DECODE, "operator:mutation", "measure:gsi"]
-    compiling.compile_once(4, parts, told.append)
+    parts = [kernel_warmup.SEARCH, kernel_warmup.DECODE, "operator:mutation", "measure:gsi"]
+    compilation.compile_once(4, parts, told.append)
     assert len(list(notes.iterdir())) == 4
-    with patch.object(compiling, "_started", side_effect=AssertionError):
-        compiling.compile_once(4, parts, pytest.fail)
+    with patch.object(compilation, "_start", side_effect=AssertionError):
+        compilation.compile_once(4, parts, pytest.fail)
     with patch.object(accelerate, "stamp", lambda: ("another processor",)):
-        compiling.compile_once(4, ["measure:gsi"], told.append)
+        compilation.compile_once(4, ["measure:gsi"], told.append)
     assert len(list(notes.iterdir())) == 5
 
 
@@ -77,9 +81,9 @@ def test_only_what_is_compiled_is_told(notes, monkeypatch, line):
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
         return subprocess.Popen([sys.executable, "-c", script], **pipes)
 
-    monkeypatch.setattr(compiling, "_started", started)
+    monkeypatch.setattr(compilation, "_start", started)
     told = []
-    compiling.compile_once(4, ["measure:gsi", "measure:fsi"], told.append)
+    compilation.compile_once(4, ["measure:gsi", "measure:fsi"], told.append)
     assert len(list(notes.iterdir())) == 2
     if line:
         assert told[-1] == "compiling, once on this machine: 2 of 2 parts, 2 kernels"
@@ -88,20 +92,21 @@ def test_only_what_is_compiled_is_told(notes, monkeypatch, line):
 
 
 def test_parts_on_codes_wait_for_the_search_that_makes_them(notes):
-    crew = compiling._Crew(4, [warm.SEARCH, "operator:mutation", "measure:gsi"], {})
+    crew = compilation._Crew(4, [kernel_warmup.SEARCH, "operator:mutation", "measure:gsi"], {})
     assert crew._next(from_front=False) == "measure:gsi"
-    assert crew._next(from_front=False) == warm.SEARCH
+    assert crew._next(from_front=False) == kernel_warmup.SEARCH
     waits = patch.object(crew._lock, "wait", side_effect=InterruptedError)
     with waits, pytest.raises(InterruptedError):
         crew._next(from_front=False)
-    crew._notes[warm.SEARCH] = notes / "search"
-    crew._finished(warm.SEARCH)
+    crew._notes[kernel_warmup.SEARCH] = notes / "search"
+    crew._note_part(kernel_warmup.SEARCH)
     assert crew._next(from_front=False) == "operator:mutation"
     assert crew._next(from_front=True) is None
 
 
+@pytest.mark.slow
 def test_helpers_that_die_stop_nothing(notes, monkeypatch):
-    started, count = compiling._started, []
+    started, count = compilation._start, []
 
     def first_ends(block):
         count.append(block)
@@ -110,15 +115,15 @@ def test_helpers_that_die_stop_nothing(notes, monkeypatch):
         words = [sys.executable, "-c", "input()"]
         return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    monkeypatch.setattr(compiling, "_PROCESSES", 2)
-    monkeypatch.setattr(compiling, "available_cores", lambda: 2)
-    monkeypatch.setattr(compiling, "_started", first_ends)
-    compiling.compile_once(4, [warm.SEARCH, "operator:mutation"], lambda text: None)
+    monkeypatch.setattr(compilation, "_PROCESSES", 2)
+    monkeypatch.setattr(compilation, "available_cores", lambda: 2)
+    monkeypatch.setattr(compilation, "_start", first_ends)
+    compilation.compile_once(4, [kernel_warmup.SEARCH, "operator:mutation"], lambda text: None)
     assert len(list(notes.iterdir())) == 1  # the search was begun by the one that ended
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    compiling.compile_once(4, [warm.SEARCH], lambda text: None)
+    compilation.compile_once(4, [kernel_warmup.SEARCH], lambda text: None)
     with patch.object(accelerate, "cache_folder", lambda: None):
-        compiling.compile_once(4, [warm.SEARCH], lambda text: None)
+        compilation.compile_once(4, [kernel_warmup.SEARCH], lambda text: None)
 
 
 def test_a_search_says_what_it_waits_for(toy, tmp_path):
@@ -130,4 +135,4 @@ def test_a_search_says_what_it_waits_for(toy, tmp_path):
     told.clear()
     Search.resume(tmp_path / "run", generations=1, workers=1, progress=told.append).close()
     assert told[-1] == "starting 1 worker"
-    assert warm.VARIABLE not in os.environ
+    assert kernel_warmup.VARIABLE not in os.environ

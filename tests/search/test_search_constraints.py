@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from evocity.errors import RecipeError
-from evocity.search import Search, preparation, read_recipe
-from evocity.search.evaluator import Evaluator
-from evocity.store import open_run
+from evocity.evaluation.evaluator import Evaluator
+from evocity.search import Search, read_recipe
+from evocity.search.preparation import preparation
+from evocity.store import RunLog
 
 HEREDITY = """
 import evocity
@@ -78,7 +79,7 @@ def test_those_that_break_a_constraint_lose_to_those_that_do_not(bounded, tmp_pa
     roofs = [one.values["roof"] for one in free[0].population]
     limit = float(np.median(roofs))
     last = carried_out(bounded(ROOF.format(limit=limit)), tmp_path / "bound")[-1]
-    births = open_run(tmp_path / "bound").births(columns=["id", "fitness.roof", "feasible"])
+    births = RunLog(tmp_path / "bound").births(columns=["id", "fitness.roof", "feasible"])
     told = {row["id"]: row for row in births.to_pylist()}
     assert {row["feasible"] for row in told.values()} == {True, False}
     for row in told.values():
@@ -97,11 +98,11 @@ def test_a_bounded_run_resumes_to_the_same_rows(bounded, tmp_path):
     with Search.resume(tmp_path / "parts", generations=3, workers=0) as search:
         list(search)
     rows = [
-        open_run(tmp_path / name).births().drop_columns(["seconds"]).to_pylist()
+        RunLog(tmp_path / name).births().drop_columns(["seconds"]).to_pylist()
         for name in ("whole", "parts")
     ]
     assert rows[0] == rows[1]
-    noted = open_run(tmp_path / "whole").provenance["fitness"]
+    noted = RunLog(tmp_path / "whole").provenance["fitness"]
     assert [(one["goal"], one.get("max")) for one in noted] == [("max", None), (None, 5.0)]
 
 
@@ -123,7 +124,7 @@ target = 0.4
     for one in last.population:
         both = -2 * one.values["spread"] + 0.5 * one.values["roof"]
         assert one.losses == pytest.approx((both, abs(one.values["gsi"] - 0.4)))
-    noted = open_run(tmp_path / "run").provenance["fitness"]
+    noted = RunLog(tmp_path / "run").provenance["fitness"]
     assert [one.get("objective") for one in noted] == ["weighted sum", "weighted sum", None]
 
 
@@ -172,7 +173,7 @@ name = "roofs.high"
 goal = "min"
 """
     carried_out(bounded(entries), tmp_path / "run")
-    run = open_run(tmp_path / "run")
+    run = RunLog(tmp_path / "run")
     columns = ["id", "parents", "fitness.litter", "fitness.roofs.high", "generation"]
     for row in run.births(columns=columns).to_pylist():
         one = run.individuals([row["id"]])[0].genome
@@ -185,16 +186,22 @@ goal = "min"
     ("entries", "told"),
     [
         ('[[fitness]]\nname = "gsi"\nmin = 0.4\nmax = 0.2\n', "min = 0.4, max = 0.2"),
-        ('[[fitness]]\nname = "gsi"\nmax = 0.2\n', "constraints alone"),
-        ('[[fitness]]\nname = "gsi"\nmin = 1.5\n', "min = 1.5 of gsi.*within its range, 0…1"),
-        ('[[fitness]]\nname = "crumbs"\nobjective = "a\\u001b"\n', "a name that can be"),
+        ('[[fitness]]\nname = "gsi"\nmax = 0.2\n', "only constraints"),
+        (
+            '[[fitness]]\nname = "gsi"\nmin = 1.5\n',
+            "min = 1.5 of gsi is out of range.*a value from 0 to 1",
+        ),
+        ('[[fitness]]\nname = "crumbs"\nobjective = "a\\u001b"\n', "a valid name for a folder"),
         (
             '[[fitness]]\nfile = "heredity.py"\nname = "litter"\nlike = "lyon-1er"\n',
-            "like for litter, which asks for genome and parents",
+            "like for litter, which needs genome and parents",
         ),
-        ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi without a goal"),
+        ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi has no goal"),
         ('[[fitness]]\nname = "gsi"\ntarget = 1\nweight = -2\n', r"weight \(gsi\): -2"),
-        ('[[fitness]]\nfile = "heredity.py"\nname = "roofs"\nmax = 9\n', "max for all of roofs"),
+        (
+            '[[fitness]]\nfile = "heredity.py"\nname = "roofs"\nmax = 9\n',
+            "max cannot apply to all of roofs",
+        ),
         ('[[fitness]]\nfile = "heredity.py"\nname = "rofs"\n', "name = 'rofs'"),
         (
             '[[fitness]]\nname = "crumbs"\nobjective = "crumbs"\n',

@@ -5,11 +5,12 @@ from test_search_commands import SUMMED, events, steered
 from test_search_run import rows, run
 
 from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, gsi
-from evocity.search import Search, commands, read_recipe
-from evocity.search.commands import Reweight
-from evocity.search.credit import MOST, WINDOW, Credit, credit_of
-from evocity.search.judging import aims_of_run
-from evocity.store import Birth, open_run
+from evocity.search import Search, read_recipe
+from evocity.search.breeding.credit import MOST, WINDOW, Credit, credit_of
+from evocity.search.record import commands
+from evocity.search.record.aims import aims_of_run
+from evocity.search.record.commands import Reweight
+from evocity.store import Birth, RunLog
 
 AIMS = Aims((Wanted(crumbs, Objective(crumbs)), Wanted(gsi, constraint=Constraint(gsi, 0.2))))
 
@@ -49,21 +50,22 @@ def test_events_are_gone_through_once_however_many_generations(toy, tmp_path):
     run(toy(recipe="[search]\nadapt = true\n"), tmp_path / "run", workers=0, generations=3)
     looks = 0
 
-    class Told(list):
+    class Births(list):
         def __iter__(self):
             nonlocal looks
             looks += len(self)
             return super().__iter__()
 
-    found = open_run(tmp_path / "run")
-    events = Told(found.events() + [{"event": "weights", "generation": k} for k in range(1000)])
+    found = RunLog(tmp_path / "run")
+    events = Births(found.events() + [{"event": "weights", "generation": k} for k in range(1000)])
     credit_of(found, aims_of_run(found), events)
     assert looks == len(events)
 
 
+@pytest.mark.slow
 def test_what_was_earned_is_taken_up_again(toy, tmp_path):
     recipe = toy(recipe="[search]\nadapt = true\n" + SUMMED, generations=5)
-    assert read_recipe(recipe).search.asked["adapt"] is True
+    assert read_recipe(recipe).search.settings["adapt"] is True
     asked = {2: [Reweight(weights={"gsi": 30.0, "mutation": 1})]}
     steered(recipe, tmp_path / "whole", asked)
     expected = rows(tmp_path / "whole")

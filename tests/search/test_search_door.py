@@ -10,10 +10,10 @@ from test_search_run import rows, run
 from evocity import operators
 from evocity.citymap import CityMap
 from evocity.errors import OperatorError
+from evocity.evaluation.admission import admit
 from evocity.search import Search, read_recipe
-from evocity.search.door import admitted
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 
 @pytest.fixture
@@ -57,13 +57,13 @@ STRANGE = {
     ),
     "tuple keys": (
         lambda g: g.replace(made={(1, 2): "a"}),
-        r"a made that JSON cannot hold \(TypeError: keys must be",
-        "a mapping from texts",
+        r"the record `made` of a birth cannot be written as JSON \(TypeError: keys must be",
+        "a mapping whose keys are texts",
     ),
     "lone surrogate": (
         lambda g: g.replace(made={"name": "\ud800"}),
-        "a made that JSON cannot hold",
-        "a mapping from texts",
+        "the record `made` of a birth cannot be written as JSON",
+        "a mapping whose keys are texts",
     ),
     "both": (
         lambda g: of_side(32, "left").replace(metres_per_pixel=9.0),
@@ -77,7 +77,7 @@ STRANGE = {
 def test_what_does_not_suit_the_run_is_named(prepared, parent, kind):
     make, found, expected = STRANGE[kind]
     with pytest.raises(OperatorError, match=found) as caught:
-        admitted(make(parent), prepared.header)
+        admit(make(parent), prepared.header)
     assert caught.match(expected)
 
 
@@ -87,7 +87,7 @@ def test_what_suits_is_told_in_the_runs_terms(prepared, parent):
         cities=("right", "left"),
         made={"shares": (0.5, np.float32(0.25)), "grid": np.arange(2), 3: None},
     )
-    genome = admitted(child, prepared.header)
+    genome = admit(child, prepared.header)
     assert genome == child
     assert genome.sigma_max == prepared.header.sigma_max
     assert genome.cities == ("left", "right")
@@ -124,7 +124,7 @@ def test_a_plugins_fault_costs_its_births_alone(toy, tmp_path, monkeypatch):
     assert all(one["error"].startswith("strange: ") for one in failed)
     assert all("(expected: " in one["error"] for one in failed)
     assert all(one["genome"] is None for one in failed)
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     for birth in log.individuals(log.births()["id"].to_pylist()):  # all of it can be read
         assert birth.genome is None or birth.genome.sigma_max == 0.9
     with Search.resume(tmp_path / "run", generations=2, workers=0) as search:

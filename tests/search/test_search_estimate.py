@@ -9,8 +9,13 @@ from test_search_run import run
 from test_search_stopping import EVENING
 
 from evocity.search import Search, read_recipe
-from evocity.search.estimate import Estimate, bound_of, estimate_of, first_telling
-from evocity.search.stopping import size_of
+from evocity.search.steering.estimate import (
+    Estimate,
+    describe_bound,
+    estimate_of,
+    first_representative,
+)
+from evocity.search.steering.stop_rules import size_of
 
 
 def test_the_estimate_is_near_what_the_run_takes(toy, tmp_path):
@@ -31,7 +36,7 @@ def test_where_genomes_are_left_out_it_waits_for_a_generation_like_those_to_come
     found = []
     with Search(recipe, out=tmp_path / "run", workers=0) as search:
         for generation in search:
-            if generation.number <= first_telling(recipe) == 1:
+            if generation.number <= first_representative(recipe) == 1:
                 search.flush()
                 found.append(estimate_of(tmp_path / "run", recipe, generation))
     size = size_of(tmp_path / "run")
@@ -84,7 +89,7 @@ def test_a_run_stays_below_what_was_told_before_it_began(toy, tmp_path):
     recipe = read_recipe(toy(), generations=20)
     with Search(recipe, out=tmp_path / "run", workers=0) as search:
         search.prepare()
-        told = bound_of(tmp_path / "run", recipe)
+        told = describe_bound(tmp_path / "run", recipe)
         list(search)
     number, unit = re.match(r"168 births, at most ([\d.]+) (kB|MB) of the disk", told).groups()
     written = sum(size_of(tmp_path / "run" / kind) for kind in ("births", "membership"))

@@ -7,8 +7,8 @@ import pytest
 from codes import uniformly
 
 from evocity import fitness
+from evocity.evaluation.evaluator import MOST_LETTERS, Evaluator, Setup
 from evocity.kinds import KINDS
-from evocity.search.evaluator import MOST_LETTERS, Evaluator, Setup
 
 MEASURE = """
 import evocity

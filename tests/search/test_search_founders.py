@@ -77,13 +77,13 @@ def test_a_bred_parent_may_be_compared_with_and_be_like(evening, tmp_path):
 @pytest.mark.parametrize(
     ("parent", "says"),
     [
-        ('genome = "nothing.parquet"', "'nothing.parquet' is no file"),
-        ('run = "nowhere"\nid = 3', "'nowhere' is no run"),
+        ('genome = "nothing.parquet"', "'nothing.parquet' is not a file"),
+        ('run = "nowhere"\nid = 3', "'nowhere' is not a run folder"),
         ('run = "evening"', "run without id"),
         ('map = "left.npy"\nid = 3', "id without run"),
         ('map = "left.npy"\ngenome = "child.parquet"', "map and genome"),
         ('name = "west"', "no map; allowed: one of map, genome and run"),
-        ('genome = "child.parquet"\ncenter = [4.8, 45.7]', "center beside genome"),
+        ('genome = "child.parquet"\ncenter = [4.8, 45.7]', "center cannot go with genome"),
         ('run = "evening"\nid = -1', "0 or more"),
     ],
 )
@@ -179,10 +179,10 @@ def test_measures_of_the_session_are_named_by_themselves(toy, tmp_path):
     ("sections", "says"),
     [
         ({}, "parents: missing"),
-        ({"parents": ["lyon"], "fitness": ["gsi"]}, "'lyon' is no file"),
+        ({"parents": ["lyon"], "fitness": ["gsi"]}, "'lyon' is neither a file"),
         ({"parents": ["lyon-1er"], "fitness": ["alignmnt"]}, "did you mean alignment"),
         ({"parents": ["lyon-1er"], "fitness": ["crumbs"], "rum": {}}, "did you mean run"),
-        ({"parents": [object()], "fitness": ["crumbs"]}, "TOML cannot hold"),
+        ({"parents": [object()], "fitness": ["crumbs"]}, "cannot be written as TOML"),
         ({"parents": 3, "fitness": ["crumbs"]}, "a list"),
         ({"parents": ["lyon-1er"], "fitness": ["crumbs"], "run": {"seed": -1}}, "run.seed: -1"),
     ],

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evocity.search.borrowed.moocore import contributions, hypervolume, least_first
-from evocity.search.fronts import Hypervolume, Scale, crowding_of, ranks_of, volume_is_quick
+from evocity.selection.backends.moocore import contributions, hypervolume, least_first
+from evocity.selection.fronts import Hypervolume, Scale, crowding_of, ranks_of, volume_is_quick
 
 LOSSES = st.integers(1, 4).flatmap(
     lambda m: st.integers(1, 14).flatmap(

@@ -13,10 +13,10 @@ from evocity.errors import RecipeError, RunError
 from evocity.fitness import Constraint, Measure
 from evocity.report import unrecorded, write_report
 from evocity.search import Search, archive, read_recipe
-from evocity.search.guarding import Bounded, rounded, told_of
-from evocity.search.guarding import bounded as bounds_of
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.constraints import ParentConstraint, describe_unkept, round_bound
+from evocity.search.preparation.constraints import parent_constraints as bounds_of
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 #: Of children undefined; of what they have of their sources, too little for a bound of .5.
 OWN = """
@@ -52,6 +52,7 @@ def of_own(name, bound):
 # -- a constraint that is undefined ------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_constraint_that_is_undefined_is_broken_and_ends_nothing(toy, tmp_path, workers):
     path = guarded(toy, of_own("settled", "min = 0.5"), max_failures=0.0)
@@ -59,7 +60,7 @@ def test_a_constraint_that_is_undefined_is_broken_and_ends_nothing(toy, tmp_path
     assert last.failures == 0
     assert {one.id for one in last.population if not one.violation} == {0, 1}
     assert last.population[0].violation == 0 < last.population[-1].violation
-    found = open_run(tmp_path / "run")
+    found = RunLog(tmp_path / "run")
     for row in found.births().to_pylist():
         child = row["id"] > 1
         assert row["status"] == "ok"
@@ -82,7 +83,7 @@ def test_a_run_with_undefined_constraints_resumes_to_the_same_rows(toy, tmp_path
     with Search.resume(tmp_path / "parts", generations=3, workers=0) as search:
         list(search)
     whole, parts = (
-        open_run(tmp_path / name).births().drop_columns(["seconds"]) for name in ("whole", "parts")
+        RunLog(tmp_path / name).births().drop_columns(["seconds"]) for name in ("whole", "parts")
     )
     assert whole.equals(parts)
 
@@ -90,7 +91,7 @@ def test_a_run_with_undefined_constraints_resumes_to_the_same_rows(toy, tmp_path
 def test_a_goal_that_is_undefined_still_fails(toy, tmp_path):
     path = guarded(toy, of_own("settled", 'min = 0.5\ngoal = "max"'), max_failures=1.0)
     run(path, tmp_path / "run", workers=0, generations=0)
-    births = open_run(tmp_path / "run").births(columns=["id", "status"]).to_pylist()
+    births = RunLog(tmp_path / "run").births(columns=["id", "status"]).to_pylist()
     assert {row["status"] for row in births if row["id"] > 1} == {"invalid"}
 
 
@@ -112,8 +113,8 @@ def test_a_bound_that_no_parent_keeps_is_told_before_the_first_birth(toy, tmp_pa
     with Search(read_recipe(path), out=tmp_path / "run", workers=0) as search:
         search.prepare()
         (told,) = [note for note in search.notes if "keeps" in note]
-        assert len(open_run(tmp_path / "run").generations) == 0
-        sources = open_run(tmp_path / "run").sources()
+        assert len(RunLog(tmp_path / "run").generations) == 0
+        sources = RunLog(tmp_path / "run").sources()
         densities = [fitness.gsi(decode(source.genome).city) for source in sources]
         had = ", ".join(
             f"{source.name} {value:.4g}" for source, value in zip(sources, densities, strict=True)
@@ -169,15 +170,15 @@ def test_parents_that_keep_each_bound_but_none_of_them_all(toy):
     recipe = read_recipe(path)
     prepared = prepare(recipe)
     values = [{"kin": 0.25, "spread": 1.0}, {"kin": 0.375, "spread": 1.0}]
-    (kin,) = bounds_of(prepared, [Told(one) for one in values])
-    assert (kin.kept, kin.inherited, kin.told) == ({"right"}, True, "kin ≥ 0.3")
-    other = Bounded(Constraint(fitness.gsi, high=0.4), {"left": 0.3, "right": 0.5}, False)
-    (told,) = told_of([kin, other])
+    (kin,) = bounds_of(prepared, [Births(one) for one in values])
+    assert (kin.keepers, kin.inherited, kin.bounds_text) == ({"right"}, True, "kin ≥ 0.3")
+    other = ParentConstraint(Constraint(fitness.gsi, high=0.4), {"left": 0.3, "right": 0.5}, False)
+    (told,) = describe_unkept([kin, other])
     assert told.endswith("all constraints at once. Kept are kin ≥ 0.3: right; gsi ≤ 0.4: left")
-    assert told_of([other]) == []
+    assert describe_unkept([other]) == []
 
 
-class Told:
+class Births:
     status = "ok"
 
     def __init__(self, values):
@@ -202,9 +203,9 @@ class Told:
 def test_which_bounds_are_hopeless_and_what_is_nearest(goal, low, high, values, hopeless, nearest):
     measure = Measure("m", lambda city: 0.0, goal, "", (0, 1), "", "", 0)
     had = {f"city-{k}": value for k, value in enumerate(values)}
-    one = Bounded(Constraint(measure, low, high), had, inherited=True)
-    assert (one.hopeless, one.nearest, one.kept) == (hopeless, nearest, set())
-    assert not Bounded(one.constraint, had, inherited=False).hopeless
+    one = ParentConstraint(Constraint(measure, low, high), had, inherited=True)
+    assert (one.hopeless, one.nearest, one.keepers) == (hopeless, nearest, set())
+    assert not ParentConstraint(one.constraint, had, inherited=False).hopeless
     if nearest:
         key, bound = nearest.split(" = ")
         near = Constraint(measure, **{{"min": "low", "max": "high"}[key]: float(bound)})
@@ -213,7 +214,7 @@ def test_which_bounds_are_hopeless_and_what_is_nearest(goal, low, high, values, 
 
 @pytest.mark.parametrize("value", [1234.5, 0.0123456, -0.0123456, 3.0])
 def test_bounds_are_rounded_so_that_the_value_keeps_them(value):
-    down, up = rounded(value, up=False), rounded(value, up=True)
+    down, up = round_bound(value, up=False), round_bound(value, up=True)
     assert down <= value <= up
     assert up - down <= 0.01 * abs(value)
 

@@ -18,18 +18,19 @@ from test_search_run import rows, run, started
 
 import evocity
 from evocity.cli import main
-from evocity.cli.searching import progress_line
+from evocity.cli.shared.search_progress import progress_line
 from evocity.errors import RecipeError, RunError
-from evocity.report import Facts, write_report
+from evocity.recipe.islands import MigrationSection
+from evocity.report import write_report
 from evocity.report.islands import Islands
-from evocity.search import Search, archive, commands, read_recipe
-from evocity.search.archipelago import Archipelago
-from evocity.search.binning import binned, grid_of_run
-from evocity.search.commands import Pick, Reweight
-from evocity.search.islands import MigrationSection
-from evocity.search.replaying import plan_of
-from evocity.search.rereading import read_again
-from evocity.store import open_run
+from evocity.search import Search, archive, read_recipe
+from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.record import commands
+from evocity.search.record.commands import Pick, Reweight
+from evocity.search.record.grid import binned, grid_of_run
+from evocity.search.resume.logged_plans import plan_of
+from evocity.search.resume.prepared_run import read_preparation
+from evocity.store import RunLog
 
 GSI = """
 [[fitness]]
@@ -123,7 +124,7 @@ def test_one_island_is_a_run_without_islands(toy, tmp_path, rest):
     found = rows(tmp_path / "alone")
     assert {row["island"] for row in found} == {"alone"}
     assert without_islands(found) == rows(tmp_path / "plain")
-    alone, plain = (open_run(tmp_path / name) for name in ("alone", "plain"))
+    alone, plain = (RunLog(tmp_path / name) for name in ("alone", "plain"))
     volumes = [[one["hypervolume"] for one in log.history()] for log in (alone, plain)]
     assert volumes[0] == volumes[1]
     last = alone.status()["islands"]["alone"]
@@ -173,6 +174,7 @@ def test_neighbours(count, along):
         assert len(after) == count
 
 
+@pytest.mark.slow
 def test_workers_do_not_matter(toy, tmp_path):
     recipe = toy(recipe=THREE, population=15)
     for count in (0, 1, 2):
@@ -185,6 +187,7 @@ def test_workers_do_not_matter(toy, tmp_path):
         assert moves(tmp_path / f"run-{count}") == moves(tmp_path / "run-0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", [THREE, SUMS])
 def test_a_run_that_was_stopped_goes_on_to_the_same_births(toy, tmp_path, rest):
     recipe = toy(recipe=rest, population=15, generations=4)
@@ -199,7 +202,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_births(toy, tmp_path, rest):
                     commands.send(out, command)
         assert rows(out) == expected
         assert moves(out) == moves(tmp_path / "whole")
-        assert open_run(out).history()[-1]["islands"] == generation.islands
+        assert RunLog(out).history()[-1]["islands"] == generation.islands
     (weighed,) = {json.dumps(sorted(e["weights"])) for e in events(out, "weights")} or {"[]"}
     assert json.loads(weighed) == (["island-1", "island-2"] if rest is SUMS else [])
 
@@ -224,8 +227,8 @@ def test_a_killed_run_goes_on_to_the_same_births(toy, tmp_path):
 
 def test_each_birth_is_drawn_again_as_it_was(toy, tmp_path):
     run(recipe := toy(recipe=THREE, population=15), tmp_path / "run", workers=0)
-    log = open_run(tmp_path / "run")
-    prepared, _ = read_again(log)
+    log = RunLog(tmp_path / "run")
+    prepared, _ = read_preparation(log)
     for identifier in range(0, 60, 7):
         plan = plan_of(log, prepared, identifier)  # raises unless operator and parents are the same
         (birth,) = log.individuals([identifier])
@@ -257,7 +260,7 @@ def test_migrants_are_the_best_that_did_not_live_there(toy, tmp_path):
         ("crowd", "towers"),
     ]
     after = living(tmp_path / "short", 3)
-    log = open_run(tmp_path / "short")
+    log = RunLog(tmp_path / "short")
     home = dict(zip(*(log.births()[name].to_pylist() for name in ("id", "island")), strict=True))
     newly = set(log.births(3)["id"].to_pylist())
     for one in told:
@@ -275,7 +278,7 @@ def test_migrants_are_the_best_that_did_not_live_there(toy, tmp_path):
 
 def living(path, generation) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
-    for row in open_run(path).members(generation).to_pylist():
+    for row in RunLog(path).members(generation).to_pylist():
         found.setdefault(row["island"], []).append(row["id"])
         assert row["slot"] == len(found[row["island"]]) - 1
     return found
@@ -283,7 +286,7 @@ def living(path, generation) -> dict[str, list[int]]:
 
 def test_the_sources_settle_on_all_islands(toy, tmp_path):
     run(toy(recipe=THREE, population=30, generations=0), tmp_path / "run", workers=0)
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     births = log.births(0).to_pylist()
     assert [one["island"] for one in births] == ["cells"] * 5 + ["towers"] * 13 + ["crowd"] * 12
     assert [one["operator"] for one in births].count("source") == 2
@@ -325,7 +328,7 @@ def moody(city):
 
 def test_columns_and_figures_are_those_of_each_island(toy, tmp_path):
     told = run(toy(recipe=THREE, population=15), tmp_path / "run", workers=0)
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     assert log.header.marks == ("cell", "contribution", "crowding")
     own = {"cells": "cell", "towers": "contribution", "crowd": "crowding"}
     for row in log.members().to_pylist():
@@ -361,7 +364,7 @@ def test_columns_and_figures_are_those_of_each_island(toy, tmp_path):
 def test_commands_count_on_all_islands(toy, tmp_path):
     recipe, out = toy(recipe=SUMS, population=8), tmp_path / "run"
     steered(recipe, out, {0: [Pick(ids=(7,), share=1.0), Reweight(weights={"gsi": 9.0})]})
-    births = open_run(out).births(2).to_pylist()
+    births = RunLog(out).births(2).to_pylist()
     assert {one["parents"][0] for one in births} == {7}
     with Search.resume(out, generations=4, workers=0) as search:
         aims = [island.aims for island in search._population.islands]
@@ -377,7 +380,7 @@ def test_commands_count_on_all_islands(toy, tmp_path):
         search.reweight(mutation=0, lambda_crossover=0)
         search.reweight(pavement_fusion=3)
         next(iter(search))
-        assert search._steering.standing.weights == {"pavement_fusion": 3}
+        assert search._steering.orders.weights == {"pavement_fusion": 3}
 
 
 def test_weights_of_an_island_count_there_alone(toy):
@@ -423,12 +426,12 @@ FAULTS = [
     ("[[islands]]\npopulation = 5\n[[islands]]\npopulation = 5", "run.population: 8; allowed: 10,"),
     ("[[islands]]\n" * 5, "run.population: 8 on 5 islands; allowed: 10 or more"),
     ("[[islands]]\npopulatoin = 4", "unknown key, did you mean population?"),
-    ('[[islands]]\nmeasures = ["spreed"]', "islands[0].measures: 'spreed', which is no goal"),
+    ('[[islands]]\nmeasures = ["spreed"]', "islands[0].measures: 'spreed', which is not a goal"),
     ('[[islands]]\nmeasures = ["spread", "spread"]', "'spread' twice; allowed: each goal once"),
     ("[[islands]]\nmeasures = []", "islands[0].measures: []; allowed: 1 or more"),
     (
         "[[islands]]\nweights = { spread = 2 }",
-        "islands[0].weights: 'spread', which counts in no sum",
+        "islands[0].weights: 'spread', which is in no sum",
     ),
     ("[[islands]]\nweights = { spread = 0 }", "islands[0].weights.spread: 0; allowed: above 0"),
     ('[[islands]]\nalgorithm = "map_elite"', "did you mean map_elites?"),
@@ -510,14 +513,16 @@ def test_a_stranger_s_islands_are_checked(toy, tmp_path):
         at = table.column_names.index("island")
         strange = pa.array(["nowhere"] * len(table)).dictionary_encode()
         pq.write_table(table.set_column(at, table.schema.field(at), strange), path)
-        read = {"births": evocity.store.Run.births, "membership": evocity.store.Run.members}[kind]
+        read = {"births": evocity.store.RunLog.births, "membership": evocity.store.RunLog.members}[
+            kind
+        ]
         with pytest.raises(RunError, match="an island other than cells, towers, crowd"):
-            read(open_run(tmp_path / kind), 1)
+            read(RunLog(tmp_path / kind), 1)
     told = json.loads((tmp_path / "run" / "provenance.json").read_text())
     told["header"]["islands"] = ["a", "a", "b"]
     (tmp_path / "run" / "provenance.json").write_text(json.dumps(told))
     with pytest.raises(RunError, match="a name twice"):
-        open_run(tmp_path / "run")
+        RunLog(tmp_path / "run")
 
 
 def test_deap_has_no_islands(toy):
@@ -529,13 +534,14 @@ def test_deap_has_no_islands(toy):
 # -- what is told ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_status_and_report_tell_of_each_island(toy, tmp_path):
     out = tmp_path / "run"
     run(toy(recipe=THREE, population=15, generations=4), out, workers=0)
     told = json.loads(status(out, "--json"))
-    assert told["islands"] == open_run(out).status()["islands"]
+    assert told["islands"] == RunLog(out).status()["islands"]
     ids = {one for lives in living(out, 4).values() for one in lives}
-    values = {one.id: one.values for one in open_run(out).individuals(sorted(ids))}
+    values = {one.id: one.values for one in RunLog(out).individuals(sorted(ids))}
     losses = {one: (-of["spread"], of["roof"], abs(of["gsi"] - 0.3)) for one, of in values.items()}
     front = {  # by all goals
         one
@@ -557,13 +563,13 @@ def test_status_and_report_tell_of_each_island(toy, tmp_path):
     assert "<h2>Islands</h2>" in page
     assert "<h2>The grid of cells</h2>" in page
     assert "mutation 3, pavement_fusion 1" in page
-    facts = Facts(open_run(out))
-    islands = Islands(facts)
-    assert [one["id"] for one in facts.members if one["rank"] == 0] == sorted(front)
+    opened = evocity.open_run(out)
+    islands = Islands(opened)
+    assert opened.columns.front.tolist() == sorted(front)
     assert sum(born for _, _, born, *_ in islands.figures) == 75
     lived = living(out, 4)
     home = dict(
-        zip(*(open_run(out).births()[name].to_pylist() for name in ("id", "island")), strict=True)
+        zip(*(RunLog(out).births()[name].to_pylist() for name in ("id", "island")), strict=True)
     )
     for name, counts in islands.homes:
         expected = [sum(home[one] == other for one in lived[name]) for other in islands.names]
@@ -606,4 +612,4 @@ def test_a_report_of_a_stranger_s_islands_is_no_harm(toy, tmp_path):
 
 def test_a_run_of_one_island_and_one_generation_has_a_report(toy, tmp_path):
     run(toy(recipe="[[islands]]\n", generations=0), tmp_path / "run", workers=0)
-    assert "Nobody migrated." in write_report(tmp_path / "run").read_text()
+    assert "No individual migrated." in write_report(tmp_path / "run").read_text()

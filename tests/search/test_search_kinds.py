@@ -5,69 +5,13 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from PIL import Image
-from toy_runs import forgotten, town  # noqa: F401
+from kind_runs import MEASURES, PARENTS, written
+from toy_runs import forgotten  # noqa: F401
 
 import evocity
 from evocity.cli import main
 from evocity.errors import RecipeError, RunError
 from evocity.search import Search, read_recipe
-
-PARENTS = {
-    "shape": '[[parents]]\nshape = "sierpinski"\n[[parents]]\nshape = "koch"\n',
-    "curve": "[[parents]]\ncurve = [[4, 60], [40, 110], [80, 20], [120, 70]]\n"
-    '[[parents]]\ncurve = [[4, 20], [60, 40], [80, 90], [120, 10]]\nname = "other"\n',
-    "site": '[[parents]]\nmap = "left.npy"\n[[parents]]\nmap = "right.npy"\n'
-    '[[curves]]\nwidth = 8\nlay = 0\nfrom = "shore.geojson"\n'
-    "[[curves]]\nwidth = 4\nlay = 6\nstart = [4, 4]\nend = [4, 120]\npoints = 3\n",
-}
-MEASURES = {
-    "shape": '[[fitness]]\nfile = "leaf.png"\n[[fitness]]\nname = "gsi"\ntarget = 0.2\n',
-    "curve": '[[fitness]]\nfile = "shore.geojson"\n[[fitness]]\nname = "sinuosity"\ngoal = "min"\n',
-    "site": '[[fitness]]\nname = "built_area_lost"\n[[fitness]]\nname = "buildings_near_course"\n'
-    '[[fitness]]\nfile = "shore.geojson"\nmax = 400\n',
-}
-RECORDED = {
-    "shape": ["shape_cover", "shape_dimension"],
-    "curve": ["curve_length", "curve_dimension", "simplicity", "gsi"],
-    "site": ["area_within_reach", "curve_length", "fsi"],
-}
-RECIPE = """
-[run]
-name = "{kind}"
-kind = "{kind}"
-seed = 5
-population = 6
-generations = {generations}
-record = {recorded}
-[map]
-pixels = 64
-metres_per_pixel = 2.0
-[evaluation]
-workers = {workers}
-{rest}
-"""
-
-
-def written(folder, kind, generations=2, workers=0, more="", parents=None, measures=None):
-    np.save(folder / "left.npy", np.roll(town(1), 1, axis=0))
-    np.save(folder / "right.npy", np.roll(town(2), 2, axis=1))
-    x = np.linspace(2, 126, 60)
-    line = np.column_stack([x, 64 + 20 * np.sin(x / 20)]).tolist()
-    told = {"type": "LineString", "window": True, "coordinates": line}
-    (folder / "shore.geojson").write_text(json.dumps(told))
-    dark = np.full((40, 40), 255, np.uint8)
-    dark[10:30, 15:25] = 0
-    Image.fromarray(dark).save(folder / "leaf.png")
-    genome = "[genome]\nblock = 4\nfit = false\n" if kind == "site" else ""
-    rest = genome + (parents or PARENTS[kind]) + (measures or MEASURES[kind]) + more
-    path = folder / "kind.toml"
-    recorded = json.dumps(RECORDED[kind])
-    path.write_text(RECIPE.format(**{
-        "kind": kind, "generations": generations, "workers": workers, "rest": rest,
-        "recorded": recorded,
-    }))  # fmt: skip
-    return path
 
 
 def bred(recipe, out, **changes):
@@ -83,9 +27,10 @@ def rows(run) -> list[dict]:
 
 
 @pytest.fixture(scope="module", params=["shape", "curve", "site"])
-def run(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp(request.param)
-    return bred(written(folder, request.param), folder / "run")
+def run(request, finished_runs, tmp_path_factory):
+    return evocity.open_run(
+        finished_runs.copy(request.param, tmp_path_factory.mktemp(request.param))
+    )
 
 
 def test_a_run_is_told_measured_and_read_again(run):
@@ -112,7 +57,7 @@ def test_a_run_is_told_measured_and_read_again(run):
                 assert same or all(kept)
                 assert sum(kept) >= len(kept) - 1
     else:
-        with pytest.raises(RunError, match=f"the ancestry of a {kind}"):
+        with pytest.raises(RunError, match=f"{kind}s have no source cities for the ancestry"):
             one.ancestry()
     with pytest.raises(RunError, match="zoom"):
         one.picture(zoom=2)
@@ -135,7 +80,7 @@ def test_commands_take_it(run, tmp_path):
     assert np.load(tmp_path / "one.npy").shape == (64, 64)
     told = CliRunner().invoke(main, ["decode", out, "--id", "7", "--zoom", "2", "-o", "x.npy"])
     assert told.exit_code == 2
-    assert f"--zoom 2.0 of a {kind}" in told.output
+    assert f"--zoom 2.0 does not fit a {kind}" in told.output
     run[7].save(tmp_path / "one.parquet")
     told = CliRunner().invoke(
         main, ["show", str(tmp_path / "one.parquet"), "-o", str(tmp_path / "again.png")]
@@ -151,6 +96,7 @@ def test_a_report_shows_it(run):
     assert ("of 4 px</p>" in page) == (run.header.kind == "site")
 
 
+@pytest.mark.slow_cases("site")
 def test_more_workers_and_a_stop_change_nothing(run, tmp_path):
     kind = run.header.kind
     recipe = written(tmp_path, kind, generations=1)
@@ -189,12 +135,12 @@ def test_logs_that_leave_genomes_out_breed_them_again(tmp_path):
     ("kind", "changes", "told"),
     [
         ("shape", {"parents": PARENTS["curve"]}, "parents[0].curve: in a run of shapes"),
-        ("shape", {"measures": MEASURES["site"]}, "built_area_lost, which is of a site"),
+        ("shape", {"measures": MEASURES["site"]}, "built_area_lost, a measure of a site"),
         ("curve", {"more": "[operators]\nmutation = 1\n"}, "operators.mutation: it breeds fabric"),
         ("curve", {"more": "[refine]\nbirths = 1\n"}, "refine.births"),
         ("curve", {"more": '[search]\nalgorithm = "cma_es"\n'}, "search.algorithm"),
         ("curve", {"more": PARENTS["site"][PARENTS["site"].index("[[curves]]") :]}, "curves: in a"),
-        ("shape", {"measures": '[[fitness]]\nname = "integrity"\n'}, "integrity asks for"),
+        ("shape", {"measures": '[[fitness]]\nname = "integrity"\n'}, "integrity needs data"),
         ("site", {"parents": '[[parents]]\nmap = "left.npy"\n'}, "curves: missing"),
     ],
 )  # fmt: skip
@@ -207,7 +153,7 @@ def test_what_makes_no_sense_for_a_kind_is_refused(tmp_path, kind, changes, told
 @pytest.mark.parametrize(
     ("course", "told"),
     [
-        ('width = 1\nfrom = "shore.geojson"', "curves[0].width: 1 m, of pixels of 2 m"),
+        ('width = 1\nfrom = "shore.geojson"', "curves[0].width: 1 m, with pixels of 2 m"),
         ("width = 8\nstart = [4, 4]\nend = [4, 500]", "curves[0].end"),
         ("width = 8\nstart = [4, 4]", "from, a file with a line; or start and end"),
         ("width = 8\nlay = -1\nstart = [4, 4]\nend = [4, 60]", "curves[0].lay"),

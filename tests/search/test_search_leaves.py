@@ -8,7 +8,7 @@ import evocity
 from evocity import operators
 from evocity.report import contact_sheet, write_report
 from evocity.search import Search
-from evocity.store import open_run
+from evocity.store import RunLog
 
 
 @pytest.fixture
@@ -26,10 +26,11 @@ def leafy(toy):
     return write
 
 
+@pytest.mark.slow
 def test_a_run_on_leaves_is_what_its_log_says(leafy, tmp_path):
     out = tmp_path / "run"
     told = run(leafy(generations=2), out, workers=0)
-    log = open_run(out)
+    log = RunLog(out)
     assert (log.header.block, log.header.settle, log.header.schema_version) == (None, True, 5)
     births = log.individuals(log.births()["id"].to_pylist())
     assert {one.status for one in births} == {"ok"}
@@ -48,10 +49,11 @@ def test_a_run_on_leaves_is_what_its_log_says(leafy, tmp_path):
         assert alive[one.id].genome.digest == one.genome.digest
         assert np.array_equal(alive[one.id].genome.source, one.genome.source)
         assert np.array_equal(alive[one.id].genome.turn, one.genome.turn)
-    assert min(contact_sheet(log).size) > 128
+    assert min(contact_sheet(evocity.open_run(log.path)).size) > 128
     assert write_report(out).is_file()
 
 
+@pytest.mark.slow
 def test_a_run_on_leaves_resumes_to_the_same_rows(leafy, tmp_path):
     whole, parted = tmp_path / "whole", tmp_path / "parted"
     recipe = leafy(generations=3)
@@ -64,7 +66,7 @@ def test_a_run_on_leaves_resumes_to_the_same_rows(leafy, tmp_path):
 
 def test_roofs_are_left_as_they_are_if_the_recipe_says_so(leafy, tmp_path):
     run(leafy("block = 4\nfit = false\nsettle = false", generations=0), tmp_path / "run", workers=0)
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     assert log.header.settle is False
     for source in log.sources():
         raw = evocity.encode(source.city, block=4, fit=False, settle=False).genome
@@ -77,7 +79,7 @@ def test_roofs_are_left_as_they_are_if_the_recipe_says_so(leafy, tmp_path):
 def test_surroundings_decide_if_the_recipe_says_so(leafy, tmp_path):
     lines = "block = 4\nfit = false\ntopological = 0.2"
     run(leafy(lines, generations=0), tmp_path / "run", workers=0)
-    for source in open_run(tmp_path / "run").sources():
+    for source in RunLog(tmp_path / "run").sources():
         by_surroundings = evocity.encode(source.city, block=4, fit=False, topological=0.2).genome
         assert source.genome == by_surroundings
         assert source.genome != evocity.encode(source.city, block=4, fit=False).genome
@@ -103,7 +105,7 @@ def test_births_that_diverge_fail_with_a_text_and_the_run_goes_on(
     recipe.write_text(recipe.read_text().replace("mutation = 2", "mutation = 2\nsteep = 6"))
     told = run(recipe, tmp_path / "run", workers=0)
     assert [one.number for one in told] == [0, 1, 2]
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     assert log.header.sigma_max == 1.5
     births = log.individuals(log.births()["id"].to_pylist())
     failed = [one for one in births if one.status != "ok"]

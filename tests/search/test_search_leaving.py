@@ -18,14 +18,14 @@ from toy_runs import write_toy
 import evocity
 from evocity import operators
 from evocity.errors import RecipeError, RunError
+from evocity.evaluation.evaluator import Evaluator
+from evocity.recipe.mixture import Drawn
 from evocity.search import Search, read_recipe
-from evocity.search.breeding import Plan, generator
-from evocity.search.commands import send
-from evocity.search.evaluator import Evaluator
-from evocity.search.leaving import Leaving, again_of
-from evocity.search.mixture import Drawn
-from evocity.store import MOST_BREEDINGS, Again, Birth, Member, generator_at, state_of
-from evocity.store import open_run as open_without
+from evocity.search.breeding.omitted_genomes import OmittedGenomes, describe_rebreeding
+from evocity.search.breeding.plans import Plan, birth_generator
+from evocity.search.record.commands import send
+from evocity.store import MOST_BREEDINGS, Birth, Member, Reconstruction, generator_at, state_of
+from evocity.store import RunLog as open_without
 
 LOG = '[log]\ngenomes = "{}"\n'
 WAYS = ("survivors", "front")
@@ -73,6 +73,7 @@ SEARCHES = {
 }
 
 
+@pytest.mark.slow_cases("window", "islands")
 @pytest.mark.parametrize("name", SEARCHES)
 def test_every_genome_is_that_of_the_same_run_with_all(toy, tmp_path, name):
     population = 15 if name == "islands" else 8
@@ -99,6 +100,7 @@ def test_every_genome_is_that_of_the_same_run_with_all(toy, tmp_path, name):
         all_the_same(tmp_path / "front")
 
 
+@pytest.mark.slow
 def test_the_usual_mixture_leaves_all_out_that_it_may(toy, tmp_path):
     def written(more):
         recipe = toy(
@@ -129,6 +131,7 @@ def test_the_usual_mixture_leaves_all_out_that_it_may(toy, tmp_path):
         assert len(bred) >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "search"), [("front", ""), ("survivors", "[search]\nwindow = 6\n")]
 )
@@ -170,7 +173,7 @@ def test_births_that_are_measured_elsewhere_are_left_out_too(toy, tmp_path):
 @pytest.mark.parametrize("name", operators.OPERATORS)
 def test_every_operator_of_evocity_is_nothing_but_its_parameters(name):
     operator = operators.make(name)
-    again = again_of(Plan(9, operator, (1, 2), (), generator(0, 1, 1)))
+    again = describe_rebreeding(Plan(9, operator, (1, 2), (), birth_generator(0, 1, 1)))
     made = operators.make(name, **json.loads(again.settings))
     assert json.dumps(vars(made)) == json.dumps(vars(operator))
 
@@ -188,7 +191,7 @@ class Numbered:
 
 @pytest.mark.parametrize("operator", [None, Numbered(), Drawn("x", (1, 1), {"a": {1}}, {})])
 def test_what_its_parameters_do_not_tell_is_kept(operator):
-    assert again_of(Plan(9, operator, (), (), generator(0, 1, 1))) is None
+    assert describe_rebreeding(Plan(9, operator, (), (), birth_generator(0, 1, 1))) is None
 
 
 @given(st.integers(0, 2**63), st.lists(st.sampled_from(["u", "n", "i"]), max_size=5))
@@ -208,17 +211,19 @@ class Code:
 
 
 def birth(identifier, parents, again=True):
-    told = Again("{}", bytes(37)) if again else None
-    return Birth(1, identifier, parents, "mutation", "ok", None, 0.0, {}, Code(), again=told)
+    told = Reconstruction("{}", bytes(37)) if again else None
+    return Birth(
+        1, identifier, parents, "mutation", "ok", None, 0.0, {}, Code(), reconstruction=told
+    )
 
 
 def test_a_chain_of_those_left_out_is_broken_where_it_would_be_too_long():
-    leaving = Leaving("front")
+    leaving = OmittedGenomes("front")
     written = [
-        leaving.written([birth(n, (n - 1,) if n else (), again=n > 0)], [Member(0, n, 1)])[0]
+        leaving.omit_from([birth(n, (n - 1,) if n else (), again=n > 0)], [Member(0, n, 1)])[0]
         for n in range(20)
     ]
-    counts = [one.again.breedings if one.left_out else 0 for one in written]
+    counts = [one.reconstruction.breedings if one.left_out else 0 for one in written]
     assert counts == [0, *range(1, MOST_BREEDINGS + 1), 0, *range(1, MOST_BREEDINGS + 1), 0, 1]
 
 
@@ -227,11 +232,11 @@ def test_a_chain_of_those_left_out_is_broken_where_it_would_be_too_long():
     st.sampled_from(WAYS),
 )
 def test_none_takes_more_breedings_than_it_is_told_to(told, way):
-    leaving, cost = Leaving(way), []
+    leaving, cost = OmittedGenomes(way), []
     for number, (one, other, again, rank) in enumerate(told):
         parents = tuple(p % number for p in (one, other)) if number else ()
         members = [Member(0, number, rank)] if rank < 2 else []
-        (found,) = leaving.written([birth(number, parents, again)], members)
+        (found,) = leaving.omit_from([birth(number, parents, again)], members)
         needed = 1 + sum(cost[p] for p in parents)
         kept = not again or (members and (way == "survivors" or rank == 0))
         assert found.left_out == (not kept and needed <= MOST_BREEDINGS)
@@ -272,8 +277,8 @@ def changed(path, column, value, operator="mutation"):
 @pytest.mark.parametrize(
     ("column", "value", "says"),
     [
-        ("generator", lambda old: bytes(16) + old[16:], "is another when it is bred again"),
-        ("genome", lambda old: "0" * 32, "is another when it is bred again by mutation"),
+        ("generator", lambda old: bytes(16) + old[16:], "differs when mutation breeds it again"),
+        ("genome", lambda old: "0" * 32, "differs when mutation breeds it again"),
         ("settings", lambda old: '{"rate": 7}', "cannot be bred again"),
         ("settings", lambda old: "[", "cannot be bred again"),
         ("operator", lambda old: "nobody", "cannot be bred again"),
@@ -310,7 +315,7 @@ def test_a_run_opened_by_the_store_alone_says_how_to_open_it(front):
     (one,) = run.individuals(left_out(run)[:1], rebred=False)
     assert one.genome is None
     assert one.left_out
-    assert one.digest == one.again.digest
+    assert one.digest == one.reconstruction.digest
 
 
 def test_ancestors_of_a_strangers_log_are_not_followed_without_end(copy):

@@ -10,11 +10,11 @@ from toy_runs import without_digests
 from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, MapError, RecipeError, RunError
+from evocity.evaluation.evaluator import Evaluator
 from evocity.io import write_map
 from evocity.search import Search, read_recipe
-from evocity.search.evaluator import Evaluator
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 MASK = np.zeros((64, 64), bool)
 MASK[10:33, 21:47] = True
@@ -35,7 +35,7 @@ def quarter(toy, tmp_path):
 
 def check_locked(path, heights, births: int) -> None:
     """All births of a run decode to ``heights`` in the mask, bit for bit."""
-    log = open_run(path)
+    log = RunLog(path)
     individuals = log.individuals(log.births()["id"].to_pylist())
     assert len(individuals) == births
     for birth in individuals:
@@ -46,6 +46,7 @@ def check_locked(path, heights, births: int) -> None:
     assert len(elsewhere) > births / 2  # while all around it is bred
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_locked_quarter_is_the_same_in_every_individual(quarter, tmp_path, workers):
     out = tmp_path / "run"
@@ -54,9 +55,10 @@ def test_a_locked_quarter_is_the_same_in_every_individual(quarter, tmp_path, wor
     check_locked(out, left, births=5 * 8)
     for one in generations[-1].population:
         assert np.array_equal(decode(one.genome).city.heights[MASK], left[MASK])
-        assert one.genome == open_run(out).genome(one.id)
+        assert one.genome == RunLog(out).genome(one.id)
 
 
+@pytest.mark.slow
 def test_workers_and_a_resume_do_not_matter(quarter, tmp_path):
     recipe = quarter(generations=4)
     run(recipe, tmp_path / "here", workers=0)
@@ -66,7 +68,7 @@ def test_workers_and_a_resume_do_not_matter(quarter, tmp_path):
     out = tmp_path / "resumed"
     run(recipe, out, workers=0, generations=1)
     np.save(tmp_path / "mask.npy", ~MASK)
-    with pytest.raises(RunError, match=r"mask\.npy, which tells what is locked"):
+    with pytest.raises(RunError, match=r"mask\.npy, which says what is locked"):
         Search.resume(out, generations=4)
     with Search.resume(out, generations=4, workers=0, accept_changes=True) as search:
         assert [one.number for one in search] == [2, 3, 4]
@@ -77,7 +79,7 @@ def test_workers_and_a_resume_do_not_matter(quarter, tmp_path):
 
 def test_the_measures_see_what_is_locked(quarter, tmp_path):
     run(quarter(generations=0), tmp_path / "run", workers=0)
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     for birth in log.individuals(range(8)):
         assert birth.values["roof"] == float(decode(birth.genome).city.heights.mean())
 
@@ -116,7 +118,7 @@ def test_licences_of_what_is_imported_are_told(quarter, tmp_path, town):
     write_map(town.replace(town.heights, attribution="a survey"), tmp_path / "dsm.tif")
     out = tmp_path / "run"
     run(quarter(LOCKED + 'heights = "dsm.tif"', generations=0), out, workers=0)
-    assert open_run(out).genome(7).attribution == "a survey"
+    assert RunLog(out).genome(7).attribution == "a survey"
     check_locked(out, town.heights, births=8)
 
 
@@ -137,10 +139,14 @@ def test_a_foreign_operator_cannot_lose_it(quarter):
 @pytest.mark.parametrize(
     ("locked", "key", "word"),
     [
-        ("[locked]", "locked", "neither footprints nor mask; allowed: one of them"),
-        (LOCKED + 'footprints = "left.npy"', "locked", "footprints and mask; allowed: one of them"),
-        ('[locked]\nmask = "nowhere.npy"', "locked.mask", "'nowhere.npy' is no file"),
-        ('[locked]\nfootprints = "lyon-1er"', "locked.footprints", "'lyon-1er' is no file"),
+        ("[locked]", "locked", "neither footprints nor mask; allowed: one of footprints and mask"),
+        (
+            LOCKED + 'footprints = "left.npy"',
+            "locked",
+            "footprints and mask; allowed: one of footprints and mask",
+        ),
+        ('[locked]\nmask = "nowhere.npy"', "locked.mask", "'nowhere.npy' is not a file"),
+        ('[locked]\nfootprints = "lyon-1er"', "locked.footprints", "'lyon-1er' is not a file"),
         ("[locked]\nmask = 3", "locked.mask", "3; allowed: text in quotes"),
         (LOCKED + "heights = -1", "locked.heights", "-1; allowed: a map file, a bundled city, or"),
         (LOCKED + "heights = nan", "locked.heights", "0 to 1000 m"),
@@ -163,7 +169,7 @@ def test_faults_of_the_table_are_told_with_their_keys(quarter, locked, key, word
 @pytest.mark.parametrize(
     ("mask", "more", "error", "word"),
     [
-        (MASK, 'city = "middle"', RecipeError, "'middle' is no source of this recipe"),
+        (MASK, 'city = "middle"', RecipeError, "'middle' is not a source of this recipe"),
         (MASK, 'city = "rigth"', RecipeError, "did you mean right?"),
         (np.ones((64, 64)), "", RecipeError, r"mask\.npy covers every pixel of left"),
         (np.zeros((64, 64)), "", MapError, "no pixel of left is above 0"),
@@ -171,7 +177,7 @@ def test_faults_of_the_table_are_told_with_their_keys(quarter, locked, key, word
             MASK[:32],
             "",
             MapError,
-            "locked.mask = 'mask.npy': mask has 32 × 64 px, left has 64 × 64 px",
+            "locked.mask = 'mask.npy': mask has 32 × 64 px, but left has 64 × 64 px",
         ),
         (np.array("text"), "", MapError, "of shape"),
         (MASK, 'heights = "mask.png"', MapError, r"locked.heights = 'mask\.png': .* grey levels"),
@@ -214,7 +220,7 @@ def test_the_runs_own_copy_is_checked(quarter, tmp_path):
 def test_a_run_begun_without_a_lock_goes_on(toy, tmp_path):
     out = tmp_path / "run"
     run(toy(), out, workers=0, generations=0)
-    assert "locked" not in open_run(out).provenance
+    assert "locked" not in RunLog(out).provenance
     with Search.resume(out, generations=1, workers=0) as search:
         assert [one.number for one in search] == [1]
 

@@ -12,7 +12,7 @@ from test_search_run import rows, run
 from evocity.cli import main
 from evocity.errors import RecipeError, RunError
 from evocity.search import Search
-from evocity.store import open_run
+from evocity.store import RunLog
 
 HELPER = "def scaled(value):\n    return 3.0 * value\n"
 USING = """
@@ -56,6 +56,7 @@ def moved(home, tmp_path):
     return place / "run"
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_moved_run_goes_on_to_the_same_births(recipe, home, tmp_path, workers):
     run(recipe, home / "whole", workers=0)
@@ -71,7 +72,7 @@ def test_a_moved_run_goes_on_to_the_same_births(recipe, home, tmp_path, workers)
 
 def test_no_path_of_the_machine_is_kept(recipe, home, tmp_path):
     run(recipe, home / "run", workers=0, generations=0)
-    told = open_run(home / "run").provenance
+    told = RunLog(home / "run").provenance
     assert told["recipe"]["folder"] == ".."
     far = next(one for one in told["fitness"] if one["name"] == "far")
     assert (far["file"], far["kept"], far["beside"]) == (
@@ -139,7 +140,7 @@ def test_a_copy_lies_in_its_folder(recipe, home, tmp_path, place):
     told = json.loads(path.read_text(encoding="utf-8"))
     told["fitness"][0]["kept"] = place
     path.write_text(json.dumps(told), encoding="utf-8")
-    with pytest.raises(RunError, match="as the place of a measure's source"):
+    with pytest.raises(RunError, match="as the source of a measure"):
         Search.resume(out)
 
 
@@ -185,7 +186,7 @@ def test_a_run_of_old_gets_its_copies_when_it_is_taken_up(recipe, home, tmp_path
         if "beside" in one:
             one["beside"] = [str(home / name) for name in one["beside"]]
     path.write_text(json.dumps(told), encoding="utf-8")
-    with pytest.raises(RunError, match="not begun on this machine"):
+    with pytest.raises(RunError, match="not started on this machine"):
         Search.resume(home / "run", workers=0, generations=1)
     Search.resume(home / "run", workers=0, generations=1, trust=True).close()
     out = moved(home, tmp_path)

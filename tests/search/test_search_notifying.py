@@ -11,10 +11,15 @@ from test_search_recipe import faults
 from test_search_run import rows, run
 
 from evocity.errors import RunError
+from evocity.recipe.stop_and_notify import NotifySection, words_of
 from evocity.search import Generation, Observer, Search, read_recipe
-from evocity.search.notifying import Errand, Notifier, Runner, missing
-from evocity.search.overnight import NotifySection, words_of
-from evocity.store import open_run
+from evocity.search.steering.notification import (
+    CommandRunner,
+    Notification,
+    Notifier,
+    missing_programs,
+)
+from evocity.store import RunLog
 
 if os.name == "nt":
     pytest.skip("the commands here are those of POSIX", allow_module_level=True)
@@ -30,7 +35,7 @@ print("said", sys.argv[1])
 
 
 def notified(path) -> list[dict]:
-    return [one for one in open_run(path).events() if one["event"] == "notify"]
+    return [one for one in RunLog(path).events() if one["event"] == "notify"]
 
 
 @pytest.fixture
@@ -59,7 +64,7 @@ def test_what_got_better_and_the_end_are_told(telling, tmp_path):
     with Search(read_recipe(telling(), generations=6), out=out, workers=0) as search:
         for _ in search:
             time.sleep(0.3)  # so that each command has ended before the next generation has
-    history = open_run(out).history()
+    history = RunLog(out).history()
     volumes = [one["hypervolume"] for one in history]
     better = [k for k in range(1, 7) if volumes[k] > max(volumes[:k])]
     assert better
@@ -77,12 +82,12 @@ def test_what_got_better_and_the_end_are_told(telling, tmp_path):
     ]
     assert {one["code"] for one in events} == {0}
     assert {one["output"] for one in events} == {"said improvement", "said finish"}
-    assert open_run(out).status()["finished"]
+    assert RunLog(out).status()["finished"]
 
 
 def test_a_generation_of_which_nothing_is_known_hides_no_improvement(monkeypatch):
     asked = []
-    monkeypatch.setattr(Notifier, "_ask", lambda self, key, **told: asked.append(told["reason"]))
+    monkeypatch.setattr(Notifier, "_notify", lambda self, key, **told: asked.append(told["reason"]))
     notifier = Notifier(NotifySection(), None, None, lambda *a, **k: None)
     for number, progress in enumerate([nan, 1.0, nan, 2.0, nan, 2.0, 3.0]):
         told = Generation(number, 8, 0, progress, {}, 1.0, 0.0, [], 0)
@@ -98,7 +103,7 @@ def test_it_changes_no_birth_and_goes_on_when_it_is_resumed(telling, tmp_path):
             if generation.number == 1:
                 break
     assert told(tmp_path)[-1][:3] == ["stop", "1", "left"]
-    best = max(one["hypervolume"] for one in open_run(out).history())
+    best = max(one["hypervolume"] for one in RunLog(out).history())
     with Search.resume(out, workers=0) as search:
         found = list(search)
     assert rows(out) == rows(tmp_path / "plain")
@@ -171,8 +176,8 @@ def test_an_end_before_another_generation_is_told_with_where_the_run_is(telling,
     assert notified(out)[-1]["generation"] == 1
 
 
-def errand(words, folder, key="on_improvement") -> Errand:
-    return Errand(key, 3, words, Path(folder))
+def errand(words, folder, key="on_improvement") -> Notification:
+    return Notification(key, 3, words, Path(folder))
 
 
 def test_commands_follow_each_other_and_the_last_alone_waits(tmp_path):
@@ -180,15 +185,15 @@ def test_commands_follow_each_other_and_the_last_alone_waits(tmp_path):
         "import os, sys, time\nopen('log', 'a').write(f'{sys.argv[1]}+')\n"
         "while not os.path.exists('go'): time.sleep(.02)\nopen('log', 'a').write('-')"
     )
-    runner, until = Runner(60.0), time.monotonic() + 60
+    runner, until = CommandRunner(60.0), time.monotonic() + 60
     for number in range(5):
-        runner.ask(errand([PYTHON, "-c", script, str(number)], tmp_path))  # waits for none
+        runner.start(errand([PYTHON, "-c", script, str(number)], tmp_path))  # waits for none
         while not (tmp_path / "log").exists() and time.monotonic() < until:
             time.sleep(0.02)
     (tmp_path / "go").touch()
-    while len(ended := runner._ended) < 2 and time.monotonic() < until:
+    while len(ended := runner._results) < 2 and time.monotonic() < until:
         time.sleep(0.05)
-    assert [one.code for one in ended] == [0, 0]
+    assert [one["code"] for one in ended] == [0, 0]
     assert (tmp_path / "log").read_text() == "0+-4+-"
     runner.close(1.0)
 
@@ -200,14 +205,14 @@ def test_a_command_has_a_deadline_and_leaves_nothing(tmp_path):
         "open('pid', 'w').write(str(p.pid)); time.sleep(float(sys.argv[1]))"
     )
     for seconds, code in ((600, None), (0, 0)):
-        runner = Runner(2.0)
+        runner = CommandRunner(2.0)
         begun = time.monotonic()
-        runner.ask(errand([PYTHON, "-c", script, str(seconds)], tmp_path))
+        runner.start(errand([PYTHON, "-c", script, str(seconds)], tmp_path))
         runner.close(30.0)
         assert time.monotonic() - begun < 15
-        (ended,) = runner.ended()
-        assert ended.code == code
-        assert ended.reason == ("it took more than 2 s" if code is None else "")
+        (ended,) = runner.take_results()
+        assert ended["code"] == code
+        assert ended.get("reason") == ("it took more than 2 s" if code is None else None)
         pid = int((tmp_path / "pid").read_text())
         until = time.monotonic() + 10
         while psutil.pid_exists(pid) and psutil.Process(pid).status() != "zombie":
@@ -216,28 +221,28 @@ def test_a_command_has_a_deadline_and_leaves_nothing(tmp_path):
 
 
 def test_a_search_that_ends_does_not_wait_for_long(tmp_path, monkeypatch):
-    monkeypatch.setattr("evocity.search.notifying._PATIENCE", 0.3)
-    runner = Runner(600.0)
-    runner.ask(errand(["sleep", "600"], tmp_path))
+    monkeypatch.setattr("evocity.search.steering.notification._PATIENCE", 0.3)
+    runner = CommandRunner(600.0)
+    runner.start(errand(["sleep", "600"], tmp_path))
     time.sleep(0.2)
-    runner.ask(errand([PYTHON, "-c", "open('never', 'w')"], tmp_path))
+    runner.start(errand([PYTHON, "-c", "open('never', 'w')"], tmp_path))
     begun = time.monotonic()
     runner.close(0.3)
     assert time.monotonic() - begun < 5
-    (ended,) = runner.ended()
-    assert (ended.code, ended.reason) == (None, "the search had ended")
+    (ended,) = runner.take_results()
+    assert (ended["code"], ended["reason"]) == (None, "the search had ended")
     assert not (tmp_path / "never").exists()
 
 
 def test_endless_output_is_cut(tmp_path):
     script = "import sys\nfor _ in range(2000): sys.stdout.write('\\033[31mx' * 1000)"
-    runner = Runner(30.0)
-    runner.ask(errand([PYTHON, "-c", script], tmp_path))
+    runner = CommandRunner(30.0)
+    runner.start(errand([PYTHON, "-c", script], tmp_path))
     runner.close(30.0)
-    (ended,) = runner.ended()
-    assert ended.code == 0
-    assert 100 < len(ended.output.encode()) <= 1000
-    assert "\033" not in ended.output
+    (ended,) = runner.take_results()
+    assert ended["code"] == 0
+    assert 100 < len(ended["output"].encode()) <= 1000
+    assert "\033" not in ended["output"]
 
 
 @pytest.mark.parametrize(
@@ -255,7 +260,7 @@ def test_a_command_that_fails_is_an_event_and_no_more(telling, tmp_path, command
     (event,) = notified(out)
     assert event["code"] == code
     assert says in event.get("reason", "")
-    assert open_run(out).status()["finished"]
+    assert RunLog(out).status()["finished"]
 
 
 def test_a_command_is_not_waited_for_by_a_generation(telling, tmp_path):
@@ -313,11 +318,11 @@ def test_faults_are_told_with_the_others(toy, lines, says):
 def test_a_program_that_is_not_here_is_told_before_the_night(telling, tmp_path):
     lines = '[notify]\non_end = "no-such-program {reason}"\non_improvement = "sleep 0"\n'
     recipe = read_recipe(telling(lines))
-    (note,) = missing(recipe.notify, tmp_path)
+    (note,) = missing_programs(recipe.notify, tmp_path)
     assert "notify.on_end: no program no-such-program" in note
     with Search(recipe, workers=0) as search:
         search.prepare()
         assert note in search.notes
     section = NotifySection(on_end="./tell.py")
     (tmp_path / "tell.py").chmod(0o755)
-    assert missing(section, tmp_path) == []
+    assert missing_programs(section, tmp_path) == []

@@ -4,11 +4,11 @@ the same selections on problems whose fronts are known."""
 import numpy as np
 import pytest
 
-from evocity.search.algorithms import algorithms
-from evocity.search.borrowed.deap import crowding_distances
-from evocity.search.borrowed.moocore import contributions, hypervolume
-from evocity.search.fronts import ranks_of
-from evocity.search.individual import Individual
+from evocity.selection.algorithms import algorithms
+from evocity.selection.backends.deap import crowding_distances
+from evocity.selection.backends.moocore import contributions, hypervolume
+from evocity.selection.fronts import ranks_of
+from evocity.selection.individual import Individual
 
 FRONTS = [(seed, n, goals) for seed, n in enumerate((1, 2, 3, 20, 90)) for goals in (2, 3, 4, 5)]
 
@@ -145,6 +145,7 @@ def test_zdt1_is_reached(name):
     assert igd(front, front_found(name, zdt1, 30)) <= 0.01
 
 
+@pytest.mark.slow_cases("nsga3")
 @pytest.mark.parametrize("name", [_LONG, "nsga2", "nsga3"])
 def test_dtlz2_of_three_goals_is_reached(name):
     from pymoo.util.ref_dirs import get_reference_directions

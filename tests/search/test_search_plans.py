@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from evocity import operators
 from evocity.operators import OPERATORS
+from evocity.recipe.mixture import operator_of
 from evocity.search import read_recipe
-from evocity.search.algorithms.algorithm import tournament
-from evocity.search.breeding import generator, next_population
-from evocity.search.mixture import operator_of
+from evocity.search.breeding.plans import Guidance, birth_generator, child_plans
+from evocity.selection.algorithms.algorithm import tournament
 
 
 class Anybody:
@@ -36,10 +36,11 @@ def test_operators_are_those_that_numpy_chooses_by_weight():
     mixture = {name: one.weight for name, one in recipe.operators.items()} | weights
     names = [name for name, weight in mixture.items() if weight > 0]
     shares = np.array([mixture[name] for name in names]) / sum(mixture[name] for name in names)
+    guidance = Guidance(weights={None: weights})
     for generation in range(1, 30):
-        plans = next_population(recipe, Anybody(), generation, living, (), weights=weights)
+        plans = child_plans(recipe, Anybody(), generation, living, (), guidance)
         for slot, plan in enumerate(plans):
-            rng = generator(recipe.run.seed, generation, slot)
+            rng = birth_generator(recipe.run.seed, generation, slot)
             assert plan.operator.name == names[rng.choice(len(names), p=shares)]
             recipe.operator_drawn(plan.operator.name, rng)  # what it draws besides
             assert plan.rng.bit_generator.state == rng.bit_generator.state

@@ -12,10 +12,10 @@ from evocity import operators
 from evocity.errors import OperatorError
 from evocity.operators import OPERATORS
 from evocity.operators.parameters import number_of
+from evocity.recipe.mixture import Drawn, Range
 from evocity.search import Search, read_recipe
-from evocity.search.breeding import first_population
-from evocity.search.mixture import Drawn, Range
-from evocity.store import open_run
+from evocity.search.breeding.plans import founder_plans
+from evocity.store import RunLog
 
 RANGES = "fill = { from = 0.2, to = 0.6 }, size_max = { from = 3, to = 5 }"
 MUTATION = (
@@ -29,7 +29,7 @@ def ranged(toy, **settings):
 
 
 def drawn(path, name) -> list[dict]:
-    births = open_run(path).births(columns=["operator", "made"]).to_pylist()
+    births = RunLog(path).births(columns=["operator", "made"]).to_pylist()
     return [json.loads(one["made"])["drawn"] for one in births if one["operator"] == name]
 
 
@@ -56,7 +56,7 @@ def test_each_birth_draws_its_own_and_tells_it(toy, tmp_path):
     assert {one["size_max"] for one in fusions} == {3, 4, 5}
     assert all(isinstance(one["size_max"], int) for one in fusions)
     assert {one["move"] for one in mutants} == {0, 1, 2}
-    found = open_run(tmp_path / "run")
+    found = RunLog(tmp_path / "run")
     for row in found.births().to_pylist():
         genome = found.genome(row["id"])
         if row["operator"] == "pavement_fusion":
@@ -66,6 +66,7 @@ def test_each_birth_draws_its_own_and_tells_it(toy, tmp_path):
             assert "drawn" not in genome.made
 
 
+@pytest.mark.slow
 def test_births_do_not_depend_on_workers_nor_on_a_stop(toy, tmp_path):
     recipe = ranged(toy)
     run(recipe, tmp_path / "0", workers=0)
@@ -106,12 +107,12 @@ def test_a_list_keeps_its_meaning(toy):
 
 def test_the_first_population_draws_its_fill_from_the_recipes_range(toy):
     recipe = read_recipe(ranged(toy, population=20))
-    plans = first_population(recipe, ["left", "right"])
+    plans = founder_plans(recipe, ["left", "right"])
     fusions = [plan.operator for plan in plans if plan.name == "pavement_fusion"]
     assert len(fusions) == 12
     assert all(0.2 <= one.drawn["fill"] <= 0.6 for one in fusions)
     other = read_recipe(toy(population=20))
-    plans = first_population(other, ["left", "right"])
+    plans = founder_plans(other, ["left", "right"])
     assert any(plan.operator.fill > 0.6 for plan in plans if plan.name == "pavement_fusion")
 
 
@@ -135,7 +136,7 @@ def test_a_value_that_an_operator_refuses_costs_its_birth(toy, tmp_path, monkeyp
     path = replaced(path, "mutation = 2", "fussy = { weight = 20, chance = { from = 0, to = 1 } }")
     run(path, tmp_path / "run", workers=0)
     told = {True: 0, False: 0}
-    for one in open_run(tmp_path / "run").births(1).to_pylist():
+    for one in RunLog(tmp_path / "run").births(1).to_pylist():
         if one["operator"] == "fussy":
             chance = json.loads(one["made"])["drawn"]["chance"]
             assert (one["status"] == "ok") != (0.4 < chance < 0.6)

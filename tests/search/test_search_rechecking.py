@@ -6,9 +6,9 @@ from test_search_islands import THREE
 from test_search_replay import DRAWS
 from test_search_run import rows, run
 
-from evocity.search import Search, read_recipe, rechecking
-from evocity.search.rechecking import Rechecking
-from evocity.store import open_run
+from evocity.search import Search, read_recipe, replay_check
+from evocity.search.replay_check import ReplayCheck
+from evocity.store import RunLog
 
 WINDOW = "[search]\nwindow = 5\n"
 COUNTS = """
@@ -23,15 +23,18 @@ def counted(city):
 @pytest.fixture
 def often(monkeypatch):
     """Sets the share of births that are replayed."""
-    return lambda rate: monkeypatch.setattr(rechecking, "RATE", rate)
+    return lambda rate: monkeypatch.setattr(replay_check, "RATE", rate)
 
 
 def chosen(search):
     """The ids that a search of 4 generations of 8 replays."""
-    one = Rechecking(search._prepared, lambda name, **details: None)
-    return [number for number in range(32) if one.chosen(number)]
+    one = ReplayCheck(search._prepared, lambda name, **details: None)
+    return [number for number in range(32) if one.is_chosen(number)]
 
 
+@pytest.mark.slow_cases(
+    "-2", "[search]\\nwindow = 5\\n-2", "[refine]\\nbirths = 1\\nbudget = 4\\n-2"
+)
 @pytest.mark.parametrize("workers", [0, 2])
 @pytest.mark.parametrize("search", ["", WINDOW, "[refine]\nbirths = 1\nbudget = 4\n"])
 def test_replayed_births_change_nothing_and_are_the_same(toy, tmp_path, often, search, workers):
@@ -62,6 +65,7 @@ def test_each_chosen_birth_is_measured_twice_and_others_once(toy, tmp_path, ofte
         assert len(count.read_text()) - before == 32 + number
 
 
+@pytest.mark.slow_cases("-2", "[search]\\nwindow = 5\\n-2", "search2-2")
 @pytest.mark.parametrize("workers", [0, 2])
 @pytest.mark.parametrize("search", ["", WINDOW, THREE])
 def test_a_measure_that_draws_at_random_is_told(toy, tmp_path, often, search, workers):
@@ -71,11 +75,11 @@ def test_a_measure_that_draws_at_random_is_told(toy, tmp_path, often, search, wo
     out = tmp_path / "run"
     with Search(recipe, out, workers=workers) as going:
         list(going)
-        one = Rechecking(going._prepared, lambda name, **details: None)
-        expected = [number for number in range(4 * population) if one.chosen(number)]
+        one = ReplayCheck(going._prepared, lambda name, **details: None)
+        expected = [number for number in range(4 * population) if one.is_chosen(number)]
     found = events(out, "differs")
     assert sorted(event["id"] for event in found) == expected
-    births = {birth.id: birth for birth in open_run(out).individuals(expected)}
+    births = {birth.id: birth for birth in RunLog(out).individuals(expected)}
     for event in found:
         assert event["generation"] == births[event["id"]].generation
         assert list(event["differs"]) == ["fitness.luck"]
@@ -86,5 +90,5 @@ def test_a_measure_that_draws_at_random_is_told(toy, tmp_path, often, search, wo
 def test_one_birth_in_a_thousand_is_chosen(toy):
     recipe = read_recipe(toy(population=1000, generations=99))
     prepared = type("Prepared", (), {"recipe": recipe, "aims": None})
-    one = Rechecking(prepared, lambda name, **details: None)
-    assert 60 < sum(one.chosen(number) for number in range(100_000)) < 140
+    one = ReplayCheck(prepared, lambda name, **details: None)
+    assert 60 < sum(one.is_chosen(number) for number in range(100_000)) < 140

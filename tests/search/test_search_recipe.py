@@ -188,7 +188,7 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
     common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False, "window": None}
-    assert search.asked == common | {"distinct": 0.5, "apart": 0.25}
+    assert search.settings == common | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search
     assert (search.keys.distinct, search.keys.apart) == (0, 0.25)
@@ -288,8 +288,8 @@ def test_cities_that_are_nearly_bundled(toy):
 
 
 def test_without_a_number_of_workers_all_cores_that_may_be_used_work(toy, monkeypatch):
-    recipe = read_recipe(replaced(toy(), "workers = 2", ""))
-    monkeypatch.setattr("evocity.search.recipe.available_cores", lambda: 3)
+    recipe = read_recipe(replaced(toy(workers=2), "workers = 2", ""))
+    monkeypatch.setattr("evocity.recipe.recipe.available_cores", lambda: 3)
     assert recipe.worker_count == 3
 
 
@@ -301,12 +301,12 @@ def test_a_broken_plugin_is_told_where_its_operator_is_missed(toy, monkeypatch):
             raise ImportError("its library is missing")
 
     monkeypatch.setattr("evocity.plugins.entry_points", lambda group: [Broken()])
-    operators._from_plugins.cache_clear()
+    operators._plugins.cache_clear()
     try:
         assert read_recipe(toy()).operator("mutation")
         (line,) = faults(replaced(toy(), "mutation = 2", "splice = 2"))
     finally:
-        operators._from_plugins.cache_clear()
+        operators._plugins.cache_clear()
     assert line.startswith("operators.splice: unknown operator")
     assert "plugin splice (afar:Splice) not loaded: ImportError: its library is missing" in line
 

@@ -13,16 +13,16 @@ from test_search_run import run
 
 import evocity
 from evocity import fitness
-from evocity.analysis.wanted import recorded_of
+from evocity.analysis.goals import recorded_of
 from evocity.coding import decode
 from evocity.errors import RunError
+from evocity.evaluation.evaluator import Evaluator
 from evocity.fitness import registry
 from evocity.report import unrecorded, write_report
-from evocity.report.facts import Facts
+from evocity.report.shown_births import ShownBirths
 from evocity.search import Search, archive, read_recipe
-from evocity.search.evaluator import Evaluator
-from evocity.search.preparation import prepare
-from evocity.store import Header, open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import Header, RunLog
 
 #: A measure that fails in each of the ways there are, by the child it is asked of.
 MOODS = """
@@ -49,12 +49,15 @@ def without(table, *names):
     return table.drop_columns([*names, "seconds"]).replace_schema_metadata(None)
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
-def test_every_birth_is_measured_and_the_search_is_what_it_was(toy, tmp_path, workers):
+def test_every_birth_is_measured_and_the_search_is_what_it_was(
+    toy, tmp_path, finished_runs, workers
+):
     record = '["fsi", "mean_height"]'
-    run(recording(toy, record), tmp_path / "run", workers=workers)
-    run(toy(), tmp_path / "plain", workers=0)
-    found, plain = open_run(tmp_path / "run"), open_run(tmp_path / "plain")
+    run(recording(toy, record), tmp_path / "recorded", workers=workers)
+    finished_runs.copy("plain", tmp_path)
+    found, plain = RunLog(tmp_path / "recorded"), RunLog(tmp_path / "run")
     names = ("fitness.fsi", "fitness.mean_height")
     assert without(found.births(), *names).equals(without(plain.births()))
     assert found.members().to_pylist() == plain.members().to_pylist()
@@ -72,23 +75,24 @@ def test_every_birth_is_measured_and_the_search_is_what_it_was(toy, tmp_path, wo
     assert "fitness.fsi" in found.ancestors(9).column_names
 
 
-def test_goals_fronts_and_the_archive_do_not_see_them(toy, tmp_path):
-    run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
-    run(toy(), tmp_path / "plain", workers=0)
-    one, other = (archive(open_run(tmp_path / name)) for name in ("run", "plain"))
+def test_goals_fronts_and_the_archive_do_not_see_them(toy, tmp_path, finished_runs):
+    run(recording(toy, '["fsi"]'), tmp_path / "recorded", workers=0)
+    finished_runs.copy("plain", tmp_path)
+    one, other = (archive(RunLog(tmp_path / name)) for name in ("recorded", "run"))
     assert one.births["id"].equals(other.births["id"])
     assert one.hypervolume == other.hypervolume
-    told = open_run(tmp_path / "run").provenance
+    told = RunLog(tmp_path / "recorded").provenance
     assert [entry["name"] for entry in told["fitness"]] == ["spread", "roof"]
     assert [entry["name"] for entry in told["recorded"]] == ["fsi"]
 
 
+@pytest.mark.slow
 def test_the_report_tells_them_as_recorded(toy, tmp_path):
     run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
-    facts = Facts(open_run(tmp_path / "run"))
-    assert [aim.name for aim in facts.told.aims] == ["spread", "roof"]
-    births = [one.birth for one in facts.shown[:1]]
-    (others,) = facts.unlogged(births).values()
+    shown = ShownBirths(evocity.open_run(tmp_path / "run"))
+    assert [aim.name for aim in shown.births.aims] == ["spread", "roof"]
+    births = [one.birth for one in shown.shown[:1]]
+    (others,) = shown.unlogged(births).values()
     assert others
     assert "fsi" not in [one[0] for one in others]
     page = write_report(tmp_path / "run").read_text()
@@ -96,18 +100,18 @@ def test_the_report_tells_them_as_recorded(toy, tmp_path):
     folded = [part.split("</details>")[0] for part in page.split("<details>")[1:]]
     cell = '<th scope="row">fsi</th>'
     assert not any(cell in part for part in folded)
-    count = len(facts.shown) + len(facts.shown_gone) + len(facts.sources)
+    count = len(shown.shown) + len(shown.shown_gone) + len(shown.sources)
     assert page.count(cell) == count
-    assert page.count('<th scope="row">fsi<small>recorded</small></th>') == len(facts.kept_few)
+    assert page.count('<th scope="row">fsi<small>recorded</small></th>') == len(shown.shortlist)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
-def test_what_fails_to_be_recorded_fails_nothing(toy, tmp_path, workers):
-    run(recording(toy, '["more.py", "fsi"]', MOODS), tmp_path / "run", workers=workers)
-    run(toy(), tmp_path / "plain", workers=0)
-    found = open_run(tmp_path / "run")
+def test_what_fails_to_be_recorded_fails_nothing(toy, tmp_path, finished_runs, workers):
+    run(recording(toy, '["more.py", "fsi"]', MOODS), tmp_path / "recorded", workers=workers)
+    finished_runs.copy("plain", tmp_path)
+    found = RunLog(tmp_path / "recorded")
     names = ("fitness.mood", "fitness.fsi", "error")
-    plain = open_run(tmp_path / "plain").births()
+    plain = RunLog(tmp_path / "run").births()
     assert without(found.births(), *names).equals(without(plain, "error"))
     seen = set()
     for row in found.births().to_pylist():
@@ -149,7 +153,7 @@ def test_a_stopped_run_records_on(toy, tmp_path):
     with Search.resume(parted, workers=0) as search:
         assert search.notes == []
         list(search)
-    whole, other = open_run(tmp_path / "whole").births(), open_run(parted).births()
+    whole, other = RunLog(tmp_path / "whole").births(), RunLog(parted).births()
     for name in ("genome", "fitness.fsi", "fitness.mood"):
         assert whole.column(name).equals(other.column(name))
 
@@ -172,7 +176,7 @@ def test_a_change_of_what_is_recorded_is_told(toy, tmp_path):
 def test_recorded_measures_may_compare_and_ask_for_genomes(toy, tmp_path):
     record = '["integrity", { name = "fabric_distance", reference = ["right"] }]'
     run(recording(toy, record, population=4), tmp_path / "run", workers=0, generations=0)
-    found = open_run(tmp_path / "run")
+    found = RunLog(tmp_path / "run")
     right = found.sources()[1].city
     for row in found.births().to_pylist():
         genome = found.genome(row["id"])
@@ -193,7 +197,7 @@ def test_who_evaluates_elsewhere_may_leave_them_out(toy, tmp_path):
         with pytest.raises(RunError, match="from those of fsi that are known"):
             search.tell([one | {"gsi": 1.0}] * count)
         search.tell(told[:count])
-    births = open_run(tmp_path / "run").births().to_pylist()
+    births = RunLog(tmp_path / "run").births().to_pylist()
     assert [row["fitness.fsi"] for row in births] == [None, 3.0, None, None]
     assert [row["status"] for row in births] == ["ok"] * 4
     assert births[2]["error"] == "not recorded: fsi is nan"
@@ -211,7 +215,7 @@ def test_versions_tell_what_a_run_has(toy, tmp_path):
         path = recording(toy, '["fsi"]') if record else toy()
         path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
         run(path, tmp_path / name, workers=0, generations=0)
-        told = open_run(tmp_path / name).provenance
+        told = RunLog(tmp_path / name).provenance
         assert told["schema_version"] == version
         assert ("recorded" in told["header"]) == (version > 3)
         assert ("recorded" in told) == record
@@ -222,7 +226,7 @@ def test_versions_tell_what_a_run_has(toy, tmp_path):
     told["header"]["recorded"] = ["spread"]
     (tmp_path / "harmed" / "provenance.json").write_text(json.dumps(told))
     with pytest.raises(RunError, match="damaged"):
-        open_run(tmp_path / "harmed")
+        RunLog(tmp_path / "harmed")
 
 
 def test_headers_travel(toy):

@@ -12,8 +12,8 @@ from evocity.errors import FitnessError, RecipeError, RunError
 from evocity.fitness import Reference, fabric_distance, get
 from evocity.io import read_map, write_map
 from evocity.search import Search, read_recipe
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 FABRIC = '[[fitness]]\nname = "fabric_distance"\n'
 
@@ -22,9 +22,10 @@ def bred(recipe, out):
     with Search(read_recipe(recipe), out) as search:
         for _ in search:
             pass
-    return open_run(out)
+    return RunLog(out)
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_children_are_compared_with_the_sources_they_are_laid_of(toy, tmp_path, workers):
     recipe = toy(recipe=FABRIC, population=6, generations=1, workers=workers)
@@ -85,7 +86,7 @@ def test_a_resumed_run_compares_as_before(toy, tmp_path):
     with Search.resume(tmp_path / "parted") as search:
         for _ in search:
             pass
-    parted = open_run(tmp_path / "parted").births()
+    parted = RunLog(tmp_path / "parted").births()
     for column in ("id", "fitness.fabric_distance", "status"):
         assert whole.births().column(column).equals(parted.column(column))
 
@@ -107,7 +108,7 @@ def test_the_cities_compared_with_go_with_the_run(toy, tmp_path):
         assert search.notes == []
         for _ in search:
             pass
-    parted = open_run(tmp_path / "away" / "parted")
+    parted = RunLog(tmp_path / "away" / "parted")
     for column in ("id", "fitness.fabric_distance", "genome"):
         assert whole.births().column(column).equals(parted.births().column(column))
 
@@ -132,7 +133,7 @@ def test_names_mean_the_same_cities_where_the_files_are_gone(toy, tmp_path):
     with Search.resume(tmp_path / "away" / "parted") as search:
         for _ in search:
             pass
-    parted = open_run(tmp_path / "away" / "parted").births()
+    parted = RunLog(tmp_path / "away" / "parted").births()
     assert (
         whole.births()
         .column("fitness.fabric_distance")
@@ -203,7 +204,7 @@ def test_a_run_that_kept_no_copies_reads_the_files_again(toy, tmp_path):
     with Search.resume(tmp_path / "run") as search:
         for _ in search:
             pass
-    births = open_run(tmp_path / "run").births()
+    births = RunLog(tmp_path / "run").births()
     assert whole.births().column("genome").equals(births.column("genome"))
     (tmp_path / "model.npy").unlink()
     with pytest.raises(RunError, match=r"the map model\.npy, which cities are compared with"):
@@ -242,7 +243,7 @@ def test_a_reference_of_too_few_buildings_is_refused_at_the_start(toy, tmp_path)
         ('name = "fabric_distance"\nreference = 3', '"parents", or a list of cities'),
         ('name = "fabric_distance"\nreference = ["lyon-1er", 3]', '"parents", or a list'),
         ('name = "fabric_distance"\nreference = ["lion-1er"]', "did you mean lyon-1er"),
-        ('name = "fabric_distance"\nlike = "lyon-1er"', "which asks for reference"),
+        ('name = "fabric_distance"\nlike = "lyon-1er"', "which needs reference"),
     ],
 )
 def test_references_that_are_none_are_told(toy, entry, says):

@@ -12,20 +12,24 @@ from test_search_run import rows, run
 
 import evocity
 from evocity.errors import EvocityError, OperatorError, RecipeError, RunError
+from evocity.evaluation.evaluator import Evaluator
 from evocity.fitness import Aims, Constraint, Objective, Wanted, crumbs, fsi, gsi
 from evocity.operators import make
 from evocity.search import Search, read_recipe, refine
-from evocity.search.beginning import Crew, pool_of
-from evocity.search.commands import Pick, Reweight
-from evocity.search.evaluator import Evaluator
-from evocity.search.refinement import refine as refinement
-from evocity.search.refinement.climbing import climb
-from evocity.search.refinement.offering import Offers
-from evocity.search.refinement.score import Score
-from evocity.search.refinement.tuning import Tuning, of_heights, of_levels, of_parameters
-from evocity.search.replaying import plan_of
-from evocity.search.rereading import read_again
-from evocity.store import open_run
+from evocity.search.breeding.refinement.climb import Score, climb
+from evocity.search.breeding.refinement.variables import (
+    Tuning,
+    height_tuning,
+    level_tuning,
+    parameter_tuning,
+)
+from evocity.search.preparation.startup import Crew, start_engine
+from evocity.search.record.commands import Pick, Reweight
+from evocity.search.resume import refine as refinement
+from evocity.search.resume.logged_plans import plan_of
+from evocity.search.resume.prepared_run import read_preparation
+from evocity.search.resume.refine import Donors
+from evocity.store import RunLog
 
 REFINE = '[refine]\nbirths = 2\nevery = 2\nbudget = 6\nway = "heights"\nside = 2\n'
 WANTED = """
@@ -71,17 +75,18 @@ def contents(folder):
 # -- one individual --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("lambda_field", "parameters")
 @pytest.mark.parametrize("way", ["lambda_field", "heights", "parameters"])
 def test_the_better_is_found_and_the_run_stays_as_it_is(bred, way):
     before, one = contents(bred), 29
     found = refine(bred, one, way=way, budget=12, side=2)
-    again = refine(open_run(bred), one, way=way, budget=12, side=2)
+    again = refine(RunLog(bred), one, way=way, budget=12, side=2)
     assert contents(bred) == before
     assert found.genome == again.genome
     assert 0 < found.evaluations <= 12
     assert (found.failures, found.error, found.violation) == (0, None, 0)
     assert (found.score < found.score_before) == found.better
-    (birth,) = open_run(bred).individuals([one])
+    (birth,) = RunLog(bred).individuals([one])
     assert found.before == birth.values
     told = found.genome.made["refined"]
     assert (told["way"], told["id"], told["evaluations"]) == (way, one, found.evaluations)
@@ -119,11 +124,11 @@ def test_what_cannot_be_refined_is_refused(bred, tmp_path):
         refine(bred, 999)
     with pytest.raises(RunError, match="no individual 999"):
         refine(bred, 9, others=[999])
-    with pytest.raises(RunError, match="nobody but individual 9"):
+    with pytest.raises(RunError, match="individual 9 has no other individual"):
         refine(bred, 9, others=[9])
-    with pytest.raises(OperatorError, match="which is a source"):
+    with pytest.raises(OperatorError, match="no operator bred individual"):
         refine(bred, 0, way="parameters")
-    child = next(b for b in open_run(bred).births().to_pylist() if b["operator"] != "source")
+    child = next(b for b in RunLog(bred).births().to_pylist() if b["operator"] != "source")
     with pytest.raises(OperatorError, match="'size' of"):
         refine(bred, child["id"], way="parameters", tune=["size"])
 
@@ -137,7 +142,7 @@ def odd(city):
     return 1.0
 """
     run(toy(text, max_failures=1.0, generations=1), tmp_path / "run", workers=0)
-    failed = [b["id"] for b in open_run(tmp_path / "run").births().to_pylist() if b["error"]]
+    failed = [b["id"] for b in RunLog(tmp_path / "run").births().to_pylist() if b["error"]]
     assert failed
     with pytest.raises(RunError, match=f"individual {failed[0]} failed"):
         refine(tmp_path / "run", failed[0])
@@ -242,7 +247,7 @@ def test_ctrl_c_in_a_measure_ends_a_refinement(toy, tmp_path, monkeypatch):
         calls.append(job)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("evocity.search.evaluator.Evaluator._measured", pressed)
+    monkeypatch.setattr("evocity.evaluation.evaluator.Evaluator._measure", pressed)
     with pytest.raises(KeyboardInterrupt):
         refine(tmp_path / "run", 9, way="heights", budget=5)
     assert len(calls) == 1
@@ -258,16 +263,17 @@ def picky(city):
     return float(city.heights.sum())
 """
     run(toy(text, generations=1, max_failures=1.0), tmp_path / "run", workers=0)
-    alive = next(b for b in open_run(tmp_path / "run").births().to_pylist() if not b["error"])
+    alive = next(b for b in RunLog(tmp_path / "run").births().to_pylist() if not b["error"])
     found = refine(tmp_path / "run", alive["id"], way="heights", budget=12)
     assert found.failures > 0
     assert "not this one" in found.error
     assert found.values["picky"] <= found.before["picky"] or not found.better
 
 
+@pytest.mark.slow
 def test_a_lambda_field_finds_what_another_has(bred):
     """Floor space as wanted: some blocks of a higher town."""
-    opened = open_run(bred)
+    opened = RunLog(bred)
     births = [one for one in opened.individuals(opened.births()["id"].to_pylist()) if one.ok]
     births.sort(key=lambda one: one.values["crumbs"])
     found = [refine(bred, one.id, budget=30, side=2, rounds=3) for one in births[:4]]
@@ -276,6 +282,7 @@ def test_a_lambda_field_finds_what_another_has(bred):
     assert all(set(one.others) <= {birth.id for birth in births} for one in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rounds", [None, 2])
 def test_rounds_spend_the_budget_and_no_more(bred, monkeypatch, rounds):
     asked = []
@@ -290,38 +297,41 @@ def test_rounds_spend_the_budget_and_no_more(bred, monkeypatch, rounds):
 
 
 def test_a_variant_is_offered_beside_one_of_the_living_unless_others_are_named(bred):
-    opened = open_run(bred)
-    prepared, _ = read_again(opened)
+    opened = RunLog(bred)
+    prepared, _ = read_preparation(opened)
     living = opened.members(3)["id"].to_pylist()
     (birth,) = opened.individuals(living[:1])
-    pool = pool_of(prepared, Crew(0), (), print, print)
+    pool = start_engine(prepared, Crew(0), (), print, print)
     told = {one.genome.digest for one in opened.individuals(opened.births()["id"].to_pylist())}
 
     def offers(ids, seed=0):
         sources = [one.genome for one in prepared.sources]
         breed = lambda *job: pool.run("breed", [job])[0]  # noqa: E731
-        return Offers(opened, birth, ids, prepared.recipe, sources, breed, seed)
+        return Donors(opened, birth, ids, prepared.recipe, sources, breed, seed)
 
     drawn = offers(None)
-    other, variant = drawn.next(birth.genome)
+    other, variant = drawn.offer(birth.genome)
     assert other.digest in told
     assert variant.digest not in told
-    assert set(drawn.taken) <= set(living)
-    assert [one.digest for one in offers(None).next(birth.genome)] == [other.digest, variant.digest]
-    assert [one.digest for one in offers(None, 1).next(birth.genome)][1] != variant.digest
+    assert set(drawn.offered_ids) <= set(living)
+    assert [one.digest for one in offers(None).offer(birth.genome)] == [
+        other.digest,
+        variant.digest,
+    ]
+    assert [one.digest for one in offers(None, 1).offer(birth.genome)][1] != variant.digest
     named = [one for one in living if one != birth.id][:2]
     only = offers(named)
-    assert [one.digest for one in only.next(birth.genome)] == [
+    assert [one.digest for one in only.offer(birth.genome)] == [
         one.genome.digest for one in opened.individuals(named)
     ]
-    assert list(only.taken) == named
+    assert list(only.offered_ids) == named
 
 
 @given(st.integers(1, 9), st.integers(1, 3), st.integers(0, 5), st.data())
 def test_levels_sum_up_to_every_field(side, others, seed, data):
     """The first numbers are of the whole map, and each field of λ has a point."""
     fields = []
-    tuning = of_levels(
+    tuning = level_tuning(
         None,
         [None] * others,
         side,
@@ -391,7 +401,7 @@ def test_a_lone_individual_is_left_as_it_is(toy, tmp_path):
     )
     recipe.write_text(text)
     run(recipe, tmp_path / "run", workers=0)
-    assert open_run(tmp_path / "run").births()["status"].to_pylist() == ["ok"] * 6
+    assert RunLog(tmp_path / "run").births()["status"].to_pylist() == ["ok"] * 6
 
 
 def test_those_who_measure_elsewhere_are_not_measured_for(toy):
@@ -408,6 +418,7 @@ def test_those_who_measure_elsewhere_are_not_measured_for(toy):
 # -- what is tuned ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_each_birth_of_a_run_is_replayed(toy, tmp_path, seed):
     asked = {0: [Pick(ids=(3, 5), share=0.9)], 1: [Reweight(weights={"mutation": 0, "gsi": 50.0})]}
@@ -416,13 +427,14 @@ def test_each_birth_of_a_run_is_replayed(toy, tmp_path, seed):
     replayed(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_births_by_quarters_are_replayed(bred):
     replayed(bred)
 
 
 def replayed(path):
-    opened = open_run(path)
-    prepared, _ = read_again(opened)
+    opened = RunLog(path)
+    prepared, _ = read_preparation(opened)
     for birth in opened.individuals(opened.births()["id"].to_pylist()):
         plan = plan_of(opened, prepared, birth.id)
         assert (plan.id, plan.name, plan.parents) == (birth.id, birth.operator, birth.parents)
@@ -436,15 +448,15 @@ def replayed(path):
 
 
 def test_parameters_begin_as_they_were_and_stay_within_their_ranges(bred):
-    opened = open_run(bred)
-    prepared, _ = read_again(opened)
+    opened = RunLog(bred)
+    prepared, _ = read_preparation(opened)
     seen = set()
     for birth in opened.individuals(opened.births()["id"].to_pylist()):
         if birth.operator == "source" or birth.operator in seen:
             continue
         seen.add(birth.operator)
         plan = plan_of(opened, prepared, birth.id)
-        tuning = of_parameters(plan, prepared.recipe.parameters(birth.operator))
+        tuning = parameter_tuning(plan, prepared.recipe.parameters(birth.operator))
         assert (tuning.lower <= tuning.start).all()
         assert (tuning.start <= tuning.upper).all()
         first = tuning.operator(tuning.start)(tuning.parents, tuning.generator)
@@ -455,8 +467,8 @@ def test_parameters_begin_as_they_were_and_stay_within_their_ranges(bred):
 
 
 def test_the_field_of_heights_begins_with_the_individual(bred):
-    (birth,) = open_run(bred).individuals([9])
-    tuning = of_heights(birth.genome, 3, partial(make, "height_field"))
+    (birth,) = RunLog(bred).individuals([9])
+    tuning = height_tuning(birth.genome, 3, partial(make, "height_field"))
     child = tuning.operator(tuning.start)(tuning.parents, tuning.generator)
     assert child.digest == birth.genome.digest
 
@@ -473,6 +485,7 @@ def test_a_score_is_in_units_of_the_first_births():
 # -- births of a search ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["heights", "lambda_field"])
 def test_some_births_are_refined_and_are_births_like_any_other(toy, tmp_path, way):
     recipe = toy(recipe=WANTED + REFINE.replace("heights", way), generations=4)
@@ -480,13 +493,13 @@ def test_some_births_are_refined_and_are_births_like_any_other(toy, tmp_path, wa
     run(recipe, tmp_path / "two", workers=2)
     expected = rows(tmp_path / "whole")
     assert rows(tmp_path / "two") == expected
-    births = open_run(tmp_path / "whole").births().to_pylist()
+    births = RunLog(tmp_path / "whole").births().to_pylist()
     mine = [one for one in births if one["operator"] == "refinement"]
     assert {(one["generation"], one["id"] % 8) for one in mine} == {
         (generation, slot) for generation in (2, 4) for slot in (6, 7)
     }
     assert all(one["status"] == "ok" for one in mine)
-    for one in open_run(tmp_path / "whole").individuals([one["id"] for one in mine]):
+    for one in RunLog(tmp_path / "whole").individuals([one["id"] for one in mine]):
         told = one.genome.made["refined"]
         assert told["score"] <= told["score_before"]
         assert 1 <= told["evaluations"] <= 6
@@ -502,12 +515,13 @@ def test_some_births_are_refined_and_are_births_like_any_other(toy, tmp_path, wa
     assert rows(tmp_path / "stopped") == expected
 
 
+@pytest.mark.slow
 def test_refinement_finds_what_is_wanted(toy, tmp_path):
     wanted = '[[fitness]]\nname = "mean_height"\ntarget = 30.0\n'
     many = REFINE.replace("budget = 6", "budget = 30")
     recipe = toy(recipe=wanted + many, generations=2)
     run(recipe, tmp_path / "run", workers=0)
-    births = open_run(tmp_path / "run").births(2)
+    births = RunLog(tmp_path / "run").births(2)
     births = births.to_pylist()
     refined = [b["fitness.mean_height"] for b in births if b["operator"] == "refinement"]
     others = [b["fitness.mean_height"] for b in births if b["operator"] != "refinement"]
@@ -533,17 +547,17 @@ def test_faults_of_the_section_are_told(toy, lines, says):
 
 def test_an_algorithm_that_breeds_by_itself_refines_nobody(toy):
     lines = "[refine]\nbirths = 1\n[search]\nalgorithm = 'cma'\n"
-    with pytest.raises(RecipeError, match="it breeds by itself"):
+    with pytest.raises(RecipeError, match="this algorithm breeds by itself"):
         read_recipe(toy(recipe=lines))
 
 
 def test_births_that_learnt_from_others_are_not_replayed(toy, tmp_path):
     recipe = toy(recipe="[search]\nalgorithm = 'cma'\nside = 2\n", generations=2)
     run(recipe, tmp_path / "run", workers=0)
-    opened = open_run(tmp_path / "run")
-    prepared, _ = read_again(opened)
+    opened = RunLog(tmp_path / "run")
+    prepared, _ = read_preparation(opened)
     assert plan_of(opened, prepared, 5).operator.values == pytest.approx(
         opened.individuals([5])[0].genome.made["values"], abs=1e-4
     )
-    with pytest.raises(RunError, match="breeds by itself"):
+    with pytest.raises(RunError, match="bred individual 9 by itself"):
         plan_of(opened, prepared, 9)

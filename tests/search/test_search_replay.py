@@ -15,8 +15,8 @@ from test_search_run import run
 import evocity
 from evocity.errors import RunError
 from evocity.search import Search
-from evocity.search.differing import differences
-from evocity.store import Birth, open_run
+from evocity.search.record.diff import differences
+from evocity.store import Birth, RunLog
 
 GSI = '[[fitness]]\nname = "gsi"\nweight = 20.0\nobjective = "form"\ntarget = 0.3\n'
 FSI = '[[fitness]]\nname = "fsi"\nobjective = "form"\ntarget = 1.0\n'
@@ -48,7 +48,7 @@ def all_the_same(path, **more):
     before = {one: one.read_bytes() for one in path.rglob("*") if one.is_file()}
     found = evocity.replay(path, **more)
     assert {one: one.read_bytes() for one in path.rglob("*") if one.is_file()} == before
-    assert [one.id for one in found] == open_run(path).births()["id"].to_pylist()
+    assert [one.id for one in found] == RunLog(path).births()["id"].to_pylist()
     assert [(one.id, one.differs, one.reason) for one in found if one.same is not True] == []
 
 
@@ -77,6 +77,7 @@ def test_each_birth_is_the_same_once_more(toy, tmp_path, search):
     all_the_same(tmp_path / "run")
 
 
+@pytest.mark.slow_cases("[search]\\nwindow = 6\\n")
 @pytest.mark.parametrize("search", ["", "[search]\nwindow = 6\n"])
 def test_commands_and_resumes_are_replayed_too(toy, tmp_path, search):
     recipe = toy(recipe=search + GSI + FSI, generations=4)
@@ -86,25 +87,27 @@ def test_commands_and_resumes_are_replayed_too(toy, tmp_path, search):
     all_the_same(tmp_path / "run")
 
 
+@pytest.mark.slow_cases("[search]\\nwindow = 6\\n")
 @pytest.mark.parametrize("search", ["", "[search]\nwindow = 6\n"])
 def test_births_before_another_recipe_are_drawn_by_the_recipe_of_then(toy, tmp_path, search):
     recipe = toy(recipe=search + GSI + FSI, generations=2)
     run(recipe, tmp_path / "run", workers=0)
     for change in (("mutation = 2", "mutation = 9"), ("size_max = 6", "size_max = 4")):
         recipe.write_text(recipe.read_text().replace(*change).replace("20.0", "3.0"))
-        done = len(open_run(tmp_path / "run").generations)
+        done = len(RunLog(tmp_path / "run").generations)
         with Search.resume(
             tmp_path / "run", workers=0, recipe=recipe, generations=done + 1
         ) as again:
             list(again)
-    assert len(open_run(tmp_path / "run").provenance["recipe"]["before"]) == 2
+    assert len(RunLog(tmp_path / "run").provenance["recipe"]["before"]) == 2
     all_the_same(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_births_that_failed_are_the_same_as_far_as_it_can_be_told(toy, tmp_path):
     recipe = toy(measures=HANGS, timeout=1.0, max_failures=1.0, generations=1, workers=2)
     run(recipe, tmp_path / "run")
-    births = open_run(tmp_path / "run").individuals(range(16))
+    births = RunLog(tmp_path / "run").individuals(range(16))
     statuses = {birth.id: birth.status for birth in births}
     assert {"ok", "error", "invalid", "timeout"} == set(statuses.values())
     for one in evocity.replay(tmp_path / "run"):
@@ -120,7 +123,7 @@ def test_a_measure_that_draws_at_random_is_told(toy, tmp_path):
     for one in evocity.replay(tmp_path / "run", [9, 0, 31]):
         assert one.same is False
         assert list(one.differs) == ["fitness.luck"]
-        (birth,) = open_run(tmp_path / "run").individuals([one.id])
+        (birth,) = RunLog(tmp_path / "run").individuals([one.id])
         assert one.differs["fitness.luck"]["then"] == birth.values["luck"]
         assert 0 <= one.differs["fitness.luck"]["now"] < 1
 
@@ -166,7 +169,7 @@ def copy(whole, tmp_path):
 def test_what_was_changed_in_the_log_is_told(copy, column, value):
     row = next(
         number
-        for number, one in enumerate(open_run(copy).births(3).to_pylist())
+        for number, one in enumerate(RunLog(copy).births(3).to_pylist())
         if one["operator"] == "mutation"
     )
     identifier = changed(copy, column, row, value)

@@ -19,12 +19,12 @@ from toy_runs import write_toy
 import evocity
 from evocity.coding import decode
 from evocity.errors import EvocityError, RecipeError, RunError
+from evocity.evaluation.evaluator import Evaluator
 from evocity.fitness import registry
-from evocity.report import Facts, write_report
+from evocity.report import write_report
 from evocity.search import Search, archive
-from evocity.search.evaluator import Evaluator
-from evocity.search.repeating import replay
-from evocity.store import open_run, schema
+from evocity.search.resume.replay import replay
+from evocity.store import RunLog, schema
 
 MORE = """
 import evocity
@@ -88,20 +88,21 @@ def begun(begun_once, tmp_path):
 
 
 def columns(out, names=None) -> dict[str, list]:
-    table = open_run(out).births()
+    table = RunLog(out).births()
     return {name: table[name].to_pylist() for name in names or table.column_names}
 
 
 # -- what is scored ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_old_births_have_what_score_says_of_them_and_keep_all_else(begun):
     out, before = begun / "run", columns(begun / "run")
-    members = open_run(out).members().select(["generation", "id"]).to_pylist()
+    members = RunLog(out).members().select(["generation", "id"]).to_pylist()
     told = []
     recipe = recipe_with(begun, TALL + '[[fitness]]\nfile = "more.py"\nname = "likeness"\n')
     assert goes_on(out, recipe, generations=4, progress=told.append) == [3, 4]
-    after = open_run(out)
+    after = RunLog(out)
     assert after.header.measures == ("spread", "roof", "tall", "likeness")
     now, count = columns(out), len(before["id"])
     for name, values in before.items():
@@ -126,7 +127,7 @@ def test_old_births_have_what_score_says_of_them_and_keep_all_else(begun):
 def test_generations_before_are_judged_by_the_goals_of_now(begun):
     out = begun / "run"
     goes_on(out, recipe_with(begun, TALL))
-    after = open_run(out)
+    after = RunLog(out)
     history = after.history()
     assert [set(one["best"]) for one in history] == [{"spread", "roof", "tall"}] * 3
     best = {one["id"]: one["fitness.tall"] for one in after.births().to_pylist()}
@@ -137,6 +138,7 @@ def test_generations_before_are_judged_by_the_goals_of_now(begun):
     assert archive(after, 0).hypervolume_alive == pytest.approx(history[0]["hypervolume"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_workers_do_not_matter(begun, tmp_path, workers):
     out, recipe = begun / "run", recipe_with(begun, TALL)
@@ -146,6 +148,7 @@ def test_workers_do_not_matter(begun, tmp_path, workers):
     assert rows(out) == rows(tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_goals_become_bounds_or_recorded_and_goals_again(begun):
     out, first = begun / "run", columns(begun / "run")
     roofs = '[[fitness]]\nfile = "toys.py"\nname = "roof"\n'
@@ -160,7 +163,7 @@ def test_goals_become_bounds_or_recorded_and_goals_again(begun):
         if recorded:
             recipe.write_text(recipe.read_text().replace("\n[map]", record, 1))
         goes_on(out, recipe)
-        now = open_run(out)
+        now = RunLog(out)
         assert now.header.measures == (measures or ("roof", "tall", "gsi", "spread"))
         assert now.header.recorded == recorded
         told = columns(out)
@@ -177,6 +180,7 @@ def test_goals_become_bounds_or_recorded_and_goals_again(begun):
     assert all(one.same for one in replay(out))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["survivors", "front"])
 def test_births_whose_genomes_the_log_leaves_out_are_scored_too(tmp_path, way):
     goals = TALL + '[[fitness]]\nfile = "more.py"\nname = "likeness"\n'
@@ -195,10 +199,11 @@ def test_births_whose_genomes_the_log_leaves_out_are_scored_too(tmp_path, way):
     same_as_all(tmp_path / "less", evocity.open_run(tmp_path / "less"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at_once", "block"), [(12, 16), (3, 4)])
 def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatch, at_once, block):
     """Of 96 those of a block of births, and of their parents; a generation may be several."""
-    monkeypatch.setattr("evocity.search.rescoring._AT_ONCE", at_once)
+    monkeypatch.setattr("evocity.search.resume.rescore._AT_ONCE", at_once)
     goes_on(begun / "run", generations=11)
     read, known, most = schema.genome_of, [], 0
 
@@ -217,22 +222,23 @@ def test_genomes_are_held_a_few_at_a_time_however_long_the_run(begun, monkeypatc
 
 
 def test_who_opened_the_run_before_is_told_to_open_it_again(begun):
-    early = open_run(begun / "run")
+    early = RunLog(begun / "run")
     assert len(early.births(0)) == 8
     goes_on(begun / "run", recipe_with(begun, TALL))
     for read in (early.births, early.members, lambda: early.individuals([3])):
-        with pytest.raises(RunError, match="other measures than it did when it was opened") as told:
+        with pytest.raises(RunError, match="other measures than when it was opened") as told:
             read()
-        assert "open it again" in told.value.remedy
+        assert "open the run again" in told.value.remedy
     path = begun / "run" / "births" / "generation-00000001.parquet"
     path.write_bytes(path.read_bytes()[::-1])
     with pytest.raises(RunError, match="is damaged or not part of a run"):
-        open_run(begun / "run").births(0) and open_run(begun / "run").individuals([9])
+        RunLog(begun / "run").births(0) and RunLog(begun / "run").individuals([9])
 
 
 # -- measures that fail --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_birth_on_which_a_new_measure_fails_is_kept_and_not_judged(begun):
     out = begun / "run"
     before = columns(out)
@@ -240,7 +246,7 @@ def test_a_birth_on_which_a_new_measure_fails_is_kept_and_not_judged(begun):
     with Search.resume(out, recipe=recipe, workers=0, generations=4) as search:
         (note,) = search.notes
         list(search)
-    after, now = open_run(out), columns(out)
+    after, now = RunLog(out), columns(out)
     count = len(before["id"])
     lacking = [id_ for id_ in range(count) if now["fitness.odd"][id_] is None]
     assert 0 < len(lacking) < count
@@ -255,8 +261,7 @@ def test_a_birth_on_which_a_new_measure_fails_is_kept_and_not_judged(begun):
         without = [one in lacking for one in members]
         assert without == sorted(without)
     assert not set(after.members(4)["id"].to_pylist()) & set(lacking)
-    facts = Facts(after)
-    assert not facts.told.feasible[lacking].any()
+    assert not evocity.open_run(out).columns.feasible[lacking].any()
     assert write_report(out).is_file()
     assert goes_on(out, generations=5) == [5]
     assert all(one.same for one in replay(out))
@@ -266,7 +271,7 @@ def test_a_measure_that_nobody_has_a_value_of_is_refused_unless_recorded(begun):
     out = begun / "run"
     contents = everything(out)
     never = '[[fitness]]\nfile = "more.py"\nname = "never"\n'
-    with pytest.raises(RunError, match=r"nobody of generation 0 has a value of all.*never"):
+    with pytest.raises(RunError, match=r"no individual of generation 0 has a value of each.*never"):
         goes_on(out, recipe_with(begun, never))
     assert everything(out) == contents
     recipe = recipe_with(begun)
@@ -280,6 +285,7 @@ def test_a_measure_that_nobody_has_a_value_of_is_refused_unless_recorded(begun):
 # -- islands, grids, and what is refused ---------------------------------------------------
 
 
+@pytest.mark.slow
 def test_islands_and_their_grids_go_on_by_other_measures(tmp_path):
     islands = """
 [[islands]]
@@ -301,7 +307,7 @@ every = 1
     before = columns(out)
     recipe = recipe_with(tmp_path, ODD + islands)
     goes_on(out, recipe, generations=4)
-    after = open_run(out)
+    after = RunLog(out)
     assert after.header.measures == ("spread", "roof", "odd")
     assert columns(out)["fitness.gsi"][: len(before["id"])] == before["fitness.gsi"]
     told = after.history()[1]["islands"]
@@ -314,6 +320,7 @@ every = 1
     assert all(one.same for one in replay(out))
 
 
+@pytest.mark.slow
 def test_a_grid_is_filled_by_another_goal(tmp_path):
     search = """
 [search]
@@ -329,7 +336,7 @@ ranges = [[0.0, 1.0], [4.0, 8.0]]
     recipe = recipe_with(tmp_path, search, TALL)
     recipe.write_text(recipe.read_text().replace("\n[map]", record, 1))
     goes_on(tmp_path / "run", recipe, generations=4)
-    after = open_run(tmp_path / "run")
+    after = RunLog(tmp_path / "run")
     assert after.header.measures == ("tall",)
     assert set(after.header.recorded) == {"roof", "gsi", "spread"}
     bins = archive(after).births
@@ -349,7 +356,7 @@ def test_all_that_measures_cannot_be_is_told_at_once_and_nothing_is_changed(begu
     far = '[[fitness]]\nname = "fabric_distance"\nreference = ["lyon-1er"]\n'
     recipe = recipe_with(begun, replacing=apart + spread + far)
     (begun / "toys.py").write_text((begun / "toys.py").read_text().replace("std()", "var()"))
-    with pytest.raises(RecipeError, match=r"cannot go on by new\.toml") as caught:
+    with pytest.raises(RecipeError, match=r"cannot go on with new\.toml") as caught:
         goes_on(out, recipe)
     told = [line.strip() for line in caught.value.found.splitlines()[1:]]
     assert [one.split(":")[0] for one in told] == [
@@ -358,7 +365,7 @@ def test_all_that_measures_cannot_be_is_told_at_once_and_nothing_is_changed(begu
         "reference of fabric_distance",
         "fitness/toys.py",
     ]
-    assert "roof is left out" in told[0]
+    assert "roof is missing" in told[0]
     assert "its source has changed" in told[1]
     assert "a file of their own" in told[1]
     assert "'parents'" in told[2]
@@ -384,7 +391,7 @@ def test_new_measures_are_trusted_as_those_of_any_recipe(begun, monkeypatch):
     its file of measures, changed by somebody, is not executed."""
     out, recipe = begun / "run", recipe_with(begun, TALL)
     monkeypatch.setenv("XDG_STATE_HOME", str(begun / "elsewhere"))
-    with pytest.raises(RunError, match="was not begun on this machine"):
+    with pytest.raises(RunError, match="was not started on this machine"):
         goes_on(out, generations=3)
     assert goes_on(out, recipe, generations=3) == [3]
     assert goes_on(out, generations=4) == [4]
@@ -469,6 +476,7 @@ def changing(tmp_path):
 LONG = [pytest.mark.long, pytest.mark.timeout(3600)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [pytest.param(1, marks=LONG), 23])
 def test_killed_before_any_deed_on_files_a_run_is_the_old_one_or_the_new_one(changing, share):
     """Read at once, gone on with by its own recipe, and by the other one once more."""
@@ -487,14 +495,14 @@ def test_killed_before_any_deed_on_files_a_run_is_the_old_one_or_the_new_one(cha
         changed = read == found["changed"]
         assert changed or read == found["before"], deed
         states.add(changed)
-        assert len(archive(open_run(out))) > 0
+        assert len(archive(RunLog(out))) > 0
         shutil.copytree(out, folder / "again")
         goes_on(out, generations=2)
         kind = "new" if changed else "old"
         assert rows(out) == found[kind], deed
         # a copy of the recipe, or of a measure, may be there before it counts
         assert leftovers(out) - {"recipe-1.toml"} <= found["parts"][kind], deed
-        events = [one["event"] for one in open_run(out).events()]
+        events = [one["event"] for one in RunLog(out).events()]
         assert events.count("recipe") == changed, deed
         goes_on(folder / "again", None if changed else recipe, generations=2)
         assert rows(folder / "again") == found["new"], deed
@@ -548,10 +556,10 @@ def test_what_was_scored_for_another_change_is_dropped(begun, monkeypatch, other
     goes_on(out, None if other == "no recipe" else recipe)
     assert not room.exists()
     if other == "no recipe":
-        assert open_run(out).header.measures == ("spread", "roof")
+        assert RunLog(out).header.measures == ("spread", "roof")
         return
     more = float(other == "another source")
-    births = open_run(out).individuals(range(24))
+    births = RunLog(out).individuals(range(24))
     assert [b.values["tall"] for b in births] == [
         float(decode(b.genome).city.heights.max()) + more for b in births
     ]
@@ -561,11 +569,11 @@ def test_what_was_scored_for_another_change_is_dropped(begun, monkeypatch, other
 
 
 def test_the_log_that_is_written_anew_is_sealed_and_merged(begun, monkeypatch):
-    from evocity.store import anew, layout, merge
+    from evocity.store import layout, merge, rewrite
 
     for module in (layout, merge):
         monkeypatch.setattr(module, "SPANS", (2, 8))
-    monkeypatch.setattr(anew, "SEGMENT", 2)
+    monkeypatch.setattr(rewrite, "SEGMENT", 2)
     out = begun / "run"
     goes_on(out, recipe_with(begun, TALL))
     names = sorted(one.name for one in (out / "births").iterdir())
@@ -577,7 +585,7 @@ def test_the_log_that_is_written_anew_is_sealed_and_merged(begun, monkeypatch):
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     with pytest.raises(EvocityError, match="damaged"):
-        open_run(out).births()
+        RunLog(out).births()
 
 
 def test_readers_see_the_new_log_before_it_is_moved(begun):
@@ -590,8 +598,8 @@ def test_readers_see_the_new_log_before_it_is_moved(begun):
     assert moved
     (room,) = out.glob(".measures-*")
     assert json.loads((room / "about.json").read_text())
-    assert open_run(out).header.measures == ("spread", "roof", "tall")
-    assert len(open_run(out).births()) == 32
+    assert RunLog(out).header.measures == ("spread", "roof", "tall")
+    assert len(RunLog(out).births()) == 32
     before = rows(out)
     assert np.isfinite(columns(out)["fitness.tall"]).all()
     goes_on(out)

@@ -9,8 +9,8 @@ from test_search_run import rows, run
 
 from evocity.errors import RecipeError
 from evocity.search import Search, read_recipe
-from evocity.search.commands import Pick, Reweight, told
-from evocity.store import append_command, hash_of_text, open_run
+from evocity.search.record.commands import Pick, Reweight, command_document
+from evocity.store import RunLog, append_command, hash_of_text
 
 
 @pytest.fixture
@@ -31,10 +31,10 @@ def test_targets_weights_and_generations_change_and_the_first_recipe_is_kept(beg
     first = recipe.read_text()
     replaced(recipe, "target = 0.3", "target = 0.6")
     replaced(recipe, "mutation = 2", "mutation = 0")
-    before = open_run(out)
+    before = RunLog(out)
     best = before.status()["best"]["gsi"]
     assert goes_on(out, recipe=recipe, generations=4) == [3, 4]
-    after = open_run(out)
+    after = RunLog(out)
     assert (out / "recipe.toml").read_text() == recipe.read_text()
     assert after.recipe_text == recipe.read_text()
     assert after.earlier_recipe(1) == (out / "recipe-1.toml").read_text() == first
@@ -55,7 +55,7 @@ def test_targets_weights_and_generations_change_and_the_first_recipe_is_kept(beg
     # old births are judged by the new target
     assert abs(after.status()["best"]["gsi"] - 0.6) <= abs(best - 0.6)
     assert goes_on(out, generations=5) == [5]  # it stays
-    assert open_run(out).provenance["recipe"]["before"] == [earlier]
+    assert RunLog(out).provenance["recipe"]["before"] == [earlier]
 
 
 def test_a_revised_run_is_resumed_to_the_same_births(begun, tmp_path):
@@ -71,12 +71,12 @@ def test_a_revised_run_is_resumed_to_the_same_births(begun, tmp_path):
 
 def test_weights_that_commands_set_are_over(begun):
     recipe, out = begun
-    append_command(out / "commands.jsonl", told(Reweight(weights={"mutation": 9.0})))
-    append_command(out / "commands.jsonl", told(Pick(ids=(3,))))
+    append_command(out / "commands.jsonl", command_document(Reweight(weights={"mutation": 9.0})))
+    append_command(out / "commands.jsonl", command_document(Pick(ids=(3,))))
     assert goes_on(out, generations=3) == [3]
     with Search.resume(out, workers=0, recipe=recipe, generations=4) as search:
-        assert dict(search._steering.standing.weights) == {}
-        assert search._steering.standing.picks == (3,)
+        assert dict(search._steering.orders.weights) == {}
+        assert search._steering.orders.picks == (3,)
         assert [one.number for one in search] == [4]
 
 
@@ -103,7 +103,7 @@ def test_all_that_cannot_change_is_told_at_once_and_nothing_is_changed(begun, tm
     ):
         replaced(recipe, old, new)
     recipe.write_text(recipe.read_text() + "[search]\nalgorithm = 'nsga2'\n")
-    with pytest.raises(RecipeError, match=r"cannot go on by toy\.toml") as caught:
+    with pytest.raises(RecipeError, match=r"cannot go on with toy\.toml") as caught:
         Search.resume(out, recipe=recipe, generations=1)
     lines = [line.strip() for line in caught.value.found.splitlines()[1:]]
     assert [line.split(":")[0] for line in lines] == [
@@ -115,7 +115,7 @@ def test_all_that_cannot_change_is_told_at_once_and_nothing_is_changed(begun, tm
         "fitness",
         "run.generations",
     ]
-    assert "gsi is left out" in lines[5]
+    assert "gsi is missing" in lines[5]
     assert "it cannot change: all births are drawn from it" in lines[0]
     assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == contents
 

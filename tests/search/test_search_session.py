@@ -56,6 +56,7 @@ if __name__ == "__main__":
 '''
 
 
+@pytest.mark.slow
 def test_measures_of_a_script_and_of_a_cell_serve_in_workers(toy, tmp_path):
     named = "".join(
         f'[[fitness]]\nname = "{name}"\n' for name in ("of_cell", "of_script", "of_main")
@@ -77,7 +78,7 @@ def test_a_measure_that_cannot_be_sent_is_refused_before_any_work(toy, tmp_path,
 
     recipe = toy(recipe='[[fitness]]\nname = "holding"\n', generations=0)
     told = []
-    with pytest.raises(FitnessError, match="holding uses inner of the function it is made in"):
+    with pytest.raises(FitnessError, match="holding uses inner of its outer function"):
         Search(read_recipe(recipe), out=tmp_path / "run", workers=1, progress=told.append)
     assert told == []
     assert not (tmp_path / "run").exists()

@@ -4,8 +4,8 @@ import pytest
 
 from evocity.fitness.heredity import integrity_of
 from evocity.search import Search, read_recipe
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 INTEGRITY = '[[fitness]]\nname = "integrity"\n'
 
@@ -14,7 +14,7 @@ def bred(recipe, out):
     with Search(read_recipe(recipe), out) as search:
         for _ in search:
             pass
-    return open_run(out)
+    return RunLog(out)
 
 
 def assert_traced(run, fewest: int) -> None:
@@ -28,6 +28,7 @@ def assert_traced(run, fewest: int) -> None:
     assert len(set(known.values())) > 2
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_children_are_traced_to_the_sources_of_the_run(toy, tmp_path, workers):
     recipe = toy(recipe=INTEGRITY, population=6, generations=2, workers=workers)
@@ -41,7 +42,7 @@ def test_a_resumed_run_has_the_same_sources(toy, tmp_path):
     with Search.resume(tmp_path / "run") as search:
         for _ in search:
             pass
-    assert_traced(open_run(tmp_path / "run"), 9)
+    assert_traced(RunLog(tmp_path / "run"), 9)
 
 
 def test_who_evaluates_elsewhere_may_ask_here(toy):

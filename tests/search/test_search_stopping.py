@@ -14,11 +14,11 @@ from evocity.errors import RecipeError, RunError
 from evocity.fitness import Aims, get
 from evocity.fitness.composition import Wanted
 from evocity.fitness.goals import Objective
+from evocity.recipe.stop_and_notify import StopSection, moment_of
 from evocity.search import Generation, Observer, Search, archive, read_recipe
-from evocity.search.individual import Individual
-from evocity.search.overnight import StopSection, moment_of
-from evocity.search.stopping import Stagnation, Stopping, progress_of, size_of
-from evocity.store import open_run
+from evocity.search.steering.stop_rules import Stagnation, Stopping, progress_of, size_of
+from evocity.selection.individual import Individual
+from evocity.store import RunLog
 
 EVENING = datetime(2026, 11, 24, 22, 0).astimezone()
 
@@ -44,7 +44,7 @@ class Stepped:
 
 def stop_of(path) -> dict:
     """The last event of a run, which is a stop, but for its time."""
-    event = open_run(path).events()[-1]
+    event = RunLog(path).events()[-1]
     assert event.pop("event") == "stop"
     del event["time"]
     return event
@@ -100,12 +100,12 @@ def test_a_run_ends_at_its_time_and_goes_on_until_the_next(toy, tmp_path):
         "reason": "it is past 2026-11-25 07:00",
         "by": "until",
     }
-    assert open_run(out).status()["stopped"] == "it is past 2026-11-25 07:00"
+    assert RunLog(out).status()["stopped"] == "it is past 2026-11-25 07:00"
     with Search.resume(out, workers=0, clock=clock) as search:  # it is morning, and never later
         assert [one.number for one in search] == [3, 4, 5]
         assert search.stopped_by is None
     assert rows(out) == rows(tmp_path / "whole")
-    assert open_run(out).status()["stopped"] is None
+    assert RunLog(out).status()["stopped"] is None
 
 
 def test_a_moment_that_has_passed_is_told(toy, tmp_path):
@@ -137,9 +137,10 @@ def test_an_option_replaces_the_time_and_stays(toy, tmp_path):
 # -- target --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_target_that_one_individual_reaches_ends_the_run(toy, tmp_path):
     run(toy(), tmp_path / "whole", workers=0, generations=6)
-    births = open_run(tmp_path / "whole").births().to_pylist()
+    births = RunLog(tmp_path / "whole").births().to_pylist()
     first = [one for one in births if one["generation"] == 0]
     # both at once, by somebody who is born after generation 0
     best = max(one["fitness.spread"] for one in first)
@@ -197,7 +198,7 @@ def test_a_target_goes_by_each_measures_own_direction():
 
     def reason(*living):
         stopping = Stopping(section, wanted)
-        stopping.look(after(0, 1.0, living))
+        stopping.check(after(0, 1.0, living))
         return stopping.reason and stopping.reason.words
 
     good = individual(7, alignment=0.5, crumbs=2.0, gsi=0.355)
@@ -221,11 +222,11 @@ def test_stagnation_is_told_as_by_counting(values, since):
     """Where nothing was measured (NaN) nobody can tell whether it got better."""
     found = Stagnation(since=since)
     for number, value in enumerate(values):
-        found.see(number, value)
+        found.add(number, value)
         seen = values[: number + 1]
         best = max((one for one in seen if one > 0), default=None)
         after = [] if best is None else range(max(since, seen.index(best)) + 1, number + 1)
-        assert found.without == sum(not isnan(values[one]) for one in after)
+        assert found.count == sum(not isnan(values[one]) for one in after)
 
 
 def test_progress_is_the_qd_score_where_there_is_one():
@@ -245,7 +246,7 @@ def test_a_run_of_so_many_goals_that_nobody_takes_their_hypervolume_goes_on(toy,
     run(path, tmp_path / "parts", workers=0, generations=1)
     with Search.resume(tmp_path / "parts", workers=0, generations=3) as search:
         assert len(list(search)) == 2
-    whole, parts = (open_run(tmp_path / name) for name in ("whole", "parts"))
+    whole, parts = (RunLog(tmp_path / name) for name in ("whole", "parts"))
     assert len(whole.generations) == len(parts.generations) == 4
     assert whole.status()["hypervolume"] is None
     genomes = [one.births(columns=["id", "genome"]) for one in (whole, parts)]
@@ -253,9 +254,10 @@ def test_a_run_of_so_many_goals_that_nobody_takes_their_hypervolume_goes_on(toy,
     assert isnan(archive(whole).hypervolume_alive)
 
 
+@pytest.mark.slow
 def test_a_run_that_gets_no_better_ends_and_counts_on_when_it_is_resumed(toy, tmp_path):
     run(toy(), tmp_path / "whole", workers=0, generations=24)
-    history = [one["hypervolume"] for one in open_run(tmp_path / "whole").history()]
+    history = [one["hypervolume"] for one in RunLog(tmp_path / "whole").history()]
     limit, last = next(
         (limit, number)
         for limit in (2, 1)
@@ -294,12 +296,12 @@ def test_a_run_that_gets_no_better_ends_and_counts_on_when_it_is_resumed(toy, tm
 def test_new_weights_count_anew(toy, tmp_path):
     stopping = Stopping(StopSection(stagnation=2), Aims(()))
     for generation, progress in enumerate((1.0, 1.0)):
-        stopping.look(after(generation, progress))
-    stopping.judge_anew()
-    stopping.look(after(2, 0.5))
+        stopping.check(after(generation, progress))
+    stopping.reset_progress()
+    stopping.check(after(2, 0.5))
     assert stopping.reason is None
-    stopping.look(after(3, 0.5))
-    stopping.look(after(4, 0.5))
+    stopping.check(after(3, 0.5))
+    stopping.check(after(4, 0.5))
     assert stopping.reason.words == "2 generations without progress, the best is of generation 2"
 
 
@@ -351,7 +353,7 @@ def test_ask_and_tell_are_told_of_a_stop(toy):
         ("hours = 3", "stop.hours: unknown key"),
         (
             "target = { spred = 3 }",
-            "stop.target.spred: no measure 'spred' that is searched by, did",
+            "stop.target.spred: 'spred', which is not a goal, did",
         ),
         ("target = { spread = nan }", "stop.target.spread: nan; allowed: a finite number"),
         ('target = { spread = "much" }', "stop.target.spread: 'much'; allowed: a number"),
@@ -367,8 +369,12 @@ def test_faults_are_told_with_the_others(toy, lines, says):
     [
         ('name = "alignment"', "alignment = 1.5", "1.5; allowed: within its range, 0…1"),
         ('name = "alignment"\ngoal = "min"', "alignment = -1", "-1; allowed: within its range"),
-        ('name = "gsi"\ntarget = 0.3', "gsi = -0.1", "-0.1; allowed: how near to the wanted"),
-        ('name = "gsi"\nmin = 0.3', "gsi = 0.4", "no measure 'gsi' that is searched by"),
+        (
+            'name = "gsi"\ntarget = 0.3',
+            "gsi = -0.1",
+            "-0.1; allowed: the distance from the entry's target",
+        ),
+        ('name = "gsi"\nmin = 0.3', "gsi = 0.4", "'gsi', which is not a goal"),
     ],
 )
 def test_a_target_that_none_can_reach_is_a_fault(toy, entry, target, says):

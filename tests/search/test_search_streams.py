@@ -10,11 +10,11 @@ import pytest
 from codes import uniformly
 
 from evocity import fitness
+from evocity.evaluation import Here, Workers, linux_processes
+from evocity.evaluation.evaluator import Outcome, Setup
 from evocity.kinds import KINDS
-from evocity.search.births import born, coming
-from evocity.search.breeding import Plan
-from evocity.search.evaluation import Here, Workers, processes
-from evocity.search.evaluator import Outcome, Setup
+from evocity.search.breeding.births import stream_offspring
+from evocity.search.breeding.plans import Plan
 
 MEASURE = """
 import time
@@ -110,7 +110,7 @@ def test_a_stream_without_end_is_drawn_a_little_ahead_and_may_be_left(engine, ge
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_to_wait_for_nothing_is_told(engine, genome, workers):
-    with pytest.raises(RuntimeError, match="none is at work"):
+    with pytest.raises(RuntimeError, match="no job is at work"):
         list(engine(workers).stream("evaluate", iter([None, job(genome, 1)])))
 
 
@@ -150,7 +150,7 @@ class Losing:
                 yield done, Outcome("ok", None, 1.0, {"named": rng}, genomes[0])
 
 
-@pytest.mark.skipif(not processes.LINUX, reason="what Linux gives")
+@pytest.mark.skipif(not linux_processes.LINUX, reason="what Linux gives")
 @pytest.mark.parametrize("where", ["drawing", "telling", "waiting"])
 def test_time_in_which_all_stand_still_counts_for_no_deadline(engine, genome, where):
     """As Ctrl-Z and fg do. Jobs of a quarter second have a whole one, and all stand still longer,
@@ -184,14 +184,14 @@ def test_time_in_which_all_stand_still_counts_for_no_deadline(engine, genome, wh
 def test_lost_children_are_bred_again_while_others_are_at_work(genome):
     pool, operator = Losing(), SimpleNamespace(name="some")
     plans = [Plan(n, operator, (0,), (genome,), n) for n in range(7)]
-    found = born(pool, plans)
+    found = sorted(stream_offspring(pool, iter(plans)), key=lambda one: one.plan.id)
     assert [one.plan.id for one in found] == list(range(7))
-    assert [one.evaluated.status for one in found] == [
+    assert [one.evaluation.status for one in found] == [
         "timeout" if n % 3 == 0 else "ok" for n in range(7)
     ]
-    assert all(one.bred.status == "ok" and one.bred.genome is genome for one in found)
-    assert found[3].evaluated.seconds == 9.0
+    assert all(one.breeding.status == "ok" and one.breeding.genome is genome for one in found)
+    assert found[3].evaluation.seconds == 9.0
     assert sorted(rng for rng, measured in pool.asked if not measured) == [0, 3, 6]
-    early = [one.plan.id for one in coming(Losing(), iter(plans))]
+    early = [one.plan.id for one in stream_offspring(Losing(), iter(plans))]
     assert early != sorted(early)
     assert sorted(early) == list(range(7))

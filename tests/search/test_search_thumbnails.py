@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import evocity
-from evocity.analysis.births import Told
+from evocity.analysis.births import Births
 from evocity.analysis.thumbnails import Thumbnails
 from evocity.citymap import CityMap
 from evocity.errors import RunError
 from evocity.search import Search
-from evocity.search.estimate import at_most
+from evocity.search.steering.estimate import largest_run
 from evocity.store import Thumbnails as Logged
 
 RECIPE = """
@@ -119,7 +119,7 @@ def test_small_maps_are_not_logged(night, tmp_path):
 
 
 def test_pictures_of_them_need_no_genome_and_look_alike(night, monkeypatch):
-    told = Told(night)
+    told = Births(night)
     small, large = Thumbnails(told), Thumbnails(told)
     ids = [int(one) for one in told.ids]
     decoded = large._decoded(ids, 96)
@@ -145,7 +145,7 @@ def test_a_genome_that_is_left_out_has_its_picture(written):
     out = [one.id for one in births if one.left_out]
     assert out
     assert set(run.thumbnails(range(15))) == set(range(15))
-    pictures, lacking = Thumbnails(Told(run)).of(out, 64)
+    pictures, lacking = Thumbnails(Births(run)).of(out, 64)
     assert (set(pictures), lacking) == (set(out), {})
 
 
@@ -158,7 +158,7 @@ def test_a_run_that_began_without_goes_on_without(written, monkeypatch):
         list(search)
     again = evocity.open_run(run.path)
     assert (len(again.generations), again.header.thumbnails) == (4, None)
-    pictures, lacking = Thumbnails(Told(again)).of(range(20), 64)
+    pictures, lacking = Thumbnails(Births(again)).of(range(20), 64)
     assert len(pictures) + len(lacking) == 20
 
 
@@ -195,6 +195,7 @@ def test_a_map_is_as_large_as_its_cells(night):
     assert night.thumbnails([0])[0].metres_per_pixel == 2 * night.header.metres_per_pixel
 
 
+@pytest.mark.slow
 def test_workers_make_the_same(night, written):
     other = written(workers=2)
     for run in (night, other):
@@ -210,14 +211,14 @@ def test_what_somebody_else_evaluates_has_none(night):
         search.tell([{"choosy": 1.0, "gsi": 0.3 + n / 100} for n in range(len(genomes))])
     run = evocity.open_run(out)
     assert (run.header.schema_version, run.thumbnails(range(5))) == (10, {})
-    pictures = Thumbnails(Told(run))
+    pictures = Thumbnails(Births(run))
     assert not pictures.logged
     assert len(pictures.of(range(5), 64)[0]) == 5
 
 
 def test_the_bound_of_a_run_counts_them(night):
     recipe = evocity.read_recipe(night.path.parent / "night.toml")
-    births, most = at_most(night.path / "sources", recipe)
+    births, most = largest_run(night.path / "sources", recipe)
     sizes = [one.stat().st_size for one in night.path.glob("sources/*.genome.parquet")]
     assert (births, most) == (15, 15 * (max(sizes) + 72 * 72))
     taken = sum(one.stat().st_size for one in night.path.glob("births/*"))
@@ -226,7 +227,7 @@ def test_the_bound_of_a_run_counts_them(night):
 
 def test_more_bytes_than_a_run_has_are_not_read(night, tmp_path, monkeypatch):
     folder = shutil.copytree(night.path, tmp_path / "night")
-    monkeypatch.setattr("evocity.store.bounds.MOST_FIXED", 5 * 72 * 72 - 1)
+    monkeypatch.setattr("evocity.store.read_limits.MOST_FIXED", 5 * 72 * 72 - 1)
     run = evocity.open_run(folder)
     assert len(run.generations) == 3  # their other columns were looked at
     with pytest.raises(RunError, match="25920 bytes of thumbnail in one generation"):

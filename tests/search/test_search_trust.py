@@ -12,8 +12,8 @@ import evocity
 from evocity.errors import RunError
 from evocity.report import write_report
 from evocity.search import Search
-from evocity.search.trust import executed_by, state_folder, untrusted
-from evocity.store import hash_of_file, hash_of_text, open_run
+from evocity.search.preparation.trust import list_executed, list_untrusted, state_folder
+from evocity.store import RunLog, hash_of_file, hash_of_text
 
 
 @pytest.fixture
@@ -48,11 +48,11 @@ def test_a_run_begun_elsewhere_asks_for_trust_once(traced, elsewhere, monkeypatc
     out, trace = traced
     home = state_folder()
     elsewhere()
-    with pytest.raises(RunError, match="not begun on this machine") as caught:
+    with pytest.raises(RunError, match="not started on this machine") as caught:
         Search.resume(out, workers=0)
     assert "toys.py" in caught.value.found
     assert "trust=True" in caught.value.remedy
-    with pytest.raises(RunError, match="not begun on this machine"):
+    with pytest.raises(RunError, match="not started on this machine"):
         evocity.refine(out, 3, budget=2)
     assert not trace.exists()
     Search.resume(out, workers=0, trust=True).close()
@@ -95,7 +95,7 @@ def test_a_stranger_cannot_change_what_a_marked_run_executes(traced, kind, tmp_p
             told["recipe"]["hash"] = hash_of_text(path.read_text())
 
     rewritten(out, change)
-    with pytest.raises(RunError, match="would execute what it brings") as caught:
+    with pytest.raises(RunError, match="would execute its own files or commands") as caught:
         Search.resume(out, workers=0, accept_changes=True)
     assert ("'touch here'" in caught.value.found) == (kind == "command")
     assert not trace.exists()
@@ -106,7 +106,7 @@ def test_changed_copies_are_no_users_own_change(traced, tmp_path):
     (tmp_path / "toys.py").unlink()
     path = out / "fitness" / "toys.py"
     path.write_text(path.read_text() + "\n# and more\n")
-    with pytest.raises(RunError, match="would execute what it brings"):
+    with pytest.raises(RunError, match="would execute its own files or commands"):
         Search.resume(out, workers=0, accept_changes=True)
     assert not trace.exists()
 
@@ -115,9 +115,9 @@ def test_commands_in_another_folder_are_others(toy, tmp_path):
     recipe = toy(recipe=f'[notify]\non_end = "{sys.executable} tell.py"\n')
     out = tmp_path / "run"
     run(recipe, out, workers=0, generations=0)
-    assert untrusted(open_run(out)) == []
+    assert list_untrusted(RunLog(out)) == []
     rewritten(out, lambda told: told["recipe"].update(folder="fitness"))
-    assert untrusted(open_run(out)) == ["toys.py", repr(f"{sys.executable} tell.py")]
+    assert list_untrusted(RunLog(out)) == ["toys.py", repr(f"{sys.executable} tell.py")]
 
 
 def test_who_brings_nothing_needs_no_trust(toy, tmp_path, elsewhere):
@@ -125,7 +125,7 @@ def test_who_brings_nothing_needs_no_trust(toy, tmp_path, elsewhere):
     path.write_text(path.read_text().replace('file = "toys.py"', 'name = "alignment"'))
     run(path, tmp_path / "run", workers=0, generations=0)
     elsewhere()
-    assert executed_by(open_run(tmp_path / "run")) == []
+    assert list_executed(RunLog(tmp_path / "run")) == []
     Search.resume(tmp_path / "run", workers=0, generations=1).close()
 
 
@@ -136,13 +136,13 @@ def test_all_that_is_executed_is_told(toy, tmp_path):
     more = "import evocity\n\n@evocity.fitness(goal='max')\ndef more(city):\n    return 1.0\n"
     (tmp_path / "more.py").write_text(more)
     run(recipe, tmp_path / "run", workers=0, generations=0)
-    assert executed_by(open_run(tmp_path / "run")) == ["more.py", "toys.py", "'a b'", "'c'"]
+    assert list_executed(RunLog(tmp_path / "run")) == ["more.py", "toys.py", "'a b'", "'c'"]
 
 
 def test_looking_at_a_run_executes_nothing(traced, elsewhere):
     out, trace = traced
     elsewhere()
-    opened = open_run(out)
+    opened = RunLog(out)
     opened.status(), opened.births(), opened.genome(3), opened.history(), opened.ancestors(5)
     evocity.archive(opened)
     write_report(out)
@@ -154,8 +154,8 @@ def test_without_a_place_for_the_key_a_run_is_made_and_asks(toy, tmp_path, monke
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     out = tmp_path / "run"
     run(toy(), out, workers=0, generations=0)
-    assert "marks" not in open_run(out).provenance
-    with pytest.raises(RunError, match="not begun on this machine"):
+    assert "marks" not in RunLog(out).provenance
+    with pytest.raises(RunError, match="not started on this machine"):
         Search.resume(out, workers=0)
     Search.resume(out, workers=0, trust=True).close()
 
@@ -168,4 +168,4 @@ def test_the_key_is_the_users_alone(toy, tmp_path, elsewhere):
     assert stat.S_IMODE(key.stat().st_mode) == 0o600
     assert len(key.read_bytes()) == 32
     assert key.read_bytes().hex() not in (tmp_path / "run" / "provenance.json").read_text()
-    assert str(tmp_path) not in json.dumps(open_run(tmp_path / "run").provenance["marks"])
+    assert str(tmp_path) not in json.dumps(RunLog(tmp_path / "run").provenance["marks"])

@@ -7,7 +7,7 @@ from evocity.coding import decode
 from evocity.errors import RecipeError, RunError
 from evocity.fitness import building_types, load_file, type_distance
 from evocity.search import Search, read_recipe
-from evocity.store import open_run
+from evocity.store import RunLog
 
 TABLE = """
 [[type]]
@@ -24,13 +24,14 @@ def bred(recipe, out):
     with Search(read_recipe(recipe), out) as search:
         for _ in search:
             pass
-    return open_run(out)
+    return RunLog(out)
 
 
 def values_of(run, name):
     return {row["id"]: row[f"fitness.{name}"] for row in run.births().to_pylist()}
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_known_distribution_is_bred_for(toy, tmp_path, workers):
     recipe = toy(recipe=ENTRY, population=6, generations=1, workers=workers)
@@ -87,7 +88,7 @@ def test_a_run_goes_on_by_the_table_it_kept(toy, tmp_path):
     (tmp_path / "storeys_of.toml").unlink()
     with Search.resume(run.path, generations=2) as search:
         list(search)
-    assert len(values_of(open_run(run.path), "storeys_of_distance")) == 12
+    assert len(values_of(RunLog(run.path), "storeys_of_distance")) == 12
 
 
 @pytest.mark.parametrize(

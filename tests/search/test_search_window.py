@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 import evocity
 from evocity.errors import RecipeError, RunError
+from evocity.evaluation import Here
 from evocity.search import Search, read_recipe
-from evocity.search.archipelago import Archipelago
-from evocity.search.beginning import Crew, pool_of
-from evocity.search.births import born
-from evocity.search.breeding import NO_PICKS
-from evocity.search.evaluation import Here
-from evocity.search.preparation import prepare
-from evocity.search.replaying import plan_of
-from evocity.search.rereading import read_again
-from evocity.search.steady import Steady
+from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.breeding.births import stream_offspring
+from evocity.search.breeding.plans import UNGUIDED
+from evocity.search.preparation.preparation import prepare
+from evocity.search.preparation.startup import Crew, start_engine
+from evocity.search.resume.logged_plans import plan_of
+from evocity.search.resume.prepared_run import read_preparation
+from evocity.search.schedules import SteadyState
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
@@ -47,10 +47,10 @@ def simulated(workers, seconds=None):
     """In place of the search's engine: so many simulated workers."""
 
     def make(prepared, count, *others, **more):
-        inner = pool_of(prepared, Crew(0), *others, **more)
+        inner = start_engine(prepared, Crew(0), *others, **more)
         return Virtual(inner, workers, seconds or uneven())
 
-    return patch("evocity.search.engine.pool_of", make)
+    return patch("evocity.search.engine.start_engine", make)
 
 
 def rows(path):
@@ -75,6 +75,7 @@ def keeps_the_law(births, window, population=6):
             assert all(parent <= row["id"] - window for parent in row["parents"])
 
 
+@pytest.mark.slow_cases("6", "15")
 @pytest.mark.parametrize("window", [1, 4, 6, 15])
 def test_the_same_births_of_any_number_of_workers(toy, tmp_path, window):
     recipe = windowed(toy, window)
@@ -120,24 +121,26 @@ class Shuffled:
 def one_by_one(prepared, engine, total):
     """The births as the law says, each bred only when it is planned."""
     population, window = Archipelago(prepared), prepared.recipe.search.window
+    island = population.single
     size = prepared.recipe.run.population
     births = [
-        one.birth(0, prepared.aims) for one in born(engine, population.plans(0, NO_PICKS, [{}]))
+        one.birth(0, prepared.aims)
+        for one in stream_offspring(engine, iter(population.plans(0, UNGUIDED)))
     ]
     population.begin_with(births)
     let_in = 0
     for identifier in range(size, total):
         while let_in <= identifier - window:
-            population.let_in(births[let_in])
+            island.admit_birth(births[let_in])
             let_in += 1
         if identifier < window:
-            plan = population.founder(identifier)
+            plan = island.founder_plan(identifier)
         else:
-            plan = population.plan(identifier, NO_PICKS, [{}])
-        (one,) = born(engine, [plan])
+            plan = island.plan(identifier, UNGUIDED)
+        (one,) = stream_offspring(engine, iter([plan]))
         births.append(one.birth(identifier // size, prepared.aims))
     for birth in births[let_in:]:
-        population.let_in(birth)
+        island.admit_birth(birth)
     return births, population.members
 
 
@@ -157,14 +160,15 @@ def with_window(prepared, window, generations):
     return replace(prepared, recipe=copy)
 
 
+@pytest.mark.slow
 @given(window=st.integers(1, 14), room=st.integers(1, 20), seed=st.integers(0, 2**32))
 @settings(max_examples=12, deadline=None)
 def test_whoever_is_done_first_the_births_are_those_of_one_by_one(prepared, window, room, seed):
     given_, total = with_window(prepared, window, 2), 15
     here = Here(given_.setup)
     engine = Shuffled(here, room, np.random.default_rng(seed))
-    steady = Steady(given_, Archipelago(given_), engine)
-    births = [birth for number in range(3) for birth in steady.births(number, NO_PICKS, [{}])]
+    steady = SteadyState(given_, Archipelago(given_), engine)
+    births = [birth for number in range(3) for birth in steady.births(number, UNGUIDED)]
     expected, members = one_by_one(given_, here, total)
     assert [(b.id, b.parents, b.operator, b.genome.digest, b.values) for b in births] == [
         (b.id, b.parents, b.operator, b.genome.digest, b.values) for b in expected
@@ -203,6 +207,7 @@ ADAPT = "adapt = true\n"
 KILLED_TOO = [(2, ""), (2, ADAPT), (6, ADAPT), (13, "")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("window", "adapt"),
     [
@@ -248,11 +253,12 @@ def asking(recipe, out, ask, at=1):
 def drawn_again(path):
     """All births of a run are planned again as they were."""
     run = evocity.open_run(path)
-    prepared, _ = read_again(run)
+    prepared, _ = read_preparation(run)
     for row in run.births(columns=["id", "parents"]).to_pylist():
         assert list(plan_of(run, prepared, row["id"]).parents) == row["parents"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [4, 8])
 def test_commands_count_from_a_window_after_the_block_that_they_precede(toy, tmp_path, window):
     recipe = windowed(toy, window, "adapt = true\n")
@@ -300,6 +306,7 @@ WAYS = {
 }
 
 
+@pytest.mark.slow_cases("nsga3", "map_elites", "single", "refined", "all that differ")
 @pytest.mark.parametrize("way", WAYS)
 def test_algorithms_let_births_in_one_by_one(toy, tmp_path, way):
     search, asked = WAYS[way]
@@ -358,16 +365,15 @@ def slow(city):
     assert not any(never.intersection(row["parents"]) for row in births)
 
 
-def test_what_does_not_go_with_a_window_is_refused(toy, tmp_path):
+def test_what_does_not_go_with_a_window_is_refused(toy, tmp_path, finished_runs):
     with pytest.raises(RecipeError, match=r"search\.window: 4, with the algorithm 'cma'"):
         windowed(toy, 4, "algorithm = 'cma'\n")
     with pytest.raises(RecipeError, match=r"search\.window: 0"):
         windowed(toy, 0)
     recipe = windowed(toy, 4)
-    with Search(recipe, workers=0) as search, pytest.raises(RunError, match="a window of 4"):
+    with Search(recipe, workers=0) as search, pytest.raises(RunError, match="window = 4"):
         search.ask()
-    out = tmp_path / "run"
-    bred(recipe, out)
+    out = finished_runs.copy("window", tmp_path)
     text = (out / "recipe.toml").read_text()
     (out / "recipe.toml").write_text(text.replace("window = 4", "window = 5"))
     with pytest.raises(RunError, match=r"search\.window was 4 and is now 5"):
@@ -377,6 +383,7 @@ def test_what_does_not_go_with_a_window_is_refused(toy, tmp_path):
 # -- how busy workers are -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_sixteen_workers_are_busy_in_a_window_and_wait_between_generations():
     """On a virtual clock: evaluations are uneven, and one in a hundred hangs to its deadline."""
     from steady import searched

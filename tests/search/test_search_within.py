@@ -12,12 +12,12 @@ from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.errors import MapError, RecipeError, RunError
+from evocity.evaluation.evaluator import Evaluator
 from evocity.io import write_map
 from evocity.report import write_report
 from evocity.search import Search, archive, read_recipe
-from evocity.search.evaluator import Evaluator
-from evocity.search.preparation import prepare
-from evocity.store import open_run
+from evocity.search.preparation.preparation import prepare
+from evocity.store import RunLog
 
 GOALS = """
 [[fitness]]
@@ -49,10 +49,11 @@ def parted(toy, goals=GOALS, **settings):
     return path
 
 
+@pytest.mark.slow_cases("2")
 @pytest.mark.parametrize("workers", [0, 2])
 def test_each_goal_is_of_its_own_part(toy, tmp_path, workers):
     run(parted(toy, population=6, generations=1), tmp_path / "run", workers=workers)
-    found = open_run(tmp_path / "run")
+    found = RunLog(tmp_path / "run")
     assert found.header.measures == ("spread", "roof", "gsi@quarter", "gsi@disc", "gsi")
     for row in found.births().to_pylist():
         built = decode(found.genome(row["id"])).city.heights > 1.5
@@ -91,12 +92,13 @@ def test_by_hand_all_is_measured_within_a_part_but_what_is_of_one_already(toy):
         "gsi@quarter": built[parts["quarter"]].mean(),
         "gsi@disc": built[parts["disc"]].mean(),
     }
-    assert "integrity within" in found.error  # it asks for the genome of the whole
+    assert "integrity cannot be limited" in found.error  # it asks for the genome of the whole
     found = Evaluator(prepared.setup).evaluate_within(genome, fitness.Part("disc", parts["disc"]))
     assert set(found.values) == {"gsi", "gsi@quarter", "gsi@disc"}
-    assert "spread within disc, which is no rectangle" in found.error
+    assert "spread cannot be limited to disc, which is not a rectangle" in found.error
 
 
+@pytest.mark.slow
 def test_births_do_not_depend_on_workers_nor_on_a_stop(toy, tmp_path):
     goals = GOALS + '[[fitness]]\nname = "fabric_distance"\nwithin = "disc.npy"\n'
     recipe = parted(toy, goals, population=6, max_failures=1.0)
@@ -137,13 +139,14 @@ label = "west"
 """
     recipe = parted(toy, goals, population=4, generations=0)
     run(recipe, tmp_path / "run", workers=0)
-    names = open_run(tmp_path / "run").header.measures[2:]
+    names = RunLog(tmp_path / "run").header.measures[2:]
     assert names == ("fsi@quarter", "fsi@east bank", "gsi@west")
     prepared = prepare(read_recipe(recipe))
     assert len(prepared.within) == 2
     assert prepared.setup.within["fsi@quarter"] is prepared.setup.within["gsi@west"]
 
 
+@pytest.mark.slow
 def test_own_measures_and_recorded_ones_take_parts_too(toy, tmp_path):
     goals = """
 [[fitness]]
@@ -163,7 +166,7 @@ within = "quarter.npy"
     for workers in (0, 2):
         out = tmp_path / f"run-{workers}"
         run(path, out, workers=workers)
-        found = open_run(out)
+        found = RunLog(out)
         assert found.header.measures[2:] == ("tall@quarter", "two.a@quarter", "two.b@quarter")
         for row in found.births().to_pylist():
             city = decode(found.genome(row["id"])).city
@@ -176,6 +179,7 @@ within = "quarter.npy"
         Search.resume(tmp_path / "run-0", generations=2)
 
 
+@pytest.mark.slow
 def test_a_measure_of_the_session_takes_a_part(toy, tmp_path):
     from evocity.fitness import registry
 
@@ -189,8 +193,8 @@ def test_a_measure_of_the_session_takes_a_part(toy, tmp_path):
         run(parted(toy, goals, population=4), tmp_path / "run", workers=2, generations=0)
     finally:
         del registry._table["tallest_here"]
-    for row in open_run(tmp_path / "run").births().to_pylist():
-        city = decode(open_run(tmp_path / "run").genome(row["id"])).city
+    for row in RunLog(tmp_path / "run").births().to_pylist():
+        city = decode(RunLog(tmp_path / "run").genome(row["id"])).city
         assert row["fitness.tallest_here@quarter"] == city.heights[masks()["quarter"]].max()
         assert row["fitness.tallest_here"] == city.heights.max()
 
@@ -234,8 +238,8 @@ def _written(toy, folder):
 @pytest.mark.parametrize(
     ("mask", "says"),
     [
-        (np.ones((32, 32)), "quarter has 32 × 32 px, left has 64 × 64 px"),
-        (np.zeros((64, 64)), "no pixel of left is above 0 in it"),
+        (np.ones((32, 32)), "quarter has 32 × 32 px, but left has 64 × 64 px"),
+        (np.zeros((64, 64)), "no pixel of left is above 0"),
     ],
 )
 def test_masks_that_do_not_serve_are_refused_before_the_run(toy, tmp_path, mask, says):
@@ -249,7 +253,9 @@ def test_masks_that_do_not_serve_are_refused_before_the_run(toy, tmp_path, mask,
 def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_path):
     goals = "[[fitness]]\nname = 'lacunarity'\ngoal = 'max'\nwithin = '{}.npy'\n"
     path = parted(toy, goals.format("disc"))
-    with pytest.raises(RecipeError, match=r"fitness\[1\]: lacunarity within disc.npy, which is no"):
+    with pytest.raises(
+        RecipeError, match=r"fitness\[1\]: lacunarity cannot be limited to disc.npy, which is not"
+    ):
         Search(read_recipe(path), tmp_path / "run", workers=0).ask()
     assert not (tmp_path / "run").exists()
     prepare(read_recipe(parted(toy, goals.format("quarter"))))
@@ -261,11 +267,11 @@ def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_pa
         (
             "name = 'gsi'\ntarget = 0.3\nwithin = 'none.npy'",
             "fitness[1].within (gsi)",
-            "is no file",
+            "is not a file",
         ),
         ("name = 'gsi'\ntarget = 0.3\nwithin = 3", "fitness[1].within (gsi)", "text in quotes"),
         ("name = 'gsi'\ntarget = 0.3\nlabel = 'west'", "fitness[1] (gsi)", "without within"),
-        ("name = 'integrity'\nwithin = 'disc.npy'", "fitness[1]", "it asks for the genome and the"),
+        ("name = 'integrity'\nwithin = 'disc.npy'", "fitness[1]", "it needs the genome and the"),
         (
             "name = 'gsi'\ntarget = 0.3\nwithin = 'disc.npy'\n[[fitness]]\n"
             "name = 'gsi'\ntarget = 0.5\nwithin = 'disc.npy'",
@@ -287,8 +293,8 @@ def test_a_changed_mask_is_told_and_the_runs_own_goes_on(toy, tmp_path):
         Search.resume(tmp_path / "run", generations=1)
     with Search.resume(tmp_path / "run", generations=1, workers=0, accept_changes=True) as search:
         list(search)
-    for row in open_run(tmp_path / "run").births(1).to_pylist():
-        built = decode(open_run(tmp_path / "run").genome(row["id"])).city.heights > 1.5
+    for row in RunLog(tmp_path / "run").births(1).to_pylist():
+        built = decode(RunLog(tmp_path / "run").genome(row["id"])).city.heights > 1.5
         assert row["fitness.gsi@quarter"] == built[masks()["quarter"]].mean()
 
 

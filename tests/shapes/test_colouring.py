@@ -110,14 +110,14 @@ def test_mirrored_pieces_are_seen_from_outside():
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        (lambda: palette(np.zeros((2, 3, 3))), "colours of shape"),
+        (lambda: palette(np.zeros((2, 3, 3))), "colours have the shape"),
         (lambda: palette(np.full((2, 2, 3), 1.5)), "each 0…1"),
         (lambda: palette_of(PICTURE, 17), "side = 17"),
-        (lambda: coloured_as(QUARTERS, known("koch")), "without colours"),
+        (lambda: coloured_as(QUARTERS, known("koch")), "has no colours"),
         (lambda: coloured_as(known("carpet"), palette(np.zeros((2, 2, 3)))), "8 times"),
-        (lambda: stolen(known("menger"), QUARTERS, PICTURE), "of space"),
-        (lambda: stolen(known("carpet"), QUARTERS, PICTURE), "4 maps on the picture"),
-        (lambda: glb_of(known("koch"), 2), "without faces"),
+        (lambda: stolen(known("menger"), QUARTERS, PICTURE), "lies in space"),
+        (lambda: stolen(known("carpet"), QUARTERS, PICTURE), "the source has 4 maps"),
+        (lambda: glb_of(known("koch"), 2), "has no faces"),
         (lambda: glb_of(known("menger"), 5), "triangles"),
     ],
 )

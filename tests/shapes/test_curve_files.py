@@ -19,8 +19,8 @@ from evocity.shapes import (
     write_curve,
     write_shape,
 )
-from evocity.shapes import documents as written
-from evocity.shapes.fitting import bezier_maps
+from evocity.shapes import files as written
+from evocity.shapes.curve_fit import bezier_maps
 
 LINE = np.cumsum(np.random.default_rng(2).normal(0.3, 1, (3 * 32 + 1, 2)), axis=0)
 ONE = Detailed.of(LINE, bezier_maps(4, 2))
@@ -83,10 +83,10 @@ def changed(**keys):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (changed(evocity="shape"), "no curve"),
+        (changed(evocity="shape"), "not a curve"),
         (changed(version=9), "version 9"),
-        (changed(points=[[0, 0]] * 5), r"points of shape \(5, 2\)"),
-        (changed(points="secret"), "numbers that are none"),
+        (changed(points=[[0, 0]] * 5), r"points have the shape \(5, 2\)"),
+        (changed(points="secret"), "values are not numbers"),
         (changed(depth=60), "depth = 60"),
         (changed(depth=10**30), "depth"),
         (changed(kept=6), "kept"),
@@ -95,7 +95,7 @@ def changed(**keys):
         (changed(maps=[1, 2]), "maps of shape"),
         (changed(maps=[[[9, 0], [-8, 1]]] * 2), "map"),
         (changed(crs=["x"]), "crs"),
-        (lambda document: {k: v for k, v in document.items() if k != "maps"}, "none"),
+        (lambda document: {k: v for k, v in document.items() if k != "maps"}, "keys are missing"),
     ],
 )
 def test_what_a_stranger_changed_is_told(tmp_path, change, says):
@@ -113,17 +113,17 @@ def test_parquet_of_others_and_cut_off_is_told(tmp_path, monkeypatch):
     faults = [content[: len(content) // 2], content[:200] + b"\0" * 40 + content[240:]]
     for fault in faults:
         path.write_bytes(fault)
-        with pytest.raises(ShapeError, match="no curve"):
+        with pytest.raises(ShapeError, match="not a curve"):
             read_curve(path)
     pq.write_table(pa.table({"a": [1, 2]}), path)
-    with pytest.raises(ShapeError, match="no curve"):
+    with pytest.raises(ShapeError, match="not a curve"):
         read_curve(path)
     path.write_bytes(content)
     monkeypatch.setattr(written, "MOST_NUMBERS", 100)
-    with pytest.raises(ShapeError, match="no curve"):
+    with pytest.raises(ShapeError, match="not a curve"):
         read_curve(path)
     monkeypatch.setattr(written, "MOST_BYTES", 100)
-    with pytest.raises(ShapeError, match="more than 100 bytes"):
+    with pytest.raises(ShapeError, match="exceeds 100 bytes"):
         read_curve(path)
     with pytest.raises(ShapeError, match="No such file"):
         read_curve(tmp_path / "none.json")

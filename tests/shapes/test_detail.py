@@ -8,8 +8,8 @@ from naive import all_that_maps_draw, nearest_of
 from scipy.interpolate import make_lsq_spline
 
 from evocity.shapes import Curve, Detailed, ShapeError, fit_curve, known, rms_of
+from evocity.shapes.curve_fit import _Model, bezier_maps
 from evocity.shapes.detail import point_count
-from evocity.shapes.fitting import _Model, bezier_maps
 from evocity.shapes.lines import crossing_of, resampled
 
 
@@ -168,7 +168,7 @@ ONE = Detailed.of(rough(25, 1), bezier_maps(4, 2))
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        (lambda: Detailed.of([(0, 0)], bezier_maps(4, 2)), "a line of 1 point"),
+        (lambda: Detailed.of([(0, 0)], bezier_maps(4, 2)), "the line has 1 point"),
         (lambda: Detailed.of([(0, 0), (0, 0), (1, 1)], bezier_maps(4, 2), 2), "points 0 and 1"),
         (lambda: Detailed.of([(0, 0), (np.inf, 0)], bezier_maps(4, 2), 2), "point 1"),
         (lambda: Detailed.of([(0, 0, 0), (1, 1, 1)], bezier_maps(4, 2), 2), "shape"),

@@ -18,7 +18,7 @@ from evocity.shapes import (
     wire,
     write_shape,
 )
-from evocity.shapes.wires import hangs_together
+from evocity.shapes.wires import joint_gap
 
 KOCH = [0, 1 / 3, 0.5 + 1j * np.sqrt(3) / 6, 2 / 3, 1]
 
@@ -52,7 +52,7 @@ def test_what_hangs_together_does_so_in_between(last):
     assert turning.linear
     for t in np.linspace(0, 1, 11):
         between = turning(float(t))
-        assert hangs_together(between) <= 1e-12
+        assert joint_gap(between) <= 1e-12
         _, count = ndimage.label(mask_of(between, 256), np.ones((3, 3)))
         assert count == 1
 
@@ -88,12 +88,15 @@ def test_pairs_are_told_where_numbers_differ():
     ("fault", "says"),
     [
         (lambda: wire([0j]), "1 points"),
-        (lambda: wire([(0, 0, 0)]), "points of shape"),
-        (lambda: wire([0j, 1], arcs=[(0, 2)]), "an arc to a point"),
-        (lambda: wire([0j, 0.5, 1], flipped=[True]), "1 flags for 2 arcs"),
+        (lambda: wire([(0, 0, 0)]), "points have the shape"),
+        (lambda: wire([0j, 1], arcs=[(0, 2)]), "an arc joins a missing point"),
+        (lambda: wire([0j, 0.5, 1], flipped=[True]), "1 flags are given for 2 arcs"),
         (lambda: wire([0j, 2, 1]), "map 0, whose spectral radius is 2"),
-        (lambda: metamorphosis(known("koch"), known("menger")), "a shape of the plane"),
-        (lambda: metamorphosis(known("koch"), known("koch").level(2)), "some words alone"),
+        (lambda: metamorphosis(known("koch"), known("menger")), "one shape lies in the plane"),
+        (
+            lambda: metamorphosis(known("koch"), known("koch").level(2)),
+            "the language of a shape is restricted",
+        ),
         (lambda: metamorphosis(known("koch"), known("levy"))(2.0), "t = 2.0"),
     ],
 )
@@ -121,15 +124,15 @@ def test_a_shape_comes_back_from_its_file(tmp_path, name):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"evocity": "map"}, "no shape"),
+        ({"evocity": "map"}, "not a shape"),
         ({"version": 9}, "version 9"),
-        ({"maps": "rm -rf"}, "maps of shape"),
+        ({"maps": "rm -rf"}, "the maps have the shape"),
         ({"maps": [[[1e999, 0, 0], [0, 0.5, 0]]]}, "not finite"),
         ({"maps": [[[2.0, 0, 0], [0, 0.5, 0]]]}, "spectral radius is 2"),
-        ({"primitive": 7}, "a primitive that is none"),
-        ({"primitive": {"points": "x"}}, "numbers that are none"),
-        ({"language": {"table": [[9] * 4], "accepting": [True]}}, "state 9"),
-        ({"language": {"table": [[0] * 4]}}, "numbers that are none"),
+        ({"primitive": 7}, "the primitive is invalid"),
+        ({"primitive": {"points": "x"}}, "values are not numbers"),
+        ({"language": {"table": [[9] * 4], "accepting": [True]}}, "a missing state, 9"),
+        ({"language": {"table": [[0] * 4]}}, "values are not numbers"),
         ({"colours": [[0, 0, 9]] * 4}, "colours"),
         ({"mix": "half"}, "mix"),
     ],
@@ -146,7 +149,7 @@ def test_a_file_at_fault_is_told_with_its_name(tmp_path, change, says):
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"[" * 100_000, b"{}", b"null"])
 def test_what_is_no_file_of_a_shape_is_told(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
-    with pytest.raises(ShapeError, match="no shape"):
+    with pytest.raises(ShapeError, match="not a shape"):
         read_shape(tmp_path / "a.json")
     with pytest.raises(ShapeError, match="No such file"):
         read_shape(tmp_path / "b.json")

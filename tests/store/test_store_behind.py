@@ -13,7 +13,7 @@ import pytest
 from test_store_log import HEADER, generation_of, writer  # noqa: F401
 
 from evocity.errors import RunError
-from evocity.store import Behind, RunWriter, layout, merge, open_run
+from evocity.store import BackgroundWriter, RunLog, RunWriter, layout, merge
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def names(path, kind="births"):
 
 
 def test_a_generation_is_written_while_the_next_is_bred(writer, monkeypatch):  # noqa: F811
-    behind, gate, write = Behind(writer), threading.Event(), RunWriter.write_generation
+    behind, gate, write = BackgroundWriter(writer), threading.Event(), RunWriter.write_generation
 
     def slowly(self, *generation):
         gate.wait(20)
@@ -38,21 +38,21 @@ def test_a_generation_is_written_while_the_next_is_bred(writer, monkeypatch):  #
     monkeypatch.setattr(RunWriter, "write_generation", slowly)
     behind.write_generation(*generation_of(0))
     behind.event("weights", generation=1)
-    assert len(open_run(writer.path).generations) == 0
-    assert open_run(writer.path).events() == []  # in order: what follows is told after it
+    assert len(RunLog(writer.path).generations) == 0
+    assert RunLog(writer.path).events() == []  # in order: what follows is told after it
     gate.set()
     behind.flush()
-    assert len(open_run(writer.path).generations) == 1
-    assert [one["event"] for one in open_run(writer.path).events()] == ["weights"]
+    assert len(RunLog(writer.path).generations) == 1
+    assert [one["event"] for one in RunLog(writer.path).events()] == ["weights"]
     behind.write_generation(*generation_of(1))
     behind.close()
     behind.close()
-    assert len(open_run(writer.path).generations) == 2
+    assert len(RunLog(writer.path).generations) == 2
     RunWriter.reopen(writer.path).close()
 
 
 def test_what_fails_behind_is_raised_by_the_next_call(writer, monkeypatch):  # noqa: F811
-    behind = Behind(writer)
+    behind = BackgroundWriter(writer)
     behind.write_generation(*generation_of(0))
     behind.flush()
 
@@ -66,13 +66,13 @@ def test_what_fails_behind_is_raised_by_the_next_call(writer, monkeypatch):  # n
             behind.write_generation(*generation_of(2))
     behind.event("stop", reason="full")
     behind.close()
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert len(run.generations) == 1
     assert [one["event"] for one in run.events()] == ["stop"]
 
 
 def test_without_a_thread_the_caller_writes(writer, monkeypatch):  # noqa: F811
-    behind = Behind(writer)
+    behind = BackgroundWriter(writer)
 
     def refused(self):
         raise RuntimeError("can't start new thread")
@@ -80,11 +80,11 @@ def test_without_a_thread_the_caller_writes(writer, monkeypatch):  # noqa: F811
     monkeypatch.setattr(threading.Thread, "start", refused)
     for number in range(2):
         behind.write_generation(*generation_of(number))
-        assert len(open_run(writer.path).generations) == number + 1
+        assert len(RunLog(writer.path).generations) == number + 1
     monkeypatch.undo()
     behind.write_generation(*generation_of(2))
     behind.close()
-    assert len(open_run(writer.path).generations) == 3
+    assert len(RunLog(writer.path).generations) == 3
     RunWriter.reopen(writer.path).close()
 
 
@@ -92,7 +92,7 @@ def test_what_fails_last_is_raised_by_close_and_the_run_is_released(
     writer,  # noqa: F811
     monkeypatch,
 ):
-    behind = Behind(writer)
+    behind = BackgroundWriter(writer)
 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -108,7 +108,7 @@ def test_what_fails_last_is_raised_by_close_and_the_run_is_released(
 def test_segments_are_merged_once_more(writer, short):  # noqa: F811
     for number in range(37):
         writer.write_generation(*generation_of(number))
-        assert open_run(writer.path).generations == range(number + 1)
+        assert RunLog(writer.path).generations == range(number + 1)
     expected = [
         "generation-00000036.parquet",
         "segment-00000000-00000015.parquet",
@@ -116,7 +116,7 @@ def test_segments_are_merged_once_more(writer, short):  # noqa: F811
         "segment-00000032-00000035.parquet",
     ]
     assert names(writer.path) == names(writer.path, "membership") == expected
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert run.births()["generation"].to_pylist() == [g for g in range(37) for _ in range(2)]
     assert run.births(17)["id"].to_pylist() == [102, 103]
     assert [one["births"] for one in run.history()] == [2 * g + 2 for g in range(37)]
@@ -128,7 +128,7 @@ def test_segments_of_many_bytes_stay_as_they_are(writer, short, monkeypatch):  #
     for number in range(16):
         writer.write_generation(*generation_of(number))
     assert len(names(writer.path)) == 4
-    assert len(open_run(writer.path).births()) == 32
+    assert len(RunLog(writer.path).births()) == 32
 
 
 def test_ten_thousand_generations_are_two_hundred_files():
@@ -146,18 +146,19 @@ CHILD = """
 import sys
 sys.path[:0] = {path!r}
 from test_store_log import generation_of
-from evocity.store import Behind, RunWriter, layout, merge, writer, open_run
+from evocity.store import BackgroundWriter, RunWriter, layout, merge, writer, RunLog
 for module in (layout, merge):
     module.SPANS = (4, 16)
 writer.SEGMENT = 4
-behind = Behind(RunWriter.reopen({run!r}))
-for number in range(len(open_run({run!r}).generations), 200):
+behind = BackgroundWriter(RunWriter.reopen({run!r}))
+for number in range(len(RunLog({run!r}).generations), 200):
     behind.write_generation(*generation_of(number))
     print(number, flush=True)
 behind.close()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL")
 def test_a_kill_at_any_moment_leaves_whole_generations(writer, short):  # noqa: F811
     """Most of the time goes into writing and merging: that is where it is killed."""
@@ -171,7 +172,7 @@ def test_a_kill_at_any_moment_leaves_whole_generations(writer, short):  # noqa: 
         time.sleep(drawn.uniform(0, 0.05))
         child.kill()
         child.communicate()
-        run = open_run(writer.path)
+        run = RunLog(writer.path)
         whole = len(run.generations)
         assert whole > reached[-1]
         reached.append(whole)
@@ -179,6 +180,6 @@ def test_a_kill_at_any_moment_leaves_whole_generations(writer, short):  # noqa: 
         if whole:
             assert run.births()["generation"].to_pylist() == sorted([*range(whole)] * 2)
     RunWriter.reopen(writer.path).close()
-    again = open_run(writer.path)
+    again = RunLog(writer.path)
     assert len(again.generations) == reached[-1]
     assert len(names(writer.path)) <= 4 + 4 + reached[-1] // 16

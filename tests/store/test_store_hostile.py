@@ -9,9 +9,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import evocity
 from evocity.errors import RunError
 from evocity.report import contact_sheet, write_report
-from evocity.store import RunWriter, open_run, parts
+from evocity.store import RunLog, RunWriter, safe_open
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of POSIX")
 
@@ -29,7 +30,7 @@ def snapshot(folder) -> dict:
 def refused(path) -> None:
     """Reading and reopening the run either work or raise `RunError`; one of them must."""
     caught = []
-    for attempt in (read_all, write_report, lambda p: contact_sheet(open_run(p)), reopen):
+    for attempt in (read_all, write_report, lambda p: contact_sheet(evocity.open_run(p)), reopen):
         try:
             attempt(path)
         except RunError as error:
@@ -38,7 +39,7 @@ def refused(path) -> None:
 
 
 def read_all(path):
-    run = open_run(path)
+    run = RunLog(path)
     run.status(), run.history(), run.events(), run.sources(), run.births(), run.members()
     run.references()
     run.individuals(run.members(0)["id"].to_pylist())
@@ -90,15 +91,15 @@ def test_a_lock_is_not_made_outside(whole_run, tmp_path):
 def test_a_pipe_does_not_hang(whole_run, part):
     (whole_run / part).unlink()
     os.mkfifo(whole_run / part)
-    with pytest.raises(RunError, match="no plain file"):
+    with pytest.raises(RunError, match="not a plain file"):
         read_all(whole_run)
 
 
 def test_huge_files_are_not_read(whole_run, monkeypatch):
-    monkeypatch.setattr(parts, "MOST_BYTES", 1000)
+    monkeypatch.setattr(safe_open, "MOST_BYTES", 1000)
     (whole_run / "events.jsonl").write_bytes(b" " * 1001)
     with pytest.raises(RunError, match="more than"):
-        open_run(whole_run).events()
+        RunLog(whole_run).events()
 
 
 def test_only_our_own_unfinished_files_are_deleted(whole_run):
@@ -156,7 +157,7 @@ def test_a_header_is_checked(whole_run, key, value):
 def test_provenance_nested_deep_or_no_table(whole_run, text):
     (whole_run / "provenance.json").write_text(text)
     with pytest.raises(RunError):
-        open_run(whole_run)
+        RunLog(whole_run)
 
 
 def rewrite(path, change):
@@ -209,7 +210,7 @@ def test_a_summary_is_checked(whole_run, summary):
     )
     for read in (lambda run: run.status(), lambda run: run.history()):
         with pytest.raises(RunError):
-            read(open_run(whole_run))
+            read(RunLog(whole_run))
 
 
 def test_a_file_of_another_run_is_not_mixed_in(whole_run):
@@ -218,11 +219,11 @@ def test_a_file_of_another_run_is_not_mixed_in(whole_run):
     about = json.loads(table.schema.metadata[b"evocity.run"]) | {"seed": 8}
     rewrite(path, lambda t: t.replace_schema_metadata({b"evocity.run": json.dumps(about)}))
     with pytest.raises(RunError, match="another run"):
-        open_run(whole_run).births()
+        RunLog(whole_run).births()
 
 
 def test_a_hidden_folder_of_a_killed_creation_goes(whole_run, tmp_path):
-    place, run = whole_run.parent, open_run(whole_run)
+    place, run = whole_run.parent, RunLog(whole_run)
     left = place / ".new-0badcafe"
     shutil.copytree(whole_run, left)
     others = [place / ".new-0badcaf", place / ".newer-0badcafe", place / ".new-00000000"]
@@ -239,9 +240,9 @@ def test_a_hidden_folder_of_a_killed_creation_goes(whole_run, tmp_path):
 
 
 def test_more_than_a_hundred_sources_come_back_in_order(whole_run, tmp_path):
-    run = open_run(whole_run)
+    run = RunLog(whole_run)
     (source,) = run.sources()
     many = [source] * 101
     writer = RunWriter.create(tmp_path / "many", "", {}, run.header, many)
     writer.close()
-    assert len(open_run(tmp_path / "many").sources()) == 101
+    assert len(RunLog(tmp_path / "many").sources()) == 101

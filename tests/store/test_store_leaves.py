@@ -9,11 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 from leaves import draw_leaves, draw_pavement
 
+import evocity
 from evocity.citymap import CityMap
 from evocity.errors import GenomeError, RunError
 from evocity.genome import FIELDS, packed, read_genome
 from evocity.report import contact_sheet, write_report
-from evocity.store import Birth, Header, Member, RunWriter, Source, open_run
+from evocity.store import Birth, Header, Member, RunLog, RunWriter, Source
 
 CITY = CityMap(np.kron(np.eye(2), np.full((16, 24), 6.0)), 2.0, name="town")
 HEADER = Header(32, 48, 2.0, 0.9, ("town",), "", None, None, 7, 2, "h", ("gsi",), settle=True)
@@ -42,7 +43,7 @@ def run(tmp_path):
 
 
 def test_leaves_come_back_bit_for_bit(run):
-    log = open_run(run)
+    log = RunLog(run)
     assert log.header == HEADER
     assert log.provenance["schema_version"] == 3
     for birth in log.individuals(range(6)):
@@ -56,7 +57,7 @@ def test_leaves_come_back_bit_for_bit(run):
 
 
 def test_each_birth_has_leaves_of_its_own_that_tile_the_map(run):
-    sides = open_run(run).births(columns=["side"])["side"]
+    sides = RunLog(run).births(columns=["side"])["side"]
     assert len({tuple(row.as_py()) for row in sides}) == 6
     areas = [int((row.values.to_numpy().astype(int) ** 2).sum()) for row in sides]
     assert areas == [32 * 48] * 6
@@ -68,7 +69,7 @@ def test_a_birth_without_a_genome_has_no_leaves(tmp_path):
     births = [Birth(0, 0, (), "mutation", "ok", None, 0.1, {"gsi": 0.5}, drawn(0)), failed]
     writer.write_generation(0, births, [Member(0, 0, 0, {"crowding": math.inf})], {})
     writer.close()
-    log = open_run(tmp_path / "run")
+    log = RunLog(tmp_path / "run")
     assert log.births()["side"].is_valid().to_pylist() == [True, False]
     assert [one.genome for one in log.individuals([1])] == [None]
     with pytest.raises(RunError, match="breeding failed"):
@@ -111,14 +112,16 @@ def test_births_whose_leaves_are_damaged_are_told(run, column, change):
     path = run / "births" / "generation-00000002.parquet"
     table = pq.read_table(path)
     pq.write_table(lists(table, column, change), path)
-    log = open_run(run)
+    log = RunLog(run)
     assert log.genome(0) == drawn(0)
-    for read in (lambda: log.genome(4), lambda: contact_sheet(log), lambda: write_report(run)):
+    opened = evocity.open_run(run)
+    for read in (lambda: log.genome(4), lambda: contact_sheet(opened), lambda: write_report(run)):
         with pytest.raises(RunError) as caught:
             read()
         assert caught.value.remedy
 
 
+@pytest.mark.slow
 def test_ids_are_found_in_generations_of_any_number_of_births(tmp_path):
     """By the file's own statistics, single or merged: not by the population."""
     path = tmp_path / "run"
@@ -133,7 +136,7 @@ def test_ids_are_found_in_generations_of_any_number_of_births(tmp_path):
         writer.write_generation(number, births, [], {})
         first, ids = first + 3 * count, [*ids, *chosen]
     writer.close()
-    log = open_run(path)
+    log = RunLog(path)
     assert len(list((path / "births").glob("segment-*"))) == 1
     assert [one.id for one in log.individuals(ids)] == ids
     assert log.genome(ids[-1]).digest == drawn(ids[-1] % 7).digest
@@ -242,4 +245,4 @@ def test_a_run_of_leaves_is_no_run_of_one_side(run):
     told = dataclasses.replace(HEADER, block=4).to_json()
     pq.write_table(table.replace_schema_metadata({b"evocity.run": told}), path)
     with pytest.raises(RunError, match="another run"):
-        open_run(run).births()
+        RunLog(run).births()

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from codes import uniformly
 
+import evocity
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
 from evocity.report import contact_sheet, write_report
-from evocity.store import Birth, Header, Member, RunWriter, Source, open_run
+from evocity.store import Birth, Header, Member, RunLog, RunWriter, Source
 
 CITY = CityMap(np.kron(np.eye(4), np.full((4, 4), 6.0)), 2.0, name="town")
 MASK = np.arange(256).reshape(16, 16) % 5 == 0
@@ -40,19 +41,19 @@ def locked_run(tmp_path):
 
 
 def test_every_genome_read_has_it(locked_run):
-    run = open_run(locked_run)
+    run = RunLog(locked_run)
     assert run.condensation == LAYER
     for birth in run.individuals([0, 1]):
         assert birth.genome.condensation is run.condensation
         assert birth.genome.digest == run.births()["genome"][0].as_py()
     assert run.genome(1) == run.sources()[0].genome
     RunWriter.reopen(locked_run).close()
-    assert open_run(locked_run).condensation == LAYER
+    assert RunLog(locked_run).condensation == LAYER
 
 
 def test_births_do_not_repeat_it(locked_run, tmp_path):
     bare = written(tmp_path / "bare", None)
-    assert open_run(locked_run).births().column_names == open_run(bare).births().column_names
+    assert RunLog(locked_run).births().column_names == RunLog(bare).births().column_names
 
 
 def test_it_is_one_array_that_numpy_reads(locked_run):
@@ -64,7 +65,7 @@ def test_it_is_one_array_that_numpy_reads(locked_run):
 
 @pytest.mark.parametrize("block", [None, 4])
 def test_a_run_without_it_has_no_trace_of_it(tmp_path, block):
-    run = open_run(written(tmp_path / "run", None, block))
+    run = RunLog(written(tmp_path / "run", None, block))
     assert run.condensation is None
     assert run.genome(0).condensation is None
     told = json.loads(header(None, block).to_json())
@@ -76,11 +77,11 @@ def test_a_run_without_it_has_no_trace_of_it(tmp_path, block):
 @pytest.mark.parametrize(("block", "version"), [(None, 3), (4, 2)])
 def test_a_run_with_it_is_refused_by_releases_without(tmp_path, block, version):
     path = written(tmp_path / "run", LAYER, block)
-    assert open_run(path).provenance["schema_version"] == version
+    assert RunLog(path).provenance["schema_version"] == version
     told = header(LAYER.digest, block)
     assert json.loads(told.to_json())["schema_version"] == version
     assert Header.from_json(told.to_json(), path) == told
-    assert open_run(path).genome(1).condensation == LAYER
+    assert RunLog(path).genome(1).condensation == LAYER
 
 
 def another(path):
@@ -111,13 +112,13 @@ def through_a_link(path):
 )  # fmt: skip
 def test_another_layer_or_a_damaged_one_is_refused(locked_run, damage):
     damage(locked_run / "sources" / "locked.npy")
-    run = open_run(locked_run)
+    run = RunLog(locked_run)
     assert len(run.births()) == 2
     for attempt in (
         lambda: run.condensation,
         lambda: run.genome(0),
         lambda: write_report(locked_run),
-        lambda: contact_sheet(run),
+        lambda: contact_sheet(evocity.open_run(run.path)),
     ):
         with pytest.raises(RunError, match=r"locked\.npy"):
             attempt()

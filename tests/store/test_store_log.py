@@ -20,7 +20,7 @@ from evocity.citymap import CityMap
 from evocity.errors import RunError
 from evocity.genome import FIELDS, NEWER, NUCLEOTIDES, Genome, packed
 from evocity.pavement import Pavement
-from evocity.store import Birth, Header, Member, RunWriter, Source, merge, open_run
+from evocity.store import Birth, Header, Member, RunLog, RunWriter, Source, merge
 from evocity.store.schema import STATUSES, births_of, births_table
 
 CITIES = ("left", "right")
@@ -149,22 +149,22 @@ def test_columns_of_an_older_run_stay_as_they_were(tmp_path):
     about = json.loads(schema.metadata[b"evocity.run"])
     assert (about["schema_version"], about["block"]) == (1, 4)
     assert not {"kind", "settle"} & set(about)
-    back = open_run(tmp_path / "run").individuals([0, 1])
+    back = RunLog(tmp_path / "run").individuals([0, 1])
     assert all(same(one, other) for one, other in zip(bred, back, strict=True))
 
 
 def test_a_folder_of_runs_tells_which_it_holds(writer):
     with pytest.raises(RunError, match=r"but 1 within it(.|\n)*for example .*run$"):
-        open_run(writer.path.parent)
+        RunLog(writer.path.parent)
     with pytest.raises(RunError, match="start a run"):
-        open_run(writer.path / "births")
+        RunLog(writer.path / "births")
 
 
 def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
     """Births i descend from 0 and i // 2; 0 claims to descend from itself."""
     for number in range(8):
         writer.write_generation(*generation_of(number, size=6))
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert run.ancestors(47).column("id").to_pylist() == [0, 1, 2, 5, 11, 23, 47]
     assert run.ancestors(0).column("id").to_pylist() == [0]
     row = run.ancestors(47).to_pylist()[-1]
@@ -182,7 +182,7 @@ def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
 
 
 def test_a_run_is_read_while_it_is_written(writer):
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert run.status()["generation"] is None
     with pytest.raises(RunError, match="no whole generation"):
         run.births()
@@ -207,21 +207,22 @@ def test_a_run_is_read_while_it_is_written(writer):
 
 
 def test_sources_come_back(writer):
-    (source,) = open_run(writer.path).sources()
+    (source,) = RunLog(writer.path).sources()
     assert source.name == "le / ft"
     assert source.city.attribution == "© left"
     assert (source.city.heights == 3.0).all()
     assert source.genome == genome(1)
 
 
+@pytest.mark.slow
 def test_segments_hold_what_the_single_files_held(writer, monkeypatch):
     for number in range(70):
         if number == 63:
-            before = open_run(writer.path)
+            before = RunLog(writer.path)
             singles = before.births(), before.members(), before.history()
             assert len(list((writer.path / "births").iterdir())) == 63
         writer.write_generation(*generation_of(number))
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert sorted(p.name for p in (writer.path / "births").iterdir()) == [
         *(f"generation-{g:08d}.parquet" for g in range(64, 70)),
         "segment-00000000-00000063.parquet",
@@ -236,6 +237,7 @@ def test_segments_hold_what_the_single_files_held(writer, monkeypatch):
     assert run.status()["generation"] == 69
 
 
+@pytest.mark.slow_cases("births-40", "membership-1")
 @pytest.mark.parametrize(
     ("kind", "removed"), [("births", 0), ("births", 40), ("membership", 1), ("membership", 64)]
 )
@@ -245,17 +247,17 @@ def test_a_crash_between_segment_and_deletion_changes_nothing(writer, removed, k
     copy = writer.path.parent / "singles"
     shutil.copytree(writer.path, copy)
     writer.write_generation(*generation_of(63))
-    expected = open_run(writer.path).births()
+    expected = RunLog(writer.path).births()
     # put the single files back, as if the process had died after deleting some of them
     for path in sorted((copy / kind).iterdir())[removed:]:
         shutil.copy(path, writer.path / kind / path.name)
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert run.births().equals(expected)
     assert run.generations == range(64)
     writer.close()
     RunWriter.reopen(writer.path).close()
     assert len(list((writer.path / kind).iterdir())) == 1
-    assert open_run(writer.path).births().equals(expected)
+    assert RunLog(writer.path).births().equals(expected)
 
 
 def test_reopening_drops_what_is_not_whole(writer):
@@ -266,14 +268,14 @@ def test_reopening_drops_what_is_not_whole(writer):
     half = writer.path / "births" / ".generation-00000003-0badcafe.parquet"
     half.write_bytes(b"PAR1 half a file")
     writer.close()
-    assert open_run(writer.path).generations == range(2)
-    assert len(open_run(writer.path).births()) == 4
+    assert RunLog(writer.path).generations == range(2)
+    assert len(RunLog(writer.path).births()) == 4
     again = RunWriter.reopen(writer.path)
     assert not half.exists()
     assert len(list((again.path / "births").iterdir())) == 2
     again.write_generation(*generation_of(2))
     again.close()
-    assert open_run(writer.path).generations == range(3)
+    assert RunLog(writer.path).generations == range(3)
 
 
 def test_one_process_writes_a_run_and_a_dead_one_does_not_block_it(writer):
@@ -304,7 +306,7 @@ def test_an_existing_folder_is_not_touched(writer, tmp_path):
     with pytest.raises(RunError, match="exists already"):
         RunWriter.create(writer.path, "other", {}, HEADER, [])
     assert sorted(tmp_path.rglob("*")) == before
-    assert open_run(writer.path).recipe_text == "# recipe\n"
+    assert RunLog(writer.path).recipe_text == "# recipe\n"
 
 
 def test_a_run_that_cannot_be_created_leaves_nothing(tmp_path):
@@ -320,7 +322,7 @@ def test_a_vanished_folder_is_told(writer):
     with pytest.raises(RunError, match=r"cannot be written.*generations 0…0 stay"):
         writer.write_generation(*generation_of(1))
     shutil.rmtree(writer.path)
-    with pytest.raises(RunError, match="not there any more"):
+    with pytest.raises(RunError, match="the folder is gone"):
         writer.write_generation(*generation_of(1))
     with pytest.raises(RunError):
         writer.event("stop")
@@ -336,7 +338,7 @@ def test_a_full_disk_keeps_the_generations_before(writer, monkeypatch):
     with pytest.raises(RunError, match="No space left on device"):
         writer.write_generation(*generation_of(1))
     monkeypatch.undo()
-    assert open_run(writer.path).generations == range(1)
+    assert RunLog(writer.path).generations == range(1)
     assert len(list((writer.path / "births").iterdir())) == 1
 
 
@@ -344,7 +346,7 @@ def test_a_cut_event_line_costs_that_line_alone(writer):
     writer.event("start", seed=7)
     with open(writer.path / "events.jsonl", "ab") as file:
         file.write(b'{"time": "2026-01-01T00:0')
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     assert [e["event"] for e in run.events()] == ["start"]
     writer.event("finish")
     assert [e["event"] for e in run.events()] == ["start", "finish"]
@@ -352,7 +354,7 @@ def test_a_cut_event_line_costs_that_line_alone(writer):
 
 
 def read_all(path):
-    run = open_run(path)
+    run = RunLog(path)
     return run.sources(), run.status(), run.births(0), run.genome(0), run.recipe_text
 
 
@@ -390,14 +392,14 @@ def test_a_damaged_or_foreign_folder_gives_a_run_error(writer, damage):
 def test_columns_that_births_have_not_are_refused(writer):
     writer.write_generation(*generation_of(0))
     writer.close()
-    run = open_run(writer.path)
+    run = RunLog(writer.path)
     chosen = run.births(0, columns=["seconds", "id"])
     assert chosen.column_names == ["seconds", "id"]
     for wrong, hint in (
         (["id", "secnods"], "did you mean seconds"),
         (["alpha"], "did you mean fitness.alpha"),
         (["fitness"], "did you mean fitness."),
-        ([3], "name columns that there are"),
+        ([3], "choose from these columns"),
         ("id", r"write columns=\['id'\]"),
     ):
         with pytest.raises(RunError) as caught:
@@ -415,15 +417,15 @@ def test_a_closed_writer_writes_no_more(writer):
         lambda: writer.event("stop"),
         lambda: writer.update_provenance({}),
     ):
-        with pytest.raises(RunError, match="a writer that was closed"):
+        with pytest.raises(RunError, match="this writer is closed"):
             write()
-    assert len(open_run(writer.path).generations) == 1
+    assert len(RunLog(writer.path).generations) == 1
 
 
 def test_no_run_at_all(tmp_path):
     for path in (tmp_path, tmp_path / "missing"):
         with pytest.raises(RunError, match="no run at"):
-            open_run(path)
+            RunLog(path)
 
 
 def test_an_adopted_genome_speaks_of_the_runs_cities():
@@ -439,4 +441,4 @@ def test_an_adopted_genome_speaks_of_the_runs_cities():
 def test_an_individual_is_named_by_a_whole_number(writer, identifier):
     writer.write_generation(*generation_of(0))
     with pytest.raises(RunError, match="a whole number"):
-        open_run(writer.path).genome(identifier)
+        RunLog(writer.path).genome(identifier)

@@ -16,7 +16,7 @@ import evocity
 from evocity import read_recipe
 from evocity.search import Search
 from evocity.store import layout, merge
-from evocity.store.packing import packing_of
+from evocity.store.checksums import packing_of
 
 OLD = sorted((Path(__file__).parent.parent / "old").glob("run-*[0-9]"))
 SMALL = {"generation", "id", "parents", "operator", "status", "seconds", "feasible"}
@@ -138,6 +138,7 @@ COLUMNS = {
 }
 
 
+@pytest.mark.slow
 @given(st.data(), st.integers(0, 20), st.sets(st.sampled_from(sorted(COLUMNS)), min_size=1))
 def test_what_is_read_is_what_was_written(data, count, names):
     columns = {

@@ -15,9 +15,13 @@ from test_store_behind import short  # noqa: F401
 from test_store_log import generation_of, writer  # noqa: F401
 
 from evocity.search import archive
-from evocity.search.judging import births_without_genomes, by_generation, every_generation
-from evocity.store import open_run, seals
-from evocity.store.pedigree import ancestry
+from evocity.search.record.aims import (
+    births_without_genomes,
+    iterate_generations,
+    split_generations,
+)
+from evocity.store import RunLog, checksums
+from evocity.store.run_log import ancestry
 
 
 @pytest.fixture
@@ -33,7 +37,7 @@ def long(writer, short):  # noqa: F811
 def counted(monkeypatch):
     """Row groups that were read of each file, "births/…", and how often its seal was checked."""
     read, checked, opened = Counter(), Counter(), {}
-    check, make = seals.check_seal, pq.ParquetFile.__init__
+    check, make = checksums.check_seal, pq.ParquetFile.__init__
     groups, one = pq.ParquetFile.read_row_groups, pq.ParquetFile.read_row_group
 
     def name(path):
@@ -55,7 +59,7 @@ def counted(monkeypatch):
         read[opened[id(self)], "looked at"] += 1
         return one(self, number, *args, **options)
 
-    monkeypatch.setattr(seals, "check_seal", checking)
+    monkeypatch.setattr(checksums, "check_seal", checking)
     monkeypatch.setattr(pq.ParquetFile, "__init__", making)
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", reading)
     monkeypatch.setattr(pq.ParquetFile, "read_row_group", reading_one)
@@ -77,7 +81,7 @@ def births_read(read: Counter) -> dict[str, int]:
 )
 def test_each_row_group_of_births_is_read_once(long, counted, way):
     read, checked = counted
-    way(open_run(long))
+    way(RunLog(long))
     pieces = births_read(read)
     assert sorted(pieces.values()) == [1, 1, 1, 4, 16, 16]
     # once to be read, and the last as the end of the run is looked for
@@ -87,7 +91,7 @@ def test_each_row_group_of_births_is_read_once(long, counted, way):
 
 def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
     read, checked = counted
-    assert open_run(long).individuals([8])[0].generation == 1
+    assert RunLog(long).individuals([8])[0].generation == 1
     assert births_read(read) == {"births/segment-00000000-00000015.parquet": 1}
     assert set(checked) <= {
         "births/segment-00000000-00000015.parquet",
@@ -98,7 +102,7 @@ def test_an_individual_is_read_from_the_file_that_holds_it(long, counted):
 
 def test_births_of_many_generations_are_read_from_files_opened_once(long, counted):
     read, checked = counted
-    born = open_run(long).individuals([8, 200, 30, 77, 0, 9])
+    born = RunLog(long).individuals([8, 200, 30, 77, 0, 9])
     assert [one.id for one in born] == [8, 200, 30, 77, 0, 9]
     groups = {  # of generations 0, 1 and 5; 12; 33
         "births/segment-00000000-00000015.parquet": 4,
@@ -108,11 +112,12 @@ def test_births_of_many_generations_are_read_from_files_opened_once(long, counte
     assert all(checked[name] == 1 for name in groups)
 
 
+@pytest.mark.slow_cases("65536")
 @pytest.mark.parametrize("at_once", [1, 30, 1 << 16])  # values: a row, some, all at a time
 def test_births_are_the_same_in_any_order_and_in_batches_of_any_size(long, monkeypatch, at_once):
-    run = open_run(long)
+    run = RunLog(long)
     genomes, errors = (run.births(columns=[one])[one].to_pylist() for one in ("genome", "error"))
-    monkeypatch.setattr("evocity.store.bounds._AT_ONCE", at_once)
+    monkeypatch.setattr("evocity.store.read_limits._AT_ONCE", at_once)
     rng = np.random.default_rng(at_once)
     for count in (1, 5, 40):
         ids = rng.choice(len(genomes), count, replace=False).tolist()
@@ -124,18 +129,18 @@ def test_births_are_the_same_in_any_order_and_in_batches_of_any_size(long, monke
 
 def test_every_generation_is_read_at_once_as_one_by_one(long, counted):
     read, _ = counted
-    births, members = list(every_generation(open_run(long))), open_run(long).members()
+    births, members = list(iterate_generations(RunLog(long))), RunLog(long).members()
     assert sorted(births_read(read).values()) == [1, 1, 1, 4, 16, 16]
-    run = open_run(long)
+    run = RunLog(long)
     assert births == [births_without_genomes(run, g) for g in run.generations]
-    lived = list(by_generation(members))
+    lived = list(split_generations(members))
     assert [one.equals(run.members(g)) for g, one in enumerate(lived)] == [True] * 39
 
 
 @pytest.mark.parametrize("asked", ["generations", "written", "damaged"])
 def test_files_that_are_moved_in_this_moment_are_looked_for_again(long, monkeypatch, asked):
     """As those of a log that was written anew are, once it counts."""
-    expected, scan, gone = getattr(open_run(long), asked), os.scandir, []
+    expected, scan, gone = getattr(RunLog(long), asked), os.scandir, []
 
     def moving(place):
         if not gone:
@@ -143,7 +148,7 @@ def test_files_that_are_moved_in_this_moment_are_looked_for_again(long, monkeypa
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(place))
         return scan(place)
 
-    run = open_run(long)
+    run = RunLog(long)
     monkeypatch.setattr(os, "scandir", moving)
     assert getattr(run, asked) == expected
     assert len(gone) == 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evocity.studio.guard import HEADER
-from evocity.studio.serving import Server
+from evocity.studio.server import Server
 
 OLD = Path(__file__).parent.parent / "old"
 HOSTILE = "<img src=x onerror='window.hacked=1'><script>window.hacked=1</script>\"'&${1}"

@@ -13,7 +13,7 @@ import numpy as np
 from asking import Client, Told
 
 from evocity.studio.guard import FILE, FILE_KIND, HEADER
-from evocity.studio.serving import Server
+from evocity.studio.server import Server
 
 KIND = ("Content-Type", FILE_KIND)
 #: A window of 128 m, a short run of few.
@@ -61,7 +61,7 @@ def ending(server: Server) -> Iterator[None]:
 
 
 def end_runs(server: Server) -> None:
-    for process, _ in server.studio._begins.carried._of.values():
+    for process, _ in server.studio.desk_routes.processes._of.values():
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
 

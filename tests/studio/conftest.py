@@ -7,9 +7,9 @@ from unittest.mock import patch
 
 import pytest
 from asking import OLD, Client
-from served_scene import studio
+from served_scene import served_modules, studio
 
-from evocity.studio.serving import served
+from evocity.studio.server import running_server
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -27,16 +27,23 @@ def night(tmp_path) -> Path:
 @pytest.fixture
 def asked(night):
     """Of `night`."""
-    with served(night) as server:
+    with running_server(night) as server:
         client = Client(server)
         client.open()
         yield client
 
 
+@pytest.fixture(scope="session")
+def modules():
+    """The address of studio's modules."""
+    with served_modules() as address:
+        yield address
+
+
 @pytest.fixture(scope="module")
-def started():
-    """A browser for views of one city."""
-    with studio() as found:
+def started(browser, modules):
+    """A page for views of one city: a page gives no more than a few contexts of WebGL back."""
+    with studio(browser, modules) as found:
         yield found
 
 

@@ -9,15 +9,12 @@ from pathlib import Path
 
 import numpy as np
 from chromium import BROWSER as BROWSER
-from chromium import started
 
 import evocity
 from evocity import CityMap
-from evocity.viewer.joined import PAGE as VIEWER
+from evocity.viewer.module_bundle import PAGE as VIEWER
 
 PAGE = Path(evocity.__file__).parent / "studio" / "page"
-#: WebGL without a graphics card.
-WITHOUT_CARD = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:"
 EMPTY = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>city</title>
 <link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css"></head>
@@ -138,10 +135,10 @@ class Studio:
 
 
 @contextlib.contextmanager
-def studio() -> Iterator[Studio]:
-    words = (*WITHOUT_CARD, "--disable-gpu-compositing")  # which takes longer so
-    with served_modules() as address, started(*words) as browser:
-        yield Studio(browser, address)
+def studio(browser, address: str) -> Iterator[Studio]:
+    found = Studio(browser, address)
+    yield found
+    found.kept.close()
 
 
 def frames(page) -> None:

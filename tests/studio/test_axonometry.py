@@ -54,9 +54,9 @@ def seen(page, camera: dict, wide: int = WIDE, tall: int = TALL) -> tuple:
     """How a camera lays the city, what is seen of it, int (H, W), and the picture (H, W, 4)."""
     place, codes, picture = page.evaluate(
         f"""([camera, wide, tall]) => {{
-          const text = {BASE64}, {{ laid, raster, surfaces }} = axonometry;
+          const text = {BASE64}, {{ placement, raster, surfaces }} = axonometry;
           const how = [city, camera, wide, tall], codes = surfaces(...how);
-          return [laid(...how), text(new Uint8Array(codes.buffer)), text(raster(...how))];
+          return [placement(...how), text(new Uint8Array(codes.buffer)), text(raster(...how))];
         }}""",
         [camera, wide, tall],
     )
@@ -77,6 +77,7 @@ def cast(city: CityMap, camera: dict, place: dict, down, across) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 def test_the_picture_is_that_of_lines_cast_one_by_one(opened):
     """Where they differ, a line meets an edge: one a millionth of a pixel beside it meets something
     else, and one of those is what the picture has."""

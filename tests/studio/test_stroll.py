@@ -32,6 +32,7 @@ def sun(latitude: float, day: date, hour: float) -> tuple[float, float]:
     return np.degrees(np.arctan2(sky[1], -south)) % 360, np.degrees(np.arcsin(up))
 
 
+@pytest.mark.slow
 def test_the_sun_goes_through_a_day_as_another_formula_says(opened):
     page = opened(CityMap(np.zeros((4, 4)), 1.0))
     rng = np.random.default_rng(1)
@@ -221,7 +222,7 @@ def test_two_fingers_zoom_and_move_what_is_between_them(opened):
           orbit.attach(canvas);
         }"""
     )
-    scale = page.evaluate("axonometry.laid(city, orbit.camera, 480, 360).scale")
+    scale = page.evaluate("axonometry.placement(city, orbit.camera, 480, 360).scale")
     talk = page.context.new_cdp_session(page)
 
     def touched(kind: str, *points: tuple[int, int]) -> None:

@@ -17,15 +17,15 @@ from PIL import Image
 from written_runs import written
 
 import evocity
-from evocity.analysis.viewed import Viewed
+from evocity.analysis.view_table import ViewTable
 from evocity.coding.usage import usage
 from evocity.errors import EvocityError, RunError
-from evocity.search.trust import state_folder
+from evocity.search.preparation.trust import state_folder
 from evocity.store import Birth, Member, RunWriter
 from evocity.studio import picks as picking
-from evocity.studio.answers import MOST_SAVED
-from evocity.studio.serving import served
-from evocity.studio.watched import Watched
+from evocity.studio.routes import MOST_SAVED
+from evocity.studio.run_watcher import RunWatcher
+from evocity.studio.server import running_server
 
 
 def opened(server) -> Client:
@@ -38,10 +38,10 @@ def opened(server) -> Client:
 def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path):
     folder = shutil.copytree(path, tmp_path / "run")
     before, run = contents(folder), evocity.open_run(folder)
-    with served(folder) as server:
+    with running_server(folder) as server:
         client = opened(server)
         about, content = client.get("/api/0/births").framed
-        viewed = Viewed(run)
+        viewed = ViewTable(run)
         assert content == viewed.table.buffer
         assert about["columns"] == viewed.table.about["columns"]
         assert about["generation"] == run.generations[-1]
@@ -52,10 +52,10 @@ def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path
             assert told["parents"] == [parent.id for parent in one.parents]
             assert (told["operator"], told["status"]) == (one.operator, one.status)
             pedigree = client.get(f"/api/0/pedigree?id={one.id}&steps=6").json
-            rows = viewed.run._pedigree.ancestors(run.told.rows([one.id]), 6)
+            rows = viewed.run.pedigree.ancestors(run.columns.rows([one.id]), 6)
             shown = {id for step in pedigree["steps"] for id in step}
             assert len(shown) + sum(pedigree["more"]) == len(rows)
-            assert shown <= set(run.told.ids[rows].tolist())
+            assert shown <= set(run.columns.ids[rows].tolist())
         ids = [0, 3, 999_999, 5]
         sheet, image = client.get("/api/0/tiles?ids=0,3,999999,5&side=96").framed
         assert sorted([*sheet["tiles"], *(one for one, _ in sheet["lacking"])]) == [0, 3, 5]
@@ -72,7 +72,7 @@ def test_runs_are_told_by_number_and_those_of_a_folder_as_they_come(tmp_path):
     shutil.copytree(OLD / "run-5", folder / "first")
     (folder / "no run").mkdir()
     os.symlink(named[0], folder / "linked")
-    with served(*named, named[0], folder=folder) as server:
+    with running_server(*named, named[0], folder=folder) as server:
         client = opened(server)
         told = client.get("/api/runs").json
         assert [one["run"] for one in told["runs"]] == [0, 1, 2]
@@ -122,8 +122,8 @@ def test_pictures_and_heights_are_those_of_the_birth(asked, night):
 @pytest.mark.parametrize("by", ["looks", "scores", "kin"])
 def test_births_are_compared_as_the_library_compares_them(asked, night, by):
     run = evocity.open_run(night)
-    ids = run.told.ids[run.told.ok].tolist()[::-1]
-    sent = [*ids, *run.told.ids[~run.told.ok].tolist()]
+    ids = run.columns.ids[run.columns.ok].tolist()[::-1]
+    sent = [*ids, *run.columns.ids[~run.columns.ok].tolist()]
     told = asked.post("/api/0/compare", {"by": by, "ids": sent, "to": 3}).content
     found = dict(zip(sent, np.frombuffer(told, "<f4").tolist(), strict=True))
     right = run.nearest(3, n=len(ids) - 1, by=by, of=ids)["distance"]
@@ -140,27 +140,27 @@ def test_births_are_compared_as_the_library_compares_them(asked, night, by):
 def test_small_pictures_are_kept_for_the_user_and_never_trusted(asked, night, tmp_path):
     folder = Path(os.environ["XDG_CACHE_HOME"]) / "evocity" / "tiles"
     shutil.rmtree(folder, ignore_errors=True)
-    watched = Watched(night)
+    watched = RunWatcher(night)
     first = watched.sheet([1, 2, 3], 96)
     files = sorted(folder.rglob("*.rgb"))
     assert [file.name.split("-")[0] for file in files] == ["1", "2", "3"]
     whole = files[0].read_bytes()
     for broken in (b"", whole[:3], whole[:90], whole + b"\0", bytes(4)):
         files[0].write_bytes(broken)
-        assert Watched(night).sheet([1], 96).ids == [1]
+        assert RunWatcher(night).sheet([1], 96).ids == [1]
         assert files[0].read_bytes() == whole
     files[0].write_bytes(whole[:90])
     files[1].write_bytes(b"\x88\x13\x01\0" + bytes(5000 * 3))  # taller than any may be
     older = [folder / files[0].parent.name / one for one in ("1-96-0.0.1.rgb", "1-96-0.0.1.npy")]
     for one in older:
         one.write_bytes(whole)
-    before, again = files[2].stat().st_mtime_ns, Watched(night)
+    before, again = files[2].stat().st_mtime_ns, RunWatcher(night)
     assert again.sheet([1, 2, 3], 96).image == first.image
     assert files[2].stat().st_mtime_ns == before
     assert not any(one.exists() for one in older)  # of other releases
     shutil.rmtree(folder)
     folder.write_text("in the way")
-    assert Watched(night).sheet([3, 1], 96).ids == [3, 1]
+    assert RunWatcher(night).sheet([3, 1], 96).ids == [3, 1]
     folder.unlink()
 
 
@@ -188,12 +188,12 @@ def log(folder: Path, births: int = 4) -> Path:
 @pytest.fixture
 def unwaited(monkeypatch):
     """News are news at once."""
-    monkeypatch.setattr("evocity.studio.watched.FRESH", 0.0)
+    monkeypatch.setattr("evocity.studio.run_watcher.FRESH", 0.0)
 
 
 def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
     folder = log(tmp_path / "run")
-    with served(folder) as server:
+    with running_server(folder) as server:
         clients, seen = [opened(server) for _ in range(3)], [-1, -1, -1]
         for _ in range(4):
             for k, client in enumerate(clients[: 1 + _ % 3]):
@@ -202,7 +202,7 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
                 about, content = client.get("/api/0/births").framed
                 seen[k] = about["generation"]
                 ids = np.frombuffer(content, "<i4", about["count"]).tolist()
-                assert ids == evocity.open_run(folder).told.ids.tolist()
+                assert ids == evocity.open_run(folder).columns.ids.tolist()
             grown(folder)
         called = {client.get("/api/0/births").framed[0]["run"] for client in clients}
         assert len(called) == 1
@@ -214,7 +214,7 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
 
 def test_a_run_that_is_bred_now_is_said_to_go_on(tmp_path, unwaited):
     folder = log(tmp_path / "run")
-    with served(folder) as server, contextlib.closing(RunWriter.reopen(folder)):
+    with running_server(folder) as server, contextlib.closing(RunWriter.reopen(folder)):
         assert opened(server).get("/api/0/changes?after=0").json["going"] is True
 
 
@@ -225,7 +225,7 @@ def test_a_run_without_a_generation_is_waited_for(tmp_path, unwaited):
     for kind in ("births", "membership"):
         for path in (folder / kind).glob("*.parquet"):
             path.unlink()
-    with served(folder) as server:
+    with running_server(folder) as server:
         client = opened(server)
         assert client.get("/api/0/changes?after=-1").json["generation"] == -1
         told = client.get("/api/0/births")
@@ -253,7 +253,7 @@ def of_another_release(folder: Path) -> None:
 def test_what_happens_to_the_folder_is_told_and_what_was_seen_stays(tmp_path, unwaited, deed):
     folder, copy = log(tmp_path / "run"), tmp_path / "copy"
     shutil.copytree(folder, copy)
-    with served(folder) as server:
+    with running_server(folder) as server:
         client = opened(server)
         about = client.get("/api/0/births").framed[0]
         deed(folder)
@@ -270,9 +270,10 @@ def test_what_happens_to_the_folder_is_told_and_what_was_seen_stays(tmp_path, un
         assert client.get("/api/0/picture?id=3&kind=map").status == 200
 
 
+@pytest.mark.slow
 def test_another_run_in_its_place_is_another(tmp_path, unwaited):
     folder = log(tmp_path / "run")
-    with served(folder) as server:
+    with running_server(folder) as server:
         client = opened(server)
         before = client.get("/api/0/births").framed[0]
         shutil.rmtree(folder)
@@ -285,12 +286,12 @@ def test_another_run_in_its_place_is_another(tmp_path, unwaited):
 
 def test_what_is_no_run_is_refused_at_once(tmp_path):
     for path in (tmp_path / "none", tmp_path):
-        with pytest.raises(RunError, match="what to do"), served(path):
+        with pytest.raises(RunError, match="what to do"), running_server(path):
             pass
 
 
 def test_a_port_that_another_has_is_refused(asked, night):
-    with pytest.raises(EvocityError, match="port"), served(night, port=asked.server.port):
+    with pytest.raises(EvocityError, match="port"), running_server(night, port=asked.server.port):
         pass
 
 
@@ -300,7 +301,7 @@ def test_strange_texts_arrive_as_texts(tmp_path):
         {"id": 1, "status": "timeout", "error": HOSTILE, "genome": None, "values": {}},
     ]
     run = written(tmp_path / HOSTILE.replace("/", "_")[:60], [births])
-    with served(run.path) as server:
+    with running_server(run.path) as server:
         client = opened(server)
         assert client.get("/api/0/one?id=0").json["operator"] == HOSTILE
         told = client.get("/api/0/one?id=1").json
@@ -340,9 +341,9 @@ def test_picks_have_notes_and_every_change_can_be_undone(asked, night):
 
 
 def test_picks_outlive_the_server_and_do_no_harm_to_the_run(night):
-    with served(night) as server:
+    with running_server(night) as server:
         opened(server).post("/api/0/pick", {"change": "note", "ids": [4], "note": "the best"})
-    with served(night) as server:
+    with running_server(night) as server:
         assert opened(server).get("/api/0/picks").json["picks"] == [{"id": 4, "note": "the best"}]
     run = evocity.open_run(night)
     assert (len(run), run.damaged) == (24, ())
@@ -351,10 +352,10 @@ def test_picks_outlive_the_server_and_do_no_harm_to_the_run(night):
 def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monkeypatch):
     before = contents(night)
     monkeypatch.setattr(picking, "_is_own", lambda folder: False)
-    with served(night) as server:
+    with running_server(night) as server:
         told = opened(server).post("/api/0/pick", {"change": "pick", "ids": [2]}).json
     assert Path(told["place"]).parent == state_folder() / "picks"
-    with served(night) as server:
+    with running_server(night) as server:
         assert opened(server).get("/api/0/picks").json["picks"] == [{"id": 2, "note": ""}]
     assert contents(night) == before
 
@@ -373,7 +374,7 @@ def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monke
 def test_a_damaged_file_of_picks_is_told_and_left(asked, night, text):
     (night / "picks.json").write_text(text)
     told = asked.post("/api/0/pick", {"change": "pick", "ids": [2]})
-    assert (told.status, "tells no picks" in told.json["error"]["found"]) == (409, True)
+    assert (told.status, "cannot be read as picks" in told.json["error"]["found"]) == (409, True)
     assert (night / "picks.json").read_text() == text
 
 

@@ -9,7 +9,7 @@ from asking import OLD, Client, contents
 
 from evocity.studio.guard import FILE as ADDRESS
 from evocity.studio.guard import FILE_KIND, HEADER, MOST_BODY, MOST_FILE, POLICY
-from evocity.studio.serving import HOST, served
+from evocity.studio.server import HOST, running_server
 from evocity.viewer.sheet import MOST
 
 JSON = ("Content-Type", "application/json")
@@ -28,7 +28,7 @@ def attacked(outside):
     night = shutil.copytree(OLD / "run-6", outside / "runs" / "night")
     (outside / "secret.txt").write_text("the secret")
     before = contents(outside)
-    with served(night) as server:
+    with running_server(night) as server:
         client = Client(server)
         client.open()
         yield client

@@ -13,12 +13,9 @@ from evocity.errors import EvocityError
 from evocity.pictures import Change, render_change
 from evocity.pictures.colours import change_colours, scale_end
 from evocity.scene import Scene
-from evocity.studio import one as ones
-from evocity.studio import solids
-from evocity.studio.beside import MOST_POINTS
-from evocity.studio.one import born_of, pedigree_of
-from evocity.studio.solids import Solids
-from evocity.studio.watched import Watched
+from evocity.studio import birth_details as ones
+from evocity.studio.birth_details import MOST_POINTS, Solids, count_ancestors, pedigree_of
+from evocity.studio.run_watcher import RunWatcher
 
 CITY = CityMap(np.array([[0, 6, 0], [9, 9, 0]], np.float32), 2.0, name="a", attribution="© A")
 
@@ -32,7 +29,7 @@ def test_a_change_is_what_the_second_has_more():
     assert change.apart == pytest.approx(2 / 6)
     assert change.attribution == "© A; © B"
     assert Change(CITY, CITY).apart == 0
-    with pytest.raises(EvocityError, match="as many pixels"):
+    with pytest.raises(EvocityError, match="the same number and size of pixels"):
         Change(CITY, CityMap(CITY.heights, 1.0))
     low, middle, high = change_colours(np.array([-1.0, 0.0, 1.0]), 1.0).astype(int)
     assert low[2] > low[0]  # blue
@@ -91,7 +88,7 @@ def test_buildings_are_those_of_birth_parents_cities_and_the_pinned(asked, night
 
 def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeypatch):
     run = evocity.open_run(night)
-    highest = Watched(night).moment.thumbnails.highest
+    highest = RunWatcher(night).moment.thumbnails.highest
     for one in (3, 20):
         content = asked.get(f"/api/0/solids?id={one}").content
         corners, colours = run[one].scene().triangles(highest=highest)
@@ -103,15 +100,15 @@ def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeyp
     monkeypatch.setattr(Scene, "triangles", None)  # they are at hand
     assert asked.get("/api/0/solids?id=20").content == content
     monkeypatch.undo()
-    monkeypatch.setattr(solids, "MOST_TRIANGLES", 10)
+    monkeypatch.setattr(ones, "MOST_TRIANGLES", 10)
     told = asked.get("/api/0/solids?id=5")
     assert told.status == 409
     assert "at most 10" in told.json["error"]["expected"]
 
 
 def test_solids_of_many_births_are_not_all_kept(night, monkeypatch):
-    monkeypatch.setattr(solids, "MOST_KEPT", 2)
-    found = Solids(Watched(night))
+    monkeypatch.setattr(ones, "MOST_KEPT", 2)
+    found = Solids(RunWatcher(night))
     first = found.of(3)
     for one in (5, 3, 20):
         found.of(one)
@@ -121,7 +118,7 @@ def test_solids_of_many_births_are_not_all_kept(night, monkeypatch):
 
 def test_a_failed_birth_has_no_buildings_and_no_difference(asked, night):
     run = evocity.open_run(night)
-    failed = run.told.ids[~run.told.ok].tolist()
+    failed = run.columns.ids[~run.columns.ok].tolist()
     missing = [one for one in failed if run[one].birth.genome is None] or [99_999]
     for question in (f"buildings?id={missing[0]}&of=area", f"difference?id=3&beside={missing[0]}"):
         told = asked.get(f"/api/0/{question}")
@@ -131,10 +128,10 @@ def test_a_failed_birth_has_no_buildings_and_no_difference(asked, night):
 
 def test_all_ancestors_are_counted_when_they_were_born(asked, night):
     run = evocity.open_run(night)
-    for n in (0, 3, int(run.told.ids[-1])):
+    for n in (0, 3, int(run.columns.ids[-1])):
         told = asked.get(f"/api/0/pedigree?id={n}&steps=6").json
         every = [k for k in run.ancestors(n)["id"].to_pylist() if k != n]
-        right = np.bincount(run.told.generation[run.told.rows(every)]) if every else [0]
+        right = np.bincount(run.columns.generation[run.columns.rows(every)]) if every else [0]
         assert told["born"]["span"] == 1
         assert told["born"]["every"] == list(right)
         shown = {k for step in told["steps"][1:] for k in step}
@@ -146,7 +143,7 @@ def test_a_long_pedigree_is_counted_in_spans_and_reads_no_genome(tmp_path, monke
     """A chain of 40 generations."""
     born = [[{"id": 0, "operator": "source"}, {"id": 1, "operator": "source"}]]
     born += [[{"id": n, "parents": (n - 1,), "operator": "mutation"}] for n in range(2, 42)]
-    moment = Watched(written(tmp_path / "run", born).path).moment
+    moment = RunWatcher(written(tmp_path / "run", born).path).moment
     monkeypatch.setattr(ones, "MOST_SPANS", 15)
     for name in ("individuals", "genome"):
         monkeypatch.setattr(type(moment.run), name, None)
@@ -157,4 +154,4 @@ def test_a_long_pedigree_is_counted_in_spans_and_reads_no_genome(tmp_path, monke
     assert told["every"][1:] == [3] * 12 + [1]
     assert told["shown"] == [0] * 11 + [2, 3, 1]
     nothing = np.array([], int)
-    assert born_of(nothing, nothing) == {"span": 1, "every": [0], "shown": [0]}
+    assert count_ancestors(nothing, nothing) == {"span": 1, "every": [0], "shown": [0]}

@@ -14,13 +14,13 @@ from toy_runs import write_toy
 
 import evocity
 from evocity.errors import OperatorError
+from evocity.evaluation import Here
 from evocity.fitness import registry
-from evocity.search.evaluation import Here
-from evocity.studio import breeding as rooms
-from evocity.studio import keeping, measuring
-from evocity.studio.breeding import Breeding, Brood, planned
-from evocity.studio.serving import served
-from evocity.studio.watched import Watched
+from evocity.studio import child_evaluation, kept_children
+from evocity.studio import children as rooms
+from evocity.studio.children import Breeding, Brood, plan_children
+from evocity.studio.run_watcher import RunWatcher
+from evocity.studio.server import running_server
 
 # What a stranger's measure would do if anything executed it.
 EXECUTED = """
@@ -48,7 +48,7 @@ def here(monkeypatch):
     """In this process in place of workers, where no process is what a test is about."""
 
     def workers(run):
-        found, left = measuring.workers_of(run)
+        found, left = child_evaluation.workers_of(run)
         setup = found._setup
         found.close()
         return Here(setup), left
@@ -70,7 +70,7 @@ BROOD = {"operators": ("pavement_fusion", "mutation"), "parents": (0, 1, 5), "co
 
 
 def test_the_same_picks_operators_and_seed_give_the_same_children(toy, here):
-    moment, breeding = Watched(toy).moment, Breeding()
+    moment, breeding = RunWatcher(toy).moment, Breeding()
     first = bred(breeding, moment, **BROOD)
     again = bred(breeding, moment, **BROOD)
     assert [one.genome.digest for one in first] == [one.genome.digest for one in again]
@@ -95,11 +95,11 @@ def test_what_a_drawing_measures_is_told_while_it_is_measured(monkeypatch):
         return dict(values)
 
     monkeypatch.setattr(rooms, "_finite", finite)
-    assert breeding.told()["marked"] == {0: {"gsi": 0.5}}
+    assert breeding.state()["marked"] == {0: {"gsi": 0.5}}
 
 
 def test_children_are_measured_as_the_run_measures(toy, here):
-    moment, breeding = Watched(toy).moment, Breeding()
+    moment, breeding = RunWatcher(toy).moment, Breeding()
     children = bred(breeding, moment, **BROOD)
     assert breeding.left == {}
     run = evocity.open_run(toy)
@@ -110,6 +110,7 @@ def test_children_are_measured_as_the_run_measures(toy, here):
     breeding.close()
 
 
+@pytest.mark.slow
 def test_what_is_placed_and_locked_by_hand_is_bred_bit_for_bit(toy):
     """As pavement fusion's ``positions`` has it, under a lock, through the server."""
     run = evocity.open_run(toy)
@@ -128,7 +129,7 @@ def test_what_is_placed_and_locked_by_hand_is_bred_bit_for_bit(toy):
     cells = "".join("1" if one else "0" for one in mask.ravel())
     asked = {"operators": ["pavement_fusion"], "parameters": drawn, "parents": [0, 1], "count": 1}
     asked |= {"board": True, "drawing": {"locked": {"cell": 1, "marked": cells}}}
-    with served(toy) as server:
+    with running_server(toy) as server:
         client = Client(server)
         client.open()
         about, lifs = client.get("/api/0/board?ids=0,1").framed
@@ -144,7 +145,7 @@ def test_what_is_placed_and_locked_by_hand_is_bred_bit_for_bit(toy):
         while client.get("/api/0/brood?board=1").json["busy"]:
             assert time.monotonic() < end
             time.sleep(0.05)
-        (child,) = server.studio.runs[0].drawn.children
+        (child,) = server.studio.runs[0].board.children
         assert client.get("/api/0/brood").json["children"] == []  # the others are as they were
     layer = evocity.Condensation.cut(city, mask)
     by_hand = evocity.operators.make(
@@ -185,13 +186,13 @@ def test_what_is_marked_is_what_is_measured_and_the_recipe_says_so(toy, here, tm
         cut = city.within(mask)
         return {name: pytest.approx(float(measure(cut))) for name, measure in taken.items()}
 
-    with served(run) as server:
+    with running_server(run) as server:
         client = Client(server)
         client.open()
         assert client.post("/api/0/breed", asked).status == 200
         while (brood := client.get("/api/0/brood?board=1").json)["busy"]:
             time.sleep(0.01)
-        (child,) = server.studio.runs[0].drawn.children
+        (child,) = server.studio.runs[0].board.children
         assert brood["children"][0]["values"] == within(child.city)
         # parents as they are, without the lock
         assert brood["marked"] == {str(n): within(told[n].city) for n in (0, 1)}
@@ -214,23 +215,23 @@ def test_what_is_marked_is_what_is_measured_and_the_recipe_says_so(toy, here, tm
             next(iter(search))
     first = evocity.open_run(tmp_path / "next")[0]
     assert first.scores["alignment@marked"] == within(first.city)["alignment"]
-    assert keeping._free(recipe) == "marked-2.npy"
+    assert kept_children._free_file(recipe) == "marked-2.npy"
 
 
 def test_operators_and_parents_take_turns():
-    plan = planned(Brood(**BROOD | {"vary": True}))
+    plan = plan_children(Brood(**BROOD | {"vary": True}))
     assert [one.operator.name for one in plan] == ["pavement_fusion", "mutation"] * 3
     assert [one.parents for one in plan] == [
         (0, 1), (0,), (1, 5), (1,), (5, 0), (5,),
     ]  # fmt: skip
-    plain = planned(Brood(**BROOD))[::2]
+    plain = plan_children(Brood(**BROOD))[::2]
     assert [one.parents for one in plain] == [(0, 1, 5), (1, 5, 0), (5, 0, 1)]
     brood = Brood(operators=("quarter_fusion",), parents=(3, 4), count=4, vary=True)
-    fills = [one.operator.fill for one in planned(brood)]
+    fills = [one.operator.fill for one in plan_children(brood)]
     assert len(set(fills)) == 4
     assert all(0.1 <= fill <= 0.9 for fill in fills)
     told = Brood(operators=("quarter_fusion",), parents=(3, 4), vary=True, parameters={"fill": 0.5})
-    assert {one.operator.fill for one in planned(told)} == {0.5}
+    assert {one.operator.fill for one in plan_children(told)} == {0.5}
 
 
 @pytest.mark.parametrize(
@@ -245,7 +246,7 @@ def test_operators_and_parents_take_turns():
 )
 def test_what_does_not_go_together_is_refused(asked, told):
     with pytest.raises(OperatorError, match=told):
-        planned(Brood(**BROOD | asked))
+        plan_children(Brood(**BROOD | asked))
 
 
 def stranger(toy: Path, folder: Path) -> Path:
@@ -265,7 +266,7 @@ def stranger(toy: Path, folder: Path) -> Path:
 def test_a_strangers_measures_are_never_executed(toy, here, tmp_path):
     run = stranger(toy, tmp_path)
     before = contents(run)
-    with served(run) as server:
+    with running_server(run) as server:
         client = Client(server)
         client.open()
         brood = json.loads(json.dumps(BROOD))
@@ -276,7 +277,7 @@ def test_a_strangers_measures_are_never_executed(toy, here, tmp_path):
         assert told["error"] is None
         assert [set(one["values"]) for one in told["children"]] == [{"alignment"}] * 6
         assert set(told["left"]) == {"spread", "roof"}
-        assert "not begun on this machine" in told["left"]["roof"]
+        assert "was not started on this machine" in told["left"]["roof"]
         kept = client.post("/api/0/keep", {"brood": 1, "children": [0], "picks": [5]}).json
         assert "toys.py" in kept["left"]
     recipe = tomllib.loads(Path(kept["recipe"]).read_text())
@@ -290,7 +291,7 @@ def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
     run = shutil.copytree(toy, tmp_path / "runs" / "night")
     for name in ("toys.py", "left.npy", "right.npy"):
         shutil.copy(toy.parent / name, tmp_path / "runs" / name)
-    with served(run) as server:
+    with running_server(run) as server:
         client = Client(server)
         client.open()
         client.post("/api/0/breed", json.loads(json.dumps(BROOD)))
@@ -337,9 +338,10 @@ def test_what_is_kept_goes_on_by_its_recipe(toy, here, tmp_path):
     assert sources[2].genome.digest == evocity.open_run(run).genome(5).digest
 
 
+@pytest.mark.slow
 def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
     run, other = (shutil.copytree(OLD / "run-6", tmp_path / one) for one in ("night", "other"))
-    with served(run, other) as server:
+    with running_server(run, other) as server:
         client = Client(server)
         client.open()
         assert client.post("/api/0/ready", {}).status == 200
@@ -350,9 +352,9 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
         asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
         assert client.post("/api/0/breed", asked).status == 200
         refused = client.post("/api/0/breed", asked)
-        assert (refused.status, refused.json["error"]["expected"]) == (409, "one at a time")
+        assert (refused.status, refused.json["error"]["expected"]) == (409, "one brood at a time")
         refused = client.post("/api/1/ready", {})
-        assert (refused.status, refused.json["error"]["expected"]) == (409, "one at a time")
+        assert (refused.status, refused.json["error"]["expected"]) == (409, "one brood at a time")
         seen = set()
         while (told := client.get("/api/0/brood").json)["busy"]:
             seen |= {one["stage"] for one in told["children"]}
@@ -373,7 +375,7 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
 
 def test_a_run_breeds_the_same_beside_a_studio(toy, tmp_path, monkeypatch):
     """Whose births are asked for after every generation, with pictures and picks."""
-    monkeypatch.setattr("evocity.studio.watched.FRESH", 0.0)
+    monkeypatch.setattr("evocity.studio.run_watcher.FRESH", 0.0)
     path = write_toy(
         tmp_path, recipe='\n[[fitness]]\nname = "alignment"\n', generations=1, workers=0
     )
@@ -384,7 +386,7 @@ def test_a_run_breeds_the_same_beside_a_studio(toy, tmp_path, monkeypatch):
         generations = iter(search)
         next(generations)
         search.flush()
-        with served(tmp_path / "run") as server:
+        with running_server(tmp_path / "run") as server:
             client = Client(server)
             client.open()
             assert client.get("/api/0/changes?after=-1").json["going"] is True

@@ -17,13 +17,14 @@ from brought import bring, footprints
 from click.testing import CliRunner
 
 from evocity.cli import main
-from evocity.search.signals import Signalled, signals_raise
-from evocity.studio.files import files
-from evocity.studio.serving import _hangup_ends
+from evocity.search.steering.signals import Signalled, signals_raise
+from evocity.studio.routes import page_files
+from evocity.studio.server import _hangup_ends
 
 EVOCITY = (sys.executable, "-m", "evocity")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_path):
@@ -46,7 +47,7 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_p
         browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
         with browser.open(told["url"], timeout=20) as answer:
             page = answer.read()
-        assert (answer.status, page) == (200, files()["/"][1])
+        assert (answer.status, page) == (200, page_files()["/"][1])
         with browser.open(told["url"].partition("?")[0] + "api/0/births", timeout=20) as answer:
             assert answer.status == 200
         address = urllib.parse.urlsplit(told["url"])
@@ -82,6 +83,7 @@ def test_a_terminal_that_closes_in_the_middle_of_an_answer_ends_it_after_that():
     assert answered == [True]
 
 
+@pytest.mark.slow
 def test_without_a_run_it_begins_at_the_desk_and_writes_nothing(tmp_path):
     own = tmp_path / "own.py"
     own.write_text(
@@ -132,7 +134,7 @@ def test_what_is_no_run_is_refused(tmp_path):
 
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():
-    page = files()
+    page = page_files()
     assert {"/", "/page/studio.js", "/page/viewer.js"} <= set(page)
     assert sum(len(content) for _, content in page.values()) < 300_000
     for address, (_, content) in page.items():

@@ -21,16 +21,13 @@ from toy_runs import forgotten, write_toy  # noqa: F401
 
 import evocity
 from evocity.errors import EvocityError, RunError
-from evocity.search.calibration import GUARD
-from evocity.studio import desk as rooms
-from evocity.studio import guard, maps
-from evocity.studio.apart import Carried, Errand
-from evocity.studio.asked import Faulty, body_of
-from evocity.studio.begins import Begins
-from evocity.studio.draft import Begin, Draft, Which
-from evocity.studio.maps import Maps, Placed, Window
-from evocity.studio.resuming import Resume, log_of
-from evocity.studio.serving import served
+from evocity.search.calibration.calibration import GUARD
+from evocity.studio import desk_maps, guard
+from evocity.studio.desk_maps import MapChoice, Maps, Window
+from evocity.studio.draft import BeginRequest, Draft, MapNumber
+from evocity.studio.request_fields import RequestError, parse_body
+from evocity.studio.server import running_server
+from evocity.studio.subprocesses import DeskJob, ResumeRequest, RunProcesses, log_of
 
 CITIES = ("cape-town-salt-river", "lyon-1er")
 
@@ -39,8 +36,8 @@ CITIES = ("cape-town-salt-river", "lyon-1er")
 def at_desk(folder, cities=(), **told):
     """A client of a studio whose runs go into ``folder``, with some ``cities``."""
     with (
-        patch.object(maps, "DISTRICTS", dict.fromkeys(cities)),
-        served(folder=folder, begins=Begins(folder, True, **told)) as server,
+        patch.object(desk_maps, "DISTRICTS", dict.fromkeys(cities)),
+        running_server(folder=folder, fresh=True, **told) as server,
         ending(server),
     ):
         client = Client(server)
@@ -60,7 +57,7 @@ def client(tmp_path_factory):
     folder, own = tmp_path_factory.mktemp("desk") / "runs", tmp_path_factory.mktemp("own")
     with at_desk(folder, CITIES) as found:
         with patch.object(tempfile, "tempdir", str(own)):
-            assert found.server.studio._begins.desk.maps.folder.parent == own
+            assert found.server.studio.desk_routes.desk.maps.folder.parent == own
         yield found
     assert not folder.exists()  # it comes with the first run
 
@@ -102,7 +99,7 @@ def test_the_desk_has_cities_and_measures_without_a_run(client):
     ids=range(9),
 )
 def test_a_name_is_text_and_never_a_path(client, two, name, title):
-    folder = client.server.studio._begins.desk.maps.folder
+    folder = client.server.studio.desk_routes.desk.maps.folder
     before = set(folder.parent.iterdir())
     told = bring(client, name, two[0].read_bytes())
     assert told.status == 200
@@ -122,10 +119,10 @@ def test_a_name_is_text_and_never_a_path(client, two, name, title):
     [
         ("a.shp", "Shapefile"),
         ("a.dbf", "GeoPackage"),
-        ("a.toml", "no map"),
-        ("a.py", "no map"),
-        ("geojson", "no map"),
-        ("a.geojson/", "no map"),
+        ("a.toml", "not a map"),
+        ("a.py", "not a map"),
+        ("geojson", "not a map"),
+        ("a.geojson/", "not a map"),
     ],
 )
 def test_what_is_no_map_by_its_name_is_refused(client, name, said):
@@ -150,6 +147,7 @@ def test_a_file_that_is_refused_by_its_name_is_heard_out(client):
     connection.close()
 
 
+@pytest.mark.slow
 def test_what_a_file_holds_is_told_as_its_reader_says(client, two):
     content = two[0].read_bytes()
     wrong = {
@@ -172,7 +170,7 @@ def test_what_a_file_holds_is_told_as_its_reader_says(client, two):
 
 
 def test_a_file_that_is_too_long_leaves_nothing(client, two, monkeypatch):
-    folder = client.server.studio._begins.desk.maps.folder
+    folder = client.server.studio.desk_routes.desk.maps.folder
     before = contents(folder)
     monkeypatch.setattr(guard, "MOST_FILE", 1 << 17)
     chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
@@ -185,7 +183,7 @@ def test_a_file_that_is_too_long_leaves_nothing(client, two, monkeypatch):
     assert told.json["error"]["expected"] == "131 kB at most"
     assert desk(client)["longest"] == 1 << 17
     assert contents(folder) == before
-    monkeypatch.setattr(maps, "MOST_MAPS", 0)
+    monkeypatch.setattr(desk_maps, "MOST_MAPS", 0)
     assert bring(client, "a.geojson", two[0].read_bytes()).status == 409
     assert contents(folder) == before
 
@@ -197,11 +195,11 @@ def test_reading_ends_where_it_takes_more_than_it_may(two, tmp_path, memory, sec
     one = {"number": 1, "map": str(two[0]), "options": {}, "picture": str(tmp_path / "p.png")}
     told: list[dict] = []
     with pytest.raises(EvocityError, match=said):
-        Errand(memory, seconds, "reading").run({"errand": "read", "maps": [one]}, told.append)
+        DeskJob(memory, seconds, "reading").run({"job": "read", "maps": [one]}, told.append)
     assert told == []
 
 
-class Scripted(Errand):
+class Scripted(DeskJob):
     """An errand that does what `does` says in place of reading, for each time."""
 
     does: ClassVar[list] = []
@@ -213,8 +211,8 @@ class Scripted(Errand):
 @pytest.fixture
 def laid(tmp_path, monkeypatch):
     """Maps on no desk, of two files that a `Scripted` reads."""
-    monkeypatch.setattr(maps, "DISTRICTS", {})
-    monkeypatch.setattr(maps, "Errand", Scripted)
+    monkeypatch.setattr(desk_maps, "DISTRICTS", {})
+    monkeypatch.setattr(desk_maps, "DeskJob", Scripted)
     found = Maps()
     for number in (1, 2):
         path, suffix = found.begin(f"{number}.geojson")
@@ -225,8 +223,8 @@ def laid(tmp_path, monkeypatch):
 
 
 def read(laid) -> dict:
-    until(lambda: not any(one["reading"] for one in laid.told()))
-    return {one["title"]: one for one in laid.told()}
+    until(lambda: not any(one["reading"] for one in laid.states()))
+    return {one["title"]: one for one in laid.states()}
 
 
 def tell_all(errand, told):
@@ -251,9 +249,9 @@ def test_a_disk_without_room_is_told_at_each_map(laid):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     Scripted.does = [tell_all]
-    with patch.object(maps, "OwnFolder", fail):
+    with patch.object(desk_maps, "ProcessFolder", fail):
         found = Maps()
-        found._laid = dict(laid._laid)
+        found._entries = dict(laid._entries)
         told = read(found)
         assert all("No space left" in one["fault"]["found"] for one in told.values())
     found.place(Window(pixels=64), {})
@@ -318,9 +316,13 @@ def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
         ({"minutes": 0}, "minutes = 0", "from 1 to 525600"),
         ({"population": 1}, "individuals alive = 1", "from 2 to 1000000"),
         ({"seed": -1}, "seed = -1", "from 0 to 9007199254740991"),
-        ({"window": {"pixels": 1, "metres_per_pixel": 2.0}}, "window, pixels a side = 1", "8 to"),
+        (
+            {"window": {"pixels": 1, "metres_per_pixel": 2.0}},
+            "side of the window, pixels = 1",
+            "8 to",
+        ),
         ({"maps": [{"map": 0, "center": [200, 0]}]}, "centre = 200", "longitude"),
-        ({"maps": [{"map": 0, "default_height": 0}]}, "height where none is told = 0", "metres"),
+        ({"maps": [{"map": 0, "default_height": 0}]}, "default height = 0", "metres"),
         ({"goals": [{"measure": "gsi", "want": "target", "target": "a"}]}, "target = 'a'", "a num"),
     ],
     ids=str,
@@ -337,8 +339,8 @@ def test_a_body_that_no_page_sends_is_told_as_such(client):
     before = desk(client)["draft"]
     told = client.post("/api/desk-change", before | {"generation": 1})
     assert told.json["error"]["remedy"] == "load the page again"
-    with pytest.raises(Faulty, match="to generation = 0"):
-        body_of(Resume, b'{"generations": 0}')
+    with pytest.raises(RequestError, match="to generation = 0"):
+        parse_body(ResumeRequest, b'{"generations": 0}')
 
 
 def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
@@ -355,8 +357,8 @@ def test_without_maps_or_goals_or_a_recipe_nothing_begins(client):
 
 def test_a_map_that_is_taken_away_meanwhile_stays_in_no_draft(client, two, monkeypatch):
     number = bring(client, "gone.geojson", two[0].read_bytes()).json["map"]
-    found, of_number = client.server.studio._begins.desk, Maps.__getitem__
-    dropping = threading.Thread(target=found.drop, args=(Which(map=number),))
+    found, of_number = client.server.studio.desk_routes.desk, Maps.__getitem__
+    dropping = threading.Thread(target=found.drop, args=(MapNumber(map=number),))
 
     def looked(self, number):
         laid = of_number(self, number)
@@ -366,12 +368,12 @@ def test_a_map_that_is_taken_away_meanwhile_stays_in_no_draft(client, two, monke
         return laid
 
     monkeypatch.setattr(Maps, "__getitem__", looked)
-    found.change(Draft(maps=(Placed(map=number, chosen=True),)))
+    found.change(Draft(maps=(MapChoice(map=number, chosen=True),)))
     dropping.join()
     told = desk(client)
     assert number not in [one["map"] for one in told["maps"]]
     assert number not in [one["map"] for one in told["draft"]["maps"]]
-    found.draft = Draft(maps=(Placed(map=number, chosen=True),))
+    found.draft = Draft(maps=(MapChoice(map=number, chosen=True),))
     assert desk(client)["usual"] == "run"
     found.draft = Draft()
 
@@ -414,6 +416,7 @@ def given(two, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_night_is_begun_killed_taken_up_and_stopped_and_outlives_studio(given, tmp_path):
     runs = tmp_path / "runs"
     with at_desk(runs, recipe=given) as client:
@@ -427,7 +430,7 @@ def test_a_night_is_begun_killed_taken_up_and_stopped_and_outlives_studio(given,
         assert told["started"][1]["code"] in (143, -signal.SIGTERM)
         assert (told["started"][0]["run"], told["started"][1]["run"]) == (0, None)
 
-        process, _ = client.server.studio._begins.carried._of[runs / "my night"]
+        process, _ = client.server.studio.desk_routes.processes._of[runs / "my night"]
         os.killpg(process.pid, signal.SIGKILL)
         until(lambda: not of(client)["going"])
         assert of(client)["process"]["code"] == -signal.SIGKILL
@@ -447,6 +450,7 @@ def test_a_night_is_begun_killed_taken_up_and_stopped_and_outlives_studio(given,
     assert not (runs / "my night" / "picks.json").exists()
 
 
+@pytest.mark.slow
 def test_the_fault_of_a_run_that_cannot_begin_is_told(given, tmp_path):
     (tmp_path / "1.geojson").write_text("{}")
     with at_desk(tmp_path / "runs", recipe=given) as client:
@@ -467,7 +471,7 @@ def test_a_strangers_run_is_not_taken_up_where_it_brings_measures(tmp_path):
     provenance = tmp_path / "run" / "provenance.json"
     provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
     before = contents(tmp_path)
-    with served(tmp_path / "run") as server:
+    with running_server(tmp_path / "run") as server:
         client = Client(server)
         client.open()
         told = client.post("/api/0/resume", {"generations": 2})
@@ -498,13 +502,14 @@ def test_what_lies_beside_a_strangers_run_is_not_written_to(tmp_path, monkeypatc
         assert log_of(run) == beside / "run.log"  # begun here
         (beside / "run.log").symlink_to(victim)
         with pytest.raises(RunError, match=r"run.log"):
-            Carried().begin(run, ["--version"], log_of(run))
+            RunProcesses().begin(run, ["--version"], log_of(run))
         provenance = run / "provenance.json"
         provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
         assert tmp_path / "state" in log_of(run).parents
     assert victim.read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
     file = tmp_path / "own.py"
     file.write_text(
@@ -530,7 +535,9 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         assert (
             desk(client)["found"]["text"] == told["found"]["text"]
         )  # a page that is loaded again has it
-        assert all(one.is_file() for one in client.server.studio._begins.desk.maps.folder.iterdir())
+        assert all(
+            one.is_file() for one in client.server.studio.desk_routes.desk.maps.folder.iterdir()
+        )
         raw = tomllib.loads(told["found"]["text"])
         assert [one["name"] for one in raw["parents"]] == ["a b", "a b 2"]
         assert {one["name"] for one in raw["fitness"][3:]} <= set(GUARD)
@@ -552,8 +559,8 @@ def full(*args, **kwargs):
 def test_a_full_disk_is_told_when_a_recipe_is_made_and_leaves_nothing(client, two):
     number = bring(client, "full.geojson", two[0].read_bytes()).json["map"]
     assert chosen(client, [number]).status == 200
-    folder = client.server.studio._begins.desk.maps.folder
-    with patch.object(maps.shutil, "copyfile", full):
+    folder = client.server.studio.desk_routes.desk.maps.folder
+    with patch.object(desk_maps.shutil, "copyfile", full):
         told = client.post("/api/desk-calibrate", {})
     assert told.status == 409
     assert "No space left" in told.json["error"]["found"]
@@ -569,13 +576,13 @@ def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, place, said):
     runs = tmp_path / "runs"
     with at_desk(runs, CITIES) as client:
         assert chosen(client, [0]).status == 200
-        found = client.server.studio._begins.desk
-        found._found = {"text": "x"}
+        found = client.server.studio.desk_routes.desk
+        found._result = {"text": "x"}
         with (
-            patch.object(rooms, "read_recipe"),
-            patch(f"evocity.studio.apart.{place}", full, create=True),
+            patch("evocity.studio.output_files.read_recipe"),
+            patch(f"evocity.studio.subprocesses.{place}", full, create=True),
             pytest.raises(RunError, match=said),
         ):
-            found.begin(Begin())
+            found.begin(BeginRequest())
         assert list(runs.iterdir()) == []
-        found._found = None
+        found._result = None

@@ -10,13 +10,12 @@ pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE
 from brought import end_runs, ending, footprints
-from chromium import BROWSER, started
+from chromium import BROWSER
 from test_studio_in_a_browser import AXE
 
 import evocity
-from evocity.studio import maps
-from evocity.studio.begins import Begins
-from evocity.studio.serving import served
+from evocity.studio import desk_maps
+from evocity.studio.server import running_server
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
@@ -68,28 +67,28 @@ def write(page, label: str, text: str) -> None:
 #: whether it has a generation, exit code. A recipe is offered too.
 TOLD = """(runs) => {
   const { desk } = studio, given = { path: "/night.toml", text: "[run]" };
-  window.tell ||= desk.tell.bind(desk);
-  desk.tell = () => {};
+  window.tell ||= desk.showState.bind(desk);
+  desk.showState = () => {};
   const started = runs.map(([folder, run, has, code]) => ({
     name: folder, folder, recipe: "/night.toml", run, has, at: code === null, code,
     said: `first\\n${folder} says`,
   }));
-  tell({ ...JSON.parse(desk.told), given, started });
+  tell({ ...JSON.parse(desk.stateText), given, started });
 }"""
 
 
 @contextlib.contextmanager
-def desk(tmp_path):
+def desk(browser, tmp_path):
     """A page on which two files were brought and a measure was chosen, by keys, and its server."""
     first, second = (footprints(tmp_path / f"{n}.geojson", n).read_text() for n in (1, 2))
     runs, said, asked = tmp_path / "runs", [], []
     with (
-        patch.object(maps, "DISTRICTS", {"lyon-1er": None}),
-        served(folder=runs, begins=Begins(runs, True)) as server,
+        patch.object(desk_maps, "DISTRICTS", {"lyon-1er": None}),
+        running_server(folder=runs, fresh=True) as server,
         ending(server),
-        started() as browser,
+        contextlib.closing(browser.new_context(viewport={"width": 1024, "height": 700})) as context,
     ):
-        page = browser.new_page(viewport={"width": 1024, "height": 700})
+        page = context.new_page()
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))
@@ -97,21 +96,21 @@ def desk(tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 1")
         brought = {"name": f"{HOSTILE}.geojson", "mimeType": "text/plain", "buffer": first.encode()}
         page.set_input_files("#desk input[type=file]", brought)
-        kept = "&& studio.desk.brought.textContent.endsWith('on the desk')"
+        kept = "&& studio.desk.uploadStatus.textContent.endsWith('on the desk')"
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 2 {kept}")
         page.evaluate(DROPPED, [["second.geojson", second]])
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 3 {kept}")
         page.evaluate(DROPPED, [["third.shp", "x"], ["third.dbf", "x"]])  # all are told of
-        told = "studio.desk.brought.textContent.includes"
+        told = "studio.desk.uploadStatus.textContent.includes"
         until(page, f"{told}('third.shp') && {told}('third.dbf') && {told}('Shapefile')")
         page.evaluate("() => { studio.desk.longest = 2000; }")
         page.evaluate(DROPPED, [["long.geojson", " " * 2001]])  # which is not even sent
         until(page, f"{told}('2 kB at most')")
         for label, text in [
-            ("window, pixels a side", "32"),
-            ("metres a pixel", "4"),
+            ("side of the window, pixels", "32"),
+            ("metres per pixel", "4"),
             ("individuals alive", "1"),
-            ("so many", "90000"),
+            ("length", "90000"),
         ]:
             write(page, label, text)
         invalid = "[...studio.desk.form.querySelectorAll('input:invalid')].map((one) => one.value)"
@@ -121,19 +120,19 @@ def desk(tmp_path):
         assert page.evaluate(invalid) == ["a/night"]
         assert page.evaluate("document.activeElement === studio.desk.name")
         write(page, "name of the run", "a night")
-        write(page, "so many", "1.5")
+        write(page, "length", "1.5")
         assert page.evaluate(invalid) == ["1.5"]
         page.get_by_label("generations or minutes").select_option("minutes")
         assert page.evaluate(invalid) == []
         page.get_by_label("generations or minutes").select_option("generations")
-        write(page, "so many", "90000")
+        write(page, "length", "90000")
         for name in ("autosimilarity", "alignment", "salingaros buildings"):
-            press(page, f"leave {name} out")
+            press(page, f"drop {name}")
         page.get_by_label("another measure").select_option("gsi")
         press(page, "add")
-        page.get_by_label("what is wanted of gsi").select_option("max")
+        page.get_by_label("goal of gsi").select_option("max")
         until(page, "document.getElementById('trouble').hidden")
-        until(page, "!JSON.parse(studio.desk.told).maps.some((one) => one.reading)")
+        until(page, "!JSON.parse(studio.desk.stateText).maps.some((one) => one.reading)")
         until(page, "[...document.images].every((one) => one.hidden || one.naturalWidth)")
         axe(page)
         yield page, server
@@ -144,9 +143,10 @@ def desk(tmp_path):
     assert all(one.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:")) for one in asked)
 
 
-def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
-    with desk(tmp_path) as (page, _):
-        wanted = page.evaluate("() => studio.desk.wanted")
+@pytest.mark.slow
+def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
+    with desk(browser, tmp_path) as (page, _):
+        wanted = page.evaluate("() => studio.desk.goalChoices")
         assert [(one["measure"], one["want"]) for one in wanted][-1] == ("gsi", "max")
         page.reload()  # nothing is lost
         until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
@@ -164,23 +164,23 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         assert page.evaluate("shown") == []
 
         # who left the desk is not taken away from what is looked at
-        page.evaluate("() => { studio.desk.begun.waits = 'new'; studio.desk.show(false); }")
+        page.evaluate("() => { studio.desk.starts.waits = 'new'; studio.desk.show(false); }")
         page.evaluate(TOLD, [["old", 3, True, None], ["new", 4, True, None]])
-        assert page.evaluate("[shown, studio.desk.begun.waits]") == [[], None]
+        assert page.evaluate("[shown, studio.desk.starts.waits]") == [[], None]
         page.evaluate("() => studio.desk.show(true)")
 
         # what ended a run is told: a kill is no stop
         codes = {"a": -9, "b": -11, "c": 137, "d": 1, "e": -2, "f": 143, "g": 130, "h": 0}
         page.evaluate(TOLD, [[name, None, False, code] for name, code in codes.items()])
-        rows = page.locator(".evocity-begun li").all_inner_texts()
+        rows = page.locator(".evocity-starts li").all_inner_texts()
         told = {row[0]: row for row in rows if row[0] in codes and row[1] in " \n"}
         assert all("failed" in told[one] and "first" in told[one] for one in "abcd")
-        assert all("was stopped" in told[one] and "first" not in told[one] for one in "efg")
-        assert "has ended" in told["h"]
+        assert all("stopped" in told[one] and "first" not in told[one] for one in "efg")
+        assert "finished" in told["h"]
 
         # how a map is read is opened for a new fault, and stays as it is left
         faulty = """(found) => {
-          const { desk } = studio, state = JSON.parse(desk.told), at = state.maps[0];
+          const { desk } = studio, state = JSON.parse(desk.stateText), at = state.maps[0];
           at.fault = found && { found, expected: "a map", remedy: "another" };
           tell({ ...state, usual: `${state.usual}x` }); // something else is new too
           const { more } = desk.cards.get(at.map), isOpen = more.open;
@@ -193,9 +193,9 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
         process = {"at": False, "said": "Error: x"}
         told = page.evaluate(
             """async ([codes, process]) => {
-              const { Going } = await import("/page/going.js");
+              const { RunControl } = await import("/page/control.js");
               return codes.map((code) => {
-                const one = new Going(document.createElement("div"), {}, {});
+                const one = new RunControl(document.createElement("div"), {}, {});
                 one.inform({ going: false, process: { ...process, code } });
                 return one.state.textContent;
               });
@@ -206,16 +206,16 @@ def test_files_are_brought_and_measures_chosen_by_keys(tmp_path):
 
 
 @pytest.mark.long
-def test_two_files_become_a_night_by_keys(tmp_path):
+def test_two_files_become_a_night_by_keys(browser, tmp_path):
     runs = tmp_path / "runs"
-    with desk(tmp_path) as (page, server):
+    with desk(browser, tmp_path) as (page, server):
         press(page, "make the recipe")
         until(page, "studio.desk.fields.disabled")
         axe(page)
         page.reload()  # nothing is lost
-        until(page, "studio.desk.told && !studio.desk.found.hidden")
+        until(page, "studio.desk.stateText && !studio.desk.result.hidden")
         assert page.get_by_label("name of the run").input_value() == "a night"
-        assert page.get_by_label("so many").input_value() == "90000"
+        assert page.get_by_label("length").input_value() == "90000"
         assert page.get_by_role("checkbox", checked=True).count() == 2
         text = page.get_by_label("text of the recipe").inner_text()
         assert "a target" not in text
@@ -226,9 +226,9 @@ def test_two_files_become_a_night_by_keys(tmp_path):
         until(page, "studio.run?.viewer && document.querySelectorAll('[role=option]').length")
         assert page.title().startswith("run a night")
         press(page, "stop the run")
-        until(page, "studio.run.going.state.textContent.includes('after this generation')")
+        until(page, "studio.run.control.state.textContent.includes('after this generation')")
         press(page, "new run")
-        until(page, "studio.desk.isShown && document.querySelector('.evocity-begun li')")
+        until(page, "studio.desk.isShown && document.querySelector('.evocity-starts li')")
         axe(page)
         page.go_back()
         until(page, "!studio.desk.isShown && !document.getElementById('shown').hidden")

@@ -6,7 +6,6 @@ import json
 import shutil
 import time
 from collections import deque
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote, unquote
 
@@ -16,21 +15,22 @@ import pytest
 pytest.importorskip("playwright.sync_api")
 
 from asking import HOSTILE, OLD, contents
-from chromium import BROWSER, started
+from chromium import BROWSER
 from PIL import Image
 from toy_runs import write_toy
 from written_runs import written
 
 import evocity
 from evocity.search import Search
-from evocity.search.binning import binned
+from evocity.search.record.grid import binned
 from evocity.store import Birth, Member, RunWriter
-from evocity.studio import watched
-from evocity.studio.serving import served
+from evocity.studio import run_watcher
+from evocity.studio.server import running_server
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 COUNT = 120
+PICTURES = "studio.run.birth.pictures"
 #: Of windows, px.
 SIZES = [(1400, 900), (768, 1024), (512, 700)]
 GENERATIONS = 50
@@ -80,12 +80,6 @@ def grown(folder: Path, count: int = 20) -> None:
 @pytest.fixture
 def folder(tmp_path) -> Path:
     return written(tmp_path / "night", [births(0, COUNT)], wanted=WANTED).path
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator:
-    with started() as found:
-        yield found
 
 
 @pytest.fixture
@@ -138,9 +132,10 @@ def state_of(page) -> dict:
     return json.loads(unquote(page.evaluate("location.hash")[1:]))
 
 
+@pytest.mark.slow
 def test_the_whole_job_by_keys_alone(opened, folder):
     before = contents(folder)
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         keys = page.keyboard
 
@@ -171,7 +166,7 @@ def test_the_whole_job_by_keys_alone(opened, folder):
         keys.press("ArrowRight")
         assert page.evaluate("document.activeElement.textContent") == "picks"
         keys.press("Tab")
-        assert page.evaluate("document.activeElement.textContent") == "pick the 2 chosen"
+        assert page.evaluate("document.activeElement.textContent") == "pick 2 chosen"
         keys.press("Enter")
         until(page, "document.querySelectorAll('.evocity-picks li').length === 2")
         tab_to(".evocity-picks textarea")
@@ -191,31 +186,38 @@ def test_the_whole_job_by_keys_alone(opened, folder):
     assert after == before
 
 
+@pytest.mark.slow
 def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         page.get_by_label("order").select_option("id")
         page.locator("[role=option]").nth(7).click()
-        until(page, "studio.run.one.facts.textContent.includes('less is better')")
-        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
+        until(page, "studio.run.birth.facts.textContent.includes('less is better')")
+        until(page, "studio.run.birth.pictures.figures[0].image.naturalWidth > 0")
         assert HOSTILE.replace("_", " ") in page.locator("#pane-0-birth").inner_text()
         table = page.locator(".evocity-values").first.inner_text()
         value = evocity.open_run(folder)[7].scores["gsi"]
         assert f"{value:.4g}" in table
         assert "left" in page.locator(".evocity-values").nth(1).inner_text()
-        until(page, "studio.run.one.pedigree.nodes.length >= 4")
+        until(page, "studio.run.birth.pedigree.nodes.length >= 4")
         nodes = page.locator(".evocity-pedigree .evocity-node")
         labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
         assert labels[0] == "birth 7, 0 steps back"
         assert "birth 0, left, 1 steps back" in labels
-        page.get_by_role("button", name="whose stones").click()
-        until(page, "studio.run.one.seen.figures[0].image.alt.startsWith('which city')")
-        for name in ("usage", "µ"):
-            page.get_by_role("button", name=name, exact=True).click()
-            until(page, "studio.run.one.seen.figures[0].image.alt.includes('how many lifs call')")
+        page.get_by_role("button", name="ancestry").click()
         until(
             page,
-            "studio.run.one.seen.legend.textContent.startsWith('how many lifs call each pixel')",
+            "studio.run.birth.pictures.figures[0].image.alt.startsWith('the source city of')",
+        )
+        for name in ("usage", "µ"):
+            page.get_by_role("button", name=name, exact=True).click()
+            until(
+                page,
+                "studio.run.birth.pictures.figures[0].image.alt.includes('how many lifs call')",
+            )
+        until(
+            page,
+            f"{PICTURES}.legend.textContent.startsWith('how many lifs call each pixel')",
         )
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
@@ -225,25 +227,26 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
             page,
             "document.querySelector('#pane-0-birth .evocity-lack').textContent.includes('picture')",
         )
-        until(page, "studio.run.one.facts.textContent.includes('late: ')")
+        until(page, "studio.run.birth.facts.textContent.includes('late: ')")
         assert HOSTILE in page.locator("#pane-0-birth").inner_text()
         assert page.evaluate("window.hacked") is None
         assert page.locator("main script, img[src=x]").count() == 0
 
 
+@pytest.mark.slow
 def test_a_pedigree_is_told_behind_another_tab(opened, tmp_path):
     """Pictures may come while it is hidden: lines are of those who are laid, not of the newest."""
-    with served(shutil.copytree(OLD / "run-6", tmp_path / "night")) as server:
+    with running_server(shutil.copytree(OLD / "run-6", tmp_path / "night")) as server:
         page = opened(server)
-        wake = "(id) => studio.run.woken(id)"
+        wake = "(id) => studio.run.activate(id)"
         last = len(evocity.open_run(tmp_path / "night")) - 1
         page.evaluate(wake, last)
-        laid = "studio.run.one.pedigree.nodes[0]?.id"
+        laid = "studio.run.birth.pedigree.nodes[0]?.id"
         until(page, f"{laid} === {last}")
         page.get_by_role("tab", name="picks").click()
         page.evaluate(wake, last - 1)
-        until(page, f"studio.run.one.pedigree.told.steps[0][0] === {last - 1}")
-        page.evaluate("studio.run.one.arrived()")
+        until(page, f"studio.run.birth.pedigree.state.steps[0][0] === {last - 1}")
+        page.evaluate("studio.run.birth.drawTiles()")
         assert page.evaluate(laid) == last
         page.get_by_role("tab", name="birth").click()
         until(page, f"{laid} === {last - 1}")
@@ -255,7 +258,7 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
     """axe-core finds nothing, in every pane."""
     night = shutil.copytree(OLD / "run-6", tmp_path / "night")
     (night / "picks.json").write_text('{"picks": [{"id": 3, "note": "a note"}, {"id": 20}]}')
-    with served(night) as server:
+    with running_server(night) as server:
         page = opened(server)
 
         def check() -> None:
@@ -270,18 +273,18 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         page.locator("[role=option]").nth(1).click()
         until(
             page,
-            "studio.run.one.seen.figures[0].image.naturalWidth > 0"
-            " && studio.run.one.pedigree.nodes.length",
+            "studio.run.birth.pictures.figures[0].image.naturalWidth > 0"
+            " && studio.run.birth.pedigree.nodes.length",
         )
         page.locator(".evocity-head").first.click()
-        page.get_by_role("button", name="pin it").click()
-        page.get_by_text("its buildings, beside its parents'").click()
+        page.get_by_role("button", name="pin this birth").click()
+        page.get_by_text("distribution of its buildings").click()
         page.locator("[role=option]").nth(2).click()
-        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
-        until(page, "studio.run.one.buildings.told && studio.run.one.pedigree.nodes.length")
+        until(page, "studio.run.birth.pictures.figures[1].image.naturalWidth > 0")
+        until(page, "studio.run.birth.buildings.state && studio.run.birth.pedigree.nodes.length")
         check()
         page.get_by_role("button", name="scatter").click()
-        page.get_by_role("button", name="filter what lies up").click()
+        page.get_by_role("button", name="filter the y axis").click()
         check()
         page.get_by_role("button", name="grid").click()
         check()
@@ -292,51 +295,53 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         page.get_by_role("button", name="breed", exact=True).click()
         until(page, "studio.run.breed.children.length && !studio.run.breed.isBusy")
         page.locator(".evocity-children button").first.click()
-        until(page, "studio.run.breed.one.children.length")
+        until(page, "studio.run.breed.childDetail.children.length")
         check()
         page.get_by_role("tab", name="draw").click()
         until(page, "studio.run.board.about && studio.run.board.image.naturalWidth > 0")
         page.get_by_role("button", name="mask", exact=True).click()
         check()
-        page.evaluate("() => studio.tell(new Error('something is at fault'))")
+        page.evaluate("() => studio.report(new Error('something is at fault'))")
         check()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("button", "kind", "key"), [
-    ("in space", "columns", "ArrowRight"),
+    ("3D", "columns", "ArrowRight"),
     pytest.param("walk", "walk", "q", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, button, kind, key):
     opened.lost += ("GL Driver Message",)  # of a machine without a graphics card
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
-        kinds = "[...studio.run.one.seen.kinds.values()]"
+        kinds = "[...studio.run.birth.pictures.kinds.values()]"
         assert page.evaluate(f"() => {kinds}.every((one) => one.disabled)")  # no birth is told yet
         page.locator("[role=option]").nth(1).click()
         page.get_by_role("button", name=button, exact=True).click()
-        until(page, "studio.run.one.seen.drawn && studio.run.one.seen.drawn.kind")
-        if page.evaluate("() => studio.run.one.seen.drawn.kind") != kind:
+        until(
+            page, "studio.run.birth.pictures.spaceView && studio.run.birth.pictures.spaceView.kind"
+        )
+        if page.evaluate("() => studio.run.birth.pictures.spaceView.kind") != kind:
             pytest.skip("no WebGL2 in this browser")
         canvas = page.locator(f"canvas[data-kind={kind}]")
         assert canvas.is_visible()
         assert "birth" in canvas.get_attribute("aria-label")
         about, heights = page.evaluate(
-            "() => { const { kind, drawers } = studio.run.one.seen.drawn;"
+            "() => { const { kind, drawers } = studio.run.birth.pictures.spaceView;"
             " const { heights, ...rest } = drawers[kind].city; return [rest, [...heights]]; }"
         )
         city = evocity.open_run(folder)[int(shown_ids(page)[1])].city
         assert heights == city.heights.ravel().tolist()
         assert (about["rows"], about["columns"]) == city.shape
-        camera = (
-            "studio.run.one.seen.drawn.hands[studio.run.one.seen.drawn.kind].hand.camera.azimuth"
-        )
+        space = f"{PICTURES}.spaceView"
+        camera = f"{space}.hands[{space}.kind].hand.camera.azimuth"
         before = page.evaluate(f"() => {camera}")
         canvas.focus()
         page.keyboard.down(key)
         until(page, f"{camera} !== {before}")
         page.keyboard.up(key)
         page.locator("[role=option]").nth(2).click()
-        until(page, f"studio.run.one.seen.within.querySelector('[data-kind={kind}]').ariaLabel"
+        until(page, f"studio.run.birth.pictures.space.querySelector('[data-kind={kind}]').ariaLabel"
                     f".includes('birth {shown_ids(page)[2]} ')")  # fmt: skip
         assert page.evaluate(f"() => {camera}") != before
         page.locator("[role=option]").nth(9).click()
@@ -344,32 +349,32 @@ def test_a_birth_is_seen_in_space_from_where_the_last_one_was(opened, folder, bu
         page.get_by_role("button", name="map", exact=True).click()
         until(
             page,
-            "studio.run.one.seen.within.hidden && !studio.run.one.seen.figures[0].image.hidden",
+            f"{PICTURES}.space.hidden && !{PICTURES}.figures[0].image.hidden",
         )
 
 
 @pytest.mark.long
 def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
     """Both from one place, in numbers, as a difference; and the address tells it."""
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         first, second = shown_ids(page)[1:3]
         page.locator("[role=option]").nth(1).click()
         page.keyboard.press("p")
-        until(page, f"studio.run.one.pinned === {first}")
-        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
+        until(page, f"studio.run.birth.pinned === {first}")
+        until(page, "studio.run.birth.pictures.figures[0].image.naturalWidth > 0")
         assert page.get_by_role("button", name="difference").is_disabled()  # beside itself
-        page.get_by_role("button", name="in space").click()
+        page.get_by_role("button", name="3D").click()
         page.locator("[role=listbox]").focus()
         page.keyboard.press("ArrowRight")
-        until(page, "studio.run.one.seen.drawn?.shown.length === 2")
+        until(page, "studio.run.birth.pictures.spaceView?.shown.length === 2")
         assert state_of(page)["pinned"] == first
         views = page.locator("canvas[data-kind=columns]")
         assert [views.nth(k).get_attribute("aria-label").split(" in ")[0] for k in range(2)] == [
             f"birth {second}",
             f"birth {first}, pinned",
         ]
-        seen = "studio.run.one.seen.drawn.views.map((one) => one.canvases.columns.toDataURL())"
+        seen = f"{PICTURES}.spaceView.views.map((one) => one.canvases.columns.toDataURL())"
         until(page, f"studio.before = {seen}")
         views.nth(1).focus()  # the hand on either turns both
         page.keyboard.press("ArrowRight")
@@ -381,24 +386,24 @@ def test_another_birth_is_pinned_beside_by_a_key(opened, folder):
         assert [float(one) for one in cells[:2]] == pytest.approx([ours, theirs], rel=1e-3)
         more = float(cells[2].replace("−", "-"))
         assert more == pytest.approx(ours - theirs, rel=1e-3)
-        page.get_by_text("its buildings, beside its parents'").click()
-        until(page, "studio.run.one.buildings.told?.listed.length")
+        page.get_by_text("distribution of its buildings").click()
+        until(page, "studio.run.birth.buildings.state?.listed.length")
         assert f"birth {first}, pinned" in page.locator("details table").inner_text()
         page.get_by_role("button", name="difference").click()
-        until(page, f"studio.run.one.seen.legend.textContent.includes('less birth {first}')")
+        until(page, f"studio.run.birth.pictures.legend.textContent.includes('minus birth {first}')")
         page.get_by_role("button", name="map", exact=True).click()
-        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
+        until(page, "studio.run.birth.pictures.figures[1].image.naturalWidth > 0")
         again = opened(server, context=page.context, at=f"#{page.url.partition('#')[2]}")
-        until(again, "!studio.run.one.seen.figures[1].root.hidden")
+        until(again, "!studio.run.birth.pictures.figures[1].root.hidden")
         assert state_of(again) == state_of(page)
-        page.get_by_role("button", name="take its pin off").click()
-        until(page, "studio.run.one.seen.figures[1].root.hidden")
+        page.get_by_role("button", name=f"unpin birth {first}").click()
+        until(page, "studio.run.birth.pictures.figures[1].root.hidden")
         assert state_of(page)["pinned"] is None
 
 
 @pytest.mark.long
 def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         page.get_by_label("order").select_option("crumbs")
         page.locator(".evocity-head").nth(1).click()
@@ -428,9 +433,10 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
         assert page.evaluate("window.hacked") is None
 
 
+@pytest.mark.slow
 def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
-    monkeypatch.setattr(watched, "FRESH", 0.0)
-    with served(folder) as server:
+    monkeypatch.setattr(run_watcher, "FRESH", 0.0)
+    with running_server(folder) as server:
         page = opened(server)
         page.locator("[role=option]").nth(3).click()
         page.evaluate("() => { studio.run.viewer.gallery.root.scrollTop = 150; }")
@@ -445,24 +451,27 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
         look(page)
         until(page, "studio.run.about.generation === 3")
         ids = page.evaluate("() => Array.from(studio.run.viewer.births.ids)")
-        assert ids == evocity.open_run(folder).told.ids.tolist()
+        assert ids == evocity.open_run(folder).columns.ids.tolist()
         assert shown_ids(page) == before
         assert page.evaluate("() => studio.run.viewer.gallery.root.scrollTop") == top
         assert state_of(page) == state
         assert f"{COUNT + 60} births" in page.locator("#news").inner_text()
-        page.get_by_role("button", name="60 new ones come last: put in order").click()
+        page.get_by_role("button", name="sort the 60 new births, now last").click()
         assert shown_ids(page)[0] == COUNT + 19  # the best of the first new generation, born first
 
 
+@pytest.mark.slow
 def test_sorting_leaves_no_hole(opened, folder):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
-        ok = evocity.open_run(folder).told.ok
+        ok = evocity.open_run(folder).columns.ok
         for order, top in (("gsi", 0), ("crumbs", 300), ("operator", 600), ("id", 150)):
             page.get_by_label("order").select_option(order)
             page.evaluate("(top) => { studio.run.viewer.gallery.root.scrollTop = top; }", top)
             page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
-            until(page, "!studio.run.viewer.tiles.asking && !studio.run.viewer.tiles.wanted.length")
+            until(
+                page, "!studio.run.viewer.tiles.isLoading && !studio.run.viewer.tiles.queue.length"
+            )
             ids = shown_ids(page)
             found = page.evaluate(
                 "(ids) => ids.map((id) => [96, 192].some((side) => "
@@ -472,13 +481,14 @@ def test_sorting_leaves_no_hole(opened, folder):
             assert found == ok[ids].tolist()
 
 
+@pytest.mark.slow
 def test_on_fine_screens_small_pictures_come_first_where_the_log_has_them(
     opened, browser, tmp_path
 ):
     folder = shutil.copytree(OLD / "run-10", tmp_path / "night")
     size = {"width": 1024, "height": 700}
     with (
-        served(folder) as server,
+        running_server(folder) as server,
         contextlib.closing(browser.new_context(viewport=size, device_scale_factor=2)) as context,
     ):
         asked = []
@@ -497,7 +507,7 @@ def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
     with alone, Search(recipe, tmp_path / "night", workers=0) as search:
         steps = iter(search)
         next(steps), search.flush()
-        with served(tmp_path / "night") as server:
+        with running_server(tmp_path / "night") as server:
             page = opened(server)
             pages = [page, *(opened(server, context=page.context) for _ in range(7))]
             page.get_by_label("order").select_option("spread")
@@ -508,12 +518,12 @@ def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
                     search.flush()
                     for one in pages:
                         look(one)
-            time.sleep(watched.FRESH)
+            time.sleep(run_watcher.FRESH)
             for one in pages:
                 look(one)
                 until(one, f"studio.run.about.generation === {GENERATIONS}")
                 ids = one.evaluate("() => Array.from(studio.run.viewer.births.ids)")
-                assert ids == evocity.open_run(tmp_path / "night").told.ids.tolist()
+                assert ids == evocity.open_run(tmp_path / "night").columns.ids.tolist()
                 assert len(set(ids)) == len(ids) == 2 * (GENERATIONS + 1)
             assert shown_ids(page)[: len(before)] == before
             assert state_of(page) == state
@@ -526,7 +536,7 @@ def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
 
 @pytest.mark.long
 def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         page.locator(".evocity-head").first.click()
         field = page.get_by_label("gsi from, span 1")
@@ -547,11 +557,12 @@ def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
         )
 
 
+@pytest.mark.slow
 def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
     opened.lost += ("409 (Conflict)",)
     night = shutil.copytree(OLD / "run-6", tmp_path / "night")
     (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
-    with served(night) as server:
+    with running_server(night) as server:
         page = opened(server)
         keys = page.keyboard
         page.get_by_role("tab", name="birth").focus()
@@ -583,18 +594,18 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         keys.press("Enter")
         until(page, "studio.run.breed.image.naturalWidth > 0")
         assert "crumbs" in page.locator("#pane-0-breed .evocity-values").inner_text()
-        page.get_by_text("tick “keep it”").wait_for()
-        page.get_by_label("keep it").focus()
+        page.get_by_text("tick “keep this child”").wait_for()
+        page.get_by_label("keep this child").focus()
         keys.press(" ")
         page.locator("[aria-label^='child 2, ']").dblclick()  # marks it, and once more takes it off
-        page.get_by_role("button", name="keep 2 with a recipe").wait_for()
-        assert page.get_by_label("keep it").is_checked()
+        page.get_by_role("button", name="keep 2 children and a recipe").wait_for()
+        assert page.get_by_label("keep this child").is_checked()
         page.locator("[aria-label^='child 2, ']").dblclick()
-        assert not page.get_by_label("keep it").is_checked()
-        assert page.get_by_text("tick “keep it”").is_hidden()
-        page.get_by_role("button", name="keep 1 with a recipe").focus()
+        assert not page.get_by_label("keep this child").is_checked()
+        assert page.get_by_text("tick “keep this child”").is_hidden()
+        page.get_by_role("button", name="keep 1 child and a recipe").focus()
         keys.press("Enter")
-        until(page, "studio.run.breed.said.textContent.includes('evocity run')")
+        until(page, "studio.run.breed.message.textContent.includes('evocity run')")
         recipe = page.locator(".evocity-command").inner_text().removeprefix("evocity run ")
         told = [(one.genome, one.id) for one in evocity.read_recipe(recipe).parents]
         assert told == [("child-1.parquet", None), (None, 3), (None, 20)]
@@ -622,9 +633,9 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
     (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
     run = evocity.open_run(night)
     parents = [run.genome(3), run.genome(20)]
-    with served(night) as server:
+    with running_server(night) as server:
         page = opened(server)
-        keys, drawn = page.keyboard, server.studio.runs[0].drawn
+        keys, drawn = page.keyboard, server.studio.runs[0].board
 
         def child():
             until(page, BRED)
@@ -654,8 +665,8 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
             abs=1e-4,
         )
 
-        page.get_by_label("the child has").select_option("interpolation")
-        page.get_by_label("λ of the second").fill("0.7")
+        page.get_by_label("method").select_option("interpolation")
+        page.get_by_label("λ, share of the second").fill("0.7")
         board.focus()
         keys.press("ArrowUp")
         keys.press("Enter")
@@ -670,9 +681,9 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         painted[inside] = 0.3
         assert 0 < inside.sum() < inside.size
         assert same(found, "interpolation", share=painted.tolist())
-        page.get_by_label("the child has").select_option("stepwise")
+        page.get_by_label("method").select_option("stepwise")
         assert same(child(), "interpolation", share=painted.tolist(), stepwise=True)
-        page.get_by_label("the child has").select_option("interpolation")
+        page.get_by_label("method").select_option("interpolation")
 
         page.get_by_role("button", name="lock", exact=True).click()
         board.focus()
@@ -688,8 +699,8 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         held = [one.replace(condensation=layer) for one in parents]
         assert same(found, "interpolation", held, share=painted.tolist())
         assert (found.city.heights[mask] == city.heights[mask]).all()
-        page.get_by_role("button", name="keep the child with a recipe").click()
-        until(page, "studio.run.board.said.textContent.includes('evocity run')")
+        page.get_by_role("button", name="keep the child and a recipe").click()
+        until(page, "studio.run.board.message.textContent.includes('evocity run')")
         command = page.locator("#pane-0-draw .evocity-command").inner_text()
         recipe = Path(command.removeprefix("evocity run "))
         kept = evocity.read_genome(recipe.parent / "child-0.parquet")
@@ -708,12 +719,12 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
     (night / "picks.json").write_text('{"picks": [{"id": 3}, {"id": 20}]}')
     run = evocity.open_run(night)
     parents = [run.genome(3), run.genome(20)]
-    with served(night) as server:
+    with running_server(night) as server:
         page = opened(server)
-        drawn = server.studio.runs[0].drawn
+        drawn = server.studio.runs[0].board
         page.get_by_role("tab", name="draw").click()
         until(page, BRED)
-        page.get_by_label("the child has").select_option("region_fusion")
+        page.get_by_label("method").select_option("region_fusion")
         board = page.get_by_role("application")
         box = board.bounding_box()
         board.click(position={"x": 0.4 * box["width"], "y": 0.5 * box["height"]})
@@ -723,7 +734,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         found = drawn.children[0].genome.digest
         assert found == as_python_breeds("region_fusion", parents, **told)
 
-        page.get_by_label("the child has").select_option("lambda_field")
+        page.get_by_label("method").select_option("lambda_field")
         page.get_by_label("brush").select_option("15")
         board.focus()
         page.keyboard.press("Enter")
@@ -751,7 +762,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
             files = {"name": name, "mimeType": "image/png", "buffer": content}
             page.locator("input[type=file]").set_input_files(files)
             if name == "text.png":
-                until(page, "studio.trouble.textContent.includes('text.png is no picture')")
+                until(page, "studio.trouble.textContent.includes('text.png is not a picture')")
         until(page, f"{layers}.within.includes(1)")
         until(page, f"{BRED} && studio.run.board.marked")
         cells = np.array(page.evaluate(f"() => [...{layers}.within]")).reshape(rows, columns)
@@ -762,7 +773,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         gsi, child = evocity.fitness.get("gsi"), drawn.children[0]
         assert child.values["gsi"] == gsi(child.city.within(marked)) != gsi(child.city)
         table = page.locator("#pane-0-draw .evocity-values")
-        assert "of what is marked alone" in table.inner_text()
+        assert "in the marked part only" in table.inner_text()
         row = table.locator("tr", has_text="gsi").locator(".evocity-number").all_inner_texts()
         right = [gsi(one.within(marked)) for one in (child.city, run[3].city, run[20].city)]
         assert [float(one) for one in row] == pytest.approx(right, rel=1e-3)
@@ -771,7 +782,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
 @pytest.mark.long
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
     other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path
-    with served(folder, other) as server:
+    with running_server(folder, other) as server:
         page = opened(server)
         keys = page.keyboard
         page.get_by_label("order").select_option("crumbs")
@@ -795,11 +806,11 @@ def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder,
         assert boxes[0]["x"] + boxes[0]["width"] <= boxes[1]["x"] + 1
         sections.nth(1).locator("[role=option]").nth(3).click()
         until(
-            page, "studio.run.number === 1 && studio.run.one.facts.textContent.includes('wanted')"
+            page, "studio.run.number === 1 && studio.run.birth.facts.textContent.includes('goals')"
         )
         assert page.locator("#pane-1-birth").is_visible()
         assert not page.locator("#pane-0-birth").is_visible()
-        page.get_by_role("button", name="pick it").click()
+        page.get_by_role("button", name="pick this birth").click()
         until(page, "studio.runs[1].picks.ids.length === 1")
         assert (other / "picks.json").exists()
         assert not (folder / "picks.json").exists()
@@ -814,16 +825,17 @@ def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder,
         until(
             again, "document.getElementById('news').textContent.includes('run other: generation')"
         )
-        again.get_by_label("beside it").select_option("none")
+        again.get_by_label("second run").select_option("none")
         until(again, "studio.runs.length === 1")
         assert "beside" not in state_of(again)
 
 
+@pytest.mark.slow
 def test_one_filter_in_all_views(opened, tmp_path):
     """A box in the scatter is two brushes on the axes; the grid has the best that pass."""
     night = shutil.copytree(OLD / "run-6", tmp_path / "night")
     run = evocity.open_run(night)
-    with served(night) as server:
+    with running_server(night) as server:
         page = opened(server)
         passing = "Array.from(studio.run.viewer.rows, (row) => studio.run.viewer.births.ids[row])"
         page.get_by_role("button", name="scatter").click()
@@ -880,7 +892,7 @@ def test_one_filter_in_all_views(opened, tmp_path):
         found = page.evaluate(f"() => {cells}.map(([cell, one]) => [cell, one.row])")
         assert sorted(cell for cell, _ in found) == sorted(bins["cell"].to_pylist())
         best = dict(zip(bins["cell"].to_pylist(), bins["id"].to_pylist(), strict=True))
-        assert {cell: int(run.told.ids[row]) for cell, row in found} == best
+        assert {cell: int(run.columns.ids[row]) for cell, row in found} == best
         page.locator(".evocity-cell[tabindex='0']").focus()
         for key in ("ArrowUp", "ArrowRight", "ArrowDown", "ArrowLeft"):
             page.keyboard.press(key)
@@ -894,10 +906,11 @@ def test_one_filter_in_all_views(opened, tmp_path):
         assert again.locator(".evocity-cell").count() == len(best)
 
 
+@pytest.mark.slow
 def test_the_token_leaves_the_address_and_the_cookie_stays_until_the_server_ends(opened, folder):
     """A page tells that its server has ended, and finds it again with another token."""
     opened.lost += ("403 (Forbidden)",)
-    with served(folder) as server:
+    with running_server(folder) as server:
         page, port = opened(server), server.port
         assert "token" not in page.url
         assert server._guard.token not in page.content()
@@ -909,7 +922,7 @@ def test_the_token_leaves_the_address_and_the_cookie_stays_until_the_server_ends
         until(page, "studio.run?.viewer")
     look(page)
     until(page, "document.getElementById('trouble').textContent.includes('has ended')")
-    with served(folder, port=port) as server:
+    with running_server(folder, port=port) as server:
         context = page.context
         until(
             page, "studio.trouble.textContent.includes('started again') || (studio.look(), false)"
@@ -918,12 +931,12 @@ def test_the_token_leaves_the_address_and_the_cookie_stays_until_the_server_ends
         look(page)
         until(page, "studio.trouble.hidden || (studio.look(), false)")
         page.locator("[role=option]").nth(2).click()
-        until(page, "studio.run.one.facts.textContent.includes('wanted')")
+        until(page, "studio.run.birth.facts.textContent.includes('goals')")
 
 
 @pytest.mark.long
 def test_a_run_that_is_gone_is_told(opened, folder):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server)
         opened.lost = (*opened.lost, "409 (Conflict)")  # pictures that were asked for just before
         shutil.rmtree(folder)
@@ -933,23 +946,24 @@ def test_a_run_that_is_gone_is_told(opened, folder):
         assert len(shown_ids(page)) > 5
 
 
+@pytest.mark.slow_cases("1024-700")
 @pytest.mark.parametrize(
     ("width", "height"),
     [(1024, 700), *(pytest.param(*one, marks=pytest.mark.long) for one in SIZES)],
 )
 def test_nothing_is_cut_or_lies_over_another(opened, folder, width, height):
-    with served(folder) as server:
+    with running_server(folder) as server:
         page = opened(server, width, height)
         page.locator("[role=option]").nth(1).click()
-        until(page, "studio.run.one.seen.figures[0].image.naturalWidth > 0")
-        page.get_by_role("button", name="pick it").click()
+        until(page, "studio.run.birth.pictures.figures[0].image.naturalWidth > 0")
+        page.get_by_role("button", name="pick this birth").click()
         until(page, "studio.run.picks.ids.length")
-        page.get_by_role("button", name="pin it").click()
+        page.get_by_role("button", name="pin this birth").click()
         page.locator("[role=option]").nth(2).click()
         # what is told of it moves what lies beneath
-        until(page, "studio.run.one.seen.figures[1].image.naturalWidth > 0")
-        page.get_by_text("its buildings, beside its parents'").click()
-        until(page, "studio.run.one.buildings.told")
+        until(page, "studio.run.birth.pictures.figures[1].image.naturalWidth > 0")
+        page.get_by_text("distribution of its buildings").click()
+        until(page, "studio.run.birth.buildings.state")
         for tab in ("birth", "picks", "breed", "draw"):
             page.get_by_role("tab", name=tab).click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -54,7 +54,7 @@ def lines(page, camera: dict, down, across) -> tuple[np.ndarray, np.ndarray]:
     if "position" in camera:
         eye, half, shift = np.array(camera["position"], float), np.tan(np.radians(31)), 0.0
     else:
-        place = page.evaluate("(one) => axonometry.laid(city, one, 480, 360)", camera)
+        place = page.evaluate("(one) => axonometry.placement(city, one, 480, 360)", camera)
         half = np.tan(np.radians(14))
         far = TALL / (2 * place["scale"] * 0.85 * half)
         eye, shift = np.array([*camera["centre"], 0.0]) + far * ways[2], 1 - 2 * place["low"] / TALL
@@ -150,6 +150,7 @@ def test_shadows_lie_where_lines_to_the_sun_are_barred(opened, sun):
     assert (light[~shaded] > 190).mean() > 0.998  # and nothing shades itself
 
 
+@pytest.mark.slow
 def test_walls_towards_the_sun_are_the_lighter_ones(opened):
     heights = np.zeros((12, 12))
     heights[4:8, 4:8] = 20
@@ -220,6 +221,7 @@ def test_surfaces_are_few_and_cover_all(opened):
     assert told["count"] < city.heights.size / 2
 
 
+@pytest.mark.slow
 def test_no_light_shines_through_where_surfaces_meet(opened):
     """From above, within the city, nothing of the paper behind is seen."""
     heights = np.random.default_rng(2).choice([3.0, 6, 9], (60, 60))
@@ -272,6 +274,7 @@ def test_without_webgl2_it_says_so(opened):
     assert page.evaluate("view.gl.getContextAttributes().antialias") is False  # no card here
 
 
+@pytest.mark.slow
 def test_a_lost_context_comes_back_and_a_city_gives_way_to_another(opened):
     page = opened(town())
     walked(page)

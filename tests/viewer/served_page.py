@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from chromium import BROWSER as BROWSER
 
-from evocity.viewer.joined import MODULES, module, text
+from evocity.viewer.module_bundle import MODULES, module, text
 from evocity.viewer.widget import Widget
 
 # What studio's page may do, and no more.

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from evocity.viewer.joined import text
+from evocity.viewer.module_bundle import text
 
 # Machado, Oliveira & Fernandes 2009, table 1: deuteranopia, severity 1; of linear RGB.
 DEUTERANOPIA = np.array(
@@ -34,8 +34,8 @@ OKLAB = np.array(
 
 
 def colours() -> dict[str, np.ndarray]:
-    """Name -> linear RGB, as `made.js` has them."""
-    (body,) = re.findall(r"COLOURS = \{(.*?)\};", text("made.js"), re.S)
+    """Name -> linear RGB, as `elements.js` has them."""
+    (body,) = re.findall(r"COLOURS = \{(.*?)\};", text("elements.js"), re.S)
     found = {name: bytes.fromhex(code) for name, code in re.findall(r'(\w+): "#(\w{6})"', body)}
     for name, listed in re.findall(r"(\w+): \[([\d, ]+)\]", body):
         found[name] = bytes(map(int, listed.split(",")))

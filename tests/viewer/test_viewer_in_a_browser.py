@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("anywidget")
 pytest.importorskip("playwright.sync_api")
 
-from chromium import BROWSER, started
+from chromium import BROWSER
 from served_page import served
 
 from evocity.viewer.sheet import Sheet
@@ -59,10 +59,10 @@ def widget(
 
 
 @pytest.fixture(scope="module")
-def kept() -> Iterator:
+def kept(browser) -> Iterator:
     """A page of a browser, for one test after the other."""
-    with started() as browser:
-        yield browser.new_page()
+    with contextlib.closing(browser.new_page()) as page:
+        yield page
 
 
 @pytest.fixture
@@ -131,6 +131,7 @@ def shown_ids(page) -> list[int]:
     return [int(one.split(",")[0]) for one in labels]
 
 
+@pytest.mark.slow
 def test_only_what_is_in_view_is_asked_for_and_it_is_drawn(opened):
     page = opened(widget(births()))
     until(page, "view.model.sent.length > 0")
@@ -158,6 +159,7 @@ def test_only_what_is_in_view_is_asked_for_and_it_is_drawn(opened):
     assert len(more) == len(set(more)) < 140  # nobody twice, nobody who was passed by
 
 
+@pytest.mark.slow
 def test_one_filter_in_both_views_and_in_python(opened):
     table = births()
     shown = widget(table)
@@ -167,13 +169,13 @@ def test_one_filter_in_both_views_and_in_python(opened):
     draw_along(page, 3, 30, 130)
     brushes = saved(page)["brushes"]
     assert [len(brushes[name]) for name in ("density", "height")] == [2, 1]
-    kept = table.passing(brushes)
+    kept = table.matches(brushes)
     assert 0 < kept.sum() < COUNT
     assert (
         page.locator(".evocity-count").inner_text()
         == f"{kept.sum()} of {COUNT} births pass, 0 chosen"
     )
-    rows = table.ordered("density")
+    rows = table.row_order("density")
     assert shown_ids(page) == table.ids[rows[kept[rows]]][: len(shown_ids(page))].tolist()
     draw_along(page, 0, 70, 90)  # carried along the axis
     moved = saved(page)["brushes"]["density"]
@@ -195,7 +197,7 @@ def test_page_and_python_order_and_filter_alike(opened):
           const all = {};
           for (const { name } of births.columns) {
             for (const reversed of [false, true]) {
-              all[`${name} ${reversed}`] = [...births.ordered({ name, reversed })];
+              all[`${name} ${reversed}`] = [...births.rowOrder({ name, reversed })];
             }
           }
           return all;
@@ -203,7 +205,7 @@ def test_page_and_python_order_and_filter_alike(opened):
     )
     for told, rows in orders.items():
         name, is_reversed = told.split()
-        assert rows == table.ordered(name, is_reversed == "true").tolist(), told
+        assert rows == table.row_order(name, is_reversed == "true").tolist(), told
     some = [
         {"cover": [[-0.5, 0.25]], "operator": ["fusion", "mutation"]},
         {"crumbs": [[1, 1], [-2, -1]], "status": ["ok"]},
@@ -214,13 +216,14 @@ def test_page_and_python_order_and_filter_alike(opened):
         """async (some) => {
           const { Births } = await import("/module.js");
           const births = new Births(view.model.get("about"), view.model.get("births"));
-          return some.map((brushes) => [...births.passing(brushes)]);
+          return some.map((brushes) => [...births.matches(brushes)]);
         }""",
         some,
     )
-    assert kept == [table.passing(brushes).astype(int).tolist() for brushes in some]
+    assert kept == [table.matches(brushes).astype(int).tolist() for brushes in some]
 
 
+@pytest.mark.slow
 def test_births_are_chosen_by_pointer_and_keys(opened):
     page = opened(widget(births()))
     ids = shown_ids(page)
@@ -277,16 +280,17 @@ def test_what_python_sets_is_seen(opened):
           view.model.set("axes", [{ name: "operator", turned: false }, { name: "height" }]);
         }"""
     )
-    kept = table.passing({"operator": ["fusion"]})
+    kept = table.matches({"operator": ["fusion"]})
     told = f"{kept.sum()} of {COUNT} births pass, 2 chosen"
     assert page.locator(".evocity-count").inner_text() == told
-    rows = table.ordered("height", True)
+    rows = table.row_order("height", True)
     assert shown_ids(page)[:20] == table.ids[rows[kept[rows]]][:20].tolist()
     assert page.locator(".evocity-head").all_inner_texts()[0].startswith("operator")
     assert page.get_by_label("order").input_value() == "height"
     assert page.evaluate("view.model.saved") == []  # it does not tell what it was told
 
 
+@pytest.mark.slow
 def test_axes_are_carried_turned_hidden_and_added(opened):
     page = opened(widget(births()))
     heads = page.locator(".evocity-head")
@@ -302,7 +306,7 @@ def test_axes_are_carried_turned_hidden_and_added(opened):
     heads.nth(1).focus()
     page.keyboard.press("Enter")
     panel = page.get_by_role("group", name="axis cover")
-    for name in ("turn over", "move left"):
+    for name in ("reverse", "move left"):
         panel.get_by_role("button", name=name).focus()
         page.keyboard.press("Enter")
     assert saved(page)["axes"][:2] == [
@@ -319,7 +323,7 @@ def test_axes_are_carried_turned_hidden_and_added(opened):
     panel.get_by_role("button", name="hide").click()
     assert [one["name"] for one in saved(page)["axes"]] == ["crumbs", "density", "height"]
     assert page.locator(".evocity-panel").is_hidden()
-    page.get_by_label("add an axis").select_option("operator")
+    page.get_by_label("add axis").select_option("operator")
     assert saved(page)["axes"][-1] == {"name": "operator", "turned": False}
     heads.nth(3).click()
     page.get_by_label("fusion").check()
@@ -382,7 +386,7 @@ def test_new_births_are_shown_when_a_run_goes_on(opened):
     assert f"of {COUNT} births pass" in page.locator(".evocity-count").inner_text().replace(
         "\u202f", ""
     )
-    assert shown_ids(page)[:10] == more.ids[more.ordered("density")[:10]].tolist()
+    assert shown_ids(page)[:10] == more.ids[more.row_order("density")[:10]].tolist()
 
 
 @pytest.mark.parametrize(("width", "axes"), [(420, 4), (900, 2), (900, 12)])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from evocity.errors import EvocityError
-from evocity.viewer import joined
+from evocity.viewer import module_bundle
 from evocity.viewer.sheet import Sheet
 from evocity.viewer.table import Column, Table
 
@@ -32,7 +32,7 @@ def table(**more) -> Table:
 def test_who_passes_lies_in_one_of_the_spans(values, ends):
     spans = [tuple(sorted(one)) for one in ends]
     births = Table(np.arange(len(values)), (Column("x", np.array(values, np.float32)),))
-    kept = births.passing({"x": spans})
+    kept = births.matches({"x": spans})
     naive = [not spans or any(low <= one <= high for low, high in spans) for one in values]
     assert kept.tolist() == naive
 
@@ -44,7 +44,7 @@ def test_who_passes_lies_in_one_of_the_spans(values, ends):
 )
 def test_orders_are_what_they_say(values, wanted, is_reversed):
     column = Column("x", np.array(values, np.float32), **wanted)
-    rows = Table(np.arange(len(values)), (column,)).ordered("x", is_reversed)
+    rows = Table(np.arange(len(values)), (column,)).row_order("x", is_reversed)
     assert sorted(rows.tolist()) == list(range(len(values)))
     loss = {"max": lambda one: -one, "target": lambda one: np.float32(abs(one - 0.5))}
     key = loss.get(wanted.get("goal", "target" if "target" in wanted else ""), lambda one: one)
@@ -60,12 +60,16 @@ def test_orders_are_what_they_say(values, wanted, is_reversed):
 
 def test_brushes_are_made_plain():
     births = table()
-    assert births.checked({"size": (1, 2)}) == {"size": [[1.0, 2.0]]}
-    assert births.checked({"size": [(1, None), (None, 0)]}) == {"size": [[-1.0, 0.0], [1.0, 2.0]]}
-    assert births.checked({"operator": "a"}) == {"operator": ["a"]}
-    assert births.checked({"operator": ["b", "a", "b"], "size": []}) == {"operator": ["b", "a"]}
-    assert births.passing({"operator": ["b", ""], "alive": ["yes"]}).tolist() == [1, 0, 1, 0, 0]
-    assert births.passing({"size": (None, None)}).tolist() == [1, 0, 1, 1, 0]
+    assert births.check_brushes({"size": (1, 2)}) == {"size": [[1.0, 2.0]]}
+    assert births.check_brushes({"size": [(1, None), (None, 0)]}) == {
+        "size": [[-1.0, 0.0], [1.0, 2.0]]
+    }
+    assert births.check_brushes({"operator": "a"}) == {"operator": ["a"]}
+    assert births.check_brushes({"operator": ["b", "a", "b"], "size": []}) == {
+        "operator": ["b", "a"]
+    }
+    assert births.matches({"operator": ["b", ""], "alive": ["yes"]}).tolist() == [1, 0, 1, 0, 0]
+    assert births.matches({"size": (None, None)}).tolist() == [1, 0, 1, 1, 0]
 
 
 @pytest.mark.parametrize(
@@ -79,13 +83,13 @@ def test_brushes_are_made_plain():
         ({"size": True}, "two numbers"),
         ({"operator": ["d"]}, "some of"),
         ({"operator": 3}, "some of"),
-        (3, "a brush a column"),
-        ([("size", 1)], "a brush a column"),
+        (3, "a mapping of columns to brushes"),
+        ([("size", 1)], "a mapping of columns to brushes"),
     ],
 )
 def test_what_is_no_brush_is_refused(brushes, told):
     with pytest.raises(EvocityError, match=told):
-        table().checked(brushes)
+        table().check_brushes(brushes)
 
 
 def test_the_buffer_is_ids_and_columns():
@@ -99,7 +103,7 @@ def test_the_buffer_is_ids_and_columns():
         ["", "a", "b", "c"],
         ["no", "yes"],
     ]
-    assert births.among([13, 4, 10**30, -1, 3]) == [13, 3]
+    assert births.known_ids([13, 4, 10**30, -1, 3]) == [13, 3]
 
 
 @pytest.mark.parametrize(("kind", "packed"), [("PNG", True), ("BMP", False)])
@@ -127,12 +131,12 @@ def test_a_smaller_picture_lies_at_the_top_left_of_its_place():
 
 
 def test_the_page_is_one_module_that_fetches_nothing():
-    whole = joined.module()
+    whole = module_bundle.module()
     assert "import " not in whole
     assert whole.count("export default") == 1
-    assert len(whole) + len(joined.text("viewer.css")) < 100_000
-    for name in joined.MODULES:
-        text = joined.text(f"{name}.js")
+    assert len(whole) + len(module_bundle.text("viewer.css")) < 100_000
+    for name in module_bundle.MODULES:
+        text = module_bundle.text(f"{name}.js")
         for forbidden in (
             "innerHTML",
             "outerHTML",
@@ -144,4 +148,4 @@ def test_the_page_is_one_module_that_fetches_nothing():
             "document.write",
         ):
             assert forbidden not in text, f"{name}: {forbidden}"
-    assert {path.stem for path in joined.PAGE.glob("*.js")} == set(joined.MODULES)
+    assert {path.stem for path in module_bundle.PAGE.glob("*.js")} == set(module_bundle.MODULES)

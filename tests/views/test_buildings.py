@@ -19,7 +19,7 @@ from towns import draw_town
 from evocity import isometries
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.errors import MapError
-from evocity.views.buildings import CRUMB, STEP, outlines, told_apart
+from evocity.views.buildings import CRUMB, STEP, outlines, separate_buildings
 from evocity.views.buildings._kernels import count_corners
 
 # Small maps of few heights: many ties, many buildings of few pixels, some with yards.
@@ -62,7 +62,7 @@ def test_an_endless_step_tells_by_gaps_alone(city):
 @given(roofs)
 def test_no_step_and_no_crumb_tells_every_plateau_apart(heights):
     city = CityMap(heights, 2.0)
-    buildings = told_apart(city.heights, city.labels, 2.0, step=0, crumb=0)
+    buildings = separate_buildings(city.heights, city.labels, 2.0, step=0, crumb=0)
     right = (city.heights[:, 1:] == city.heights[:, :-1]) & city.built[:, 1:]
     down = (city.heights[1:] == city.heights[:-1]) & city.built[1:]
     labels = buildings.labels
@@ -110,8 +110,8 @@ def test_a_crumb_without_neighbour_stays():
 @given(roofs, st.sampled_from([0, 1, 1.5, 3]), st.sampled_from([2, 3, 6]))
 def test_only_crumbs_are_joined_and_none_with_a_neighbour_is_left(heights, step, least):
     city = CityMap(heights, 1.0)
-    zones = told_apart(city.heights, city.labels, 1.0, step, crumb=0)
-    joined = told_apart(city.heights, city.labels, 1.0, step, crumb=least)
+    zones = separate_buildings(city.heights, city.labels, 1.0, step, crumb=0)
+    joined = separate_buildings(city.heights, city.labels, 1.0, step, crumb=least)
     parts = [np.unique(zones.labels[joined.labels == a]) - 1 for a in range(1, len(joined) + 1)]
     assert sum(part.size for part in parts) == len(zones)  # no zone is cut
     for part, area, component in zip(parts, joined.area, joined.component, strict=True):
@@ -126,9 +126,9 @@ def test_zones_as_their_naive_twins(heights, step, least):
     built = heights > BUILT_ABOVE
     zones = naive.flat_zones(heights, built, step)
     city = CityMap(heights, 1.0)
-    without = told_apart(city.heights, city.labels, 1.0, step, crumb=0)
+    without = separate_buildings(city.heights, city.labels, 1.0, step, crumb=0)
     assert np.array_equal(without.labels, zones)
-    joined = told_apart(city.heights, city.labels, 1.0, step, crumb=least)
+    joined = separate_buildings(city.heights, city.labels, 1.0, step, crumb=least)
     assert np.array_equal(joined.labels, naive.join_crumbs(heights, zones, least))
 
 
@@ -168,7 +168,7 @@ def test_the_table_of_a_house():
 @given(roofs, st.sampled_from([0, 1, np.inf]))
 def test_the_table_as_its_naive_twins(heights, step):
     city = CityMap(heights, 2.0)
-    buildings = told_apart(city.heights, city.labels, 2.0, step, crumb=0)
+    buildings = separate_buildings(city.heights, city.labels, 2.0, step, crumb=0)
     labels = buildings.labels
     turns = np.zeros(len(buildings), np.int64)
     count_corners(np.pad(labels, 1), turns)
@@ -199,6 +199,7 @@ def test_the_table_as_its_naive_twins(heights, step):
             assert np.exp(1j * turn) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_larger_shapes_as_their_naive_twins():
     y, x = np.mgrid[:140, :140]
     rng = np.random.default_rng(8)
@@ -237,8 +238,8 @@ def test_turning_the_map_turns_the_table(iso):
 
 def test_larger_pixels_scale_the_table():
     city = draw_town(7, side=96, buildings=80)
-    once = told_apart(city.heights, city.labels, 1.0, crumb=6)
-    twice = told_apart(city.heights, city.labels, 2.0, crumb=24)
+    once = separate_buildings(city.heights, city.labels, 1.0, crumb=6)
+    twice = separate_buildings(city.heights, city.labels, 2.0, crumb=24)
     for name, power in [
         *[(name, 1) for name in ("perimeter", "y", "x", "long_side", "short_side", "circle")],
         *[(name, 2) for name in ("area", "volume", "courtyards", "hull_area")],

@@ -18,10 +18,10 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.pictures import render_classes
-from evocity.views.boxes import left_over
 from evocity.views.classes import ClassTable, packaged
 from evocity.views.classes.objects import features, low_objects
 from evocity.views.classes.table import FEATURES
+from evocity.views.limit_tables import remainder
 
 DATA = files("evocity") / "data" / "classes.toml"
 SEVEN = ("building", "furniture", "tree", "ground", "fountain", "shelter", "post")
@@ -309,7 +309,10 @@ FAULTS = {
     "text": (table(("low", 'height = { below = "3" }'), ("high", "")), "height"),
     "yes": (table(("low", "height = { below = true }"), ("high", "")), "height"),
     "NaN": (table(("low", "height = { below = nan }"), ("high", "")), "height"),
-    "infinity": (table(("low", "height = { below = inf }"), ("high", "")), "height"),
+    "an infinite lowest value": (
+        table(("low", "height = { from = inf }"), ("high", "")),
+        "height",
+    ),
     "below 0": (table(("low", "height = { from = -1 }"), ("high", "")), "height"),
     "turned round": (table(("low", "height = { from = 3, below = 2 }"), ("high", "")), "height"),
     "beyond 1": (table(("low", "roundness = { from = 1.5 }"), ("high", "")), "roundness"),
@@ -387,7 +390,7 @@ def test_a_table_that_is_not_there_is_told(tmp_path):
 def test_every_object_there_may_be_is_of_a_class_and_every_entry_takes_some():
     own = packaged()
     space = np.zeros(4), np.array([np.inf, np.inf, np.nextafter(1, 2), np.inf])
-    assert left_over(space, [box for _, box in own.entries]) is None
+    assert remainder(space, [box for _, box in own.entries]) is None
     rng = np.random.default_rng(1)
     area, height = np.exp(rng.uniform(-2, 7, 20_000)), np.exp(rng.uniform(-2, 4, 20_000))
     found = own.classified(np.stack([area, height, rng.random(20_000), height / np.sqrt(area)]))

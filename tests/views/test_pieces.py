@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from evocity.views.pieces import pieces, widened
+from evocity.views.connected_components import dilate, pieces
 
 AROUND = {False: ndimage.generate_binary_structure(2, 1), True: np.ones((3, 3), bool)}
 
@@ -32,4 +32,4 @@ def test_pieces_and_their_order_are_those_of_scipy(corners):
 def test_a_mask_is_widened_as_scipy_does(corners):
     for mask in masks():
         expected = ndimage.binary_dilation(mask, AROUND[corners])
-        np.testing.assert_array_equal(widened(mask, corners=corners), expected)
+        np.testing.assert_array_equal(dilate(mask, corners=corners), expected)

@@ -6,7 +6,7 @@ from scipy import ndimage
 from towns import draw_town
 
 from evocity.citymap import CityMap
-from evocity.views.structure import structure
+from evocity.views.orientation import structure
 
 
 def binomial(field, passes):

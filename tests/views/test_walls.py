@@ -16,7 +16,7 @@ from evocity import CityMap, read_map
 from evocity.errors import MapError
 from evocity.io import cities
 from evocity.views.walls import coverage, walls_of
-from evocity.views.walls.arcs import traced
+from evocity.views.walls.arcs import trace_arcs
 from evocity.views.walls.fitting import _kernels as _fitting
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -59,20 +59,21 @@ def check_coverage(city: CityMap, **how):
         points = shapely.get_coordinates(ring)
         assert (points[1:] != points[:-1]).any(axis=1).all()
     if len(polygons):  # nothing is beyond the map
-        left, top = city._north_west
+        left, top = city.north_west
         tall, wide = (side * city.metres_per_pixel for side in city.shape)
         west, south, east, north = shapely.total_bounds(polygons) - (left, top, left, top)
         assert min(west, south + tall, wide - east, -north) >= -1e-9
     return walls
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), side=st.integers(1, 40), how=st.sampled_from(HOW))
 def test_any_map_gives_a_valid_coverage(seed, side, how):
     city = CityMap(ragged(seed, side), float(1 + seed % 3))
     walls = check_coverage(city, **how)
     if "least_area" not in how:
-        labels = traced(city.building_labels).labels
+        labels = trace_arcs(city.building_labels).labels
         assert walls.dropped == 0
         assert set(walls.buildings.tolist()) == set(labels[labels > 0].tolist())
         assert len(set(walls.buildings)) >= len(city.buildings) - walls.changed
@@ -96,7 +97,7 @@ def test_walls_of_real_towns_are_a_valid_coverage(name, how):
 def test_party_walls_stay_shared_and_courtyards_stay(name):
     city = read_map(name)
     walls = city.walls
-    labels = traced(city.building_labels).labels
+    labels = trace_arcs(city.building_labels).labels
     pairs = naive.party_walls(labels, least=4)
     polygons = dict(zip(walls.buildings.tolist(), walls.polygons, strict=True))
     assert len(set(walls.buildings.tolist())) == len(walls)
@@ -114,7 +115,7 @@ def test_party_walls_stay_shared_and_courtyards_stay(name):
 def test_each_wall_is_traced_once(seed, height, width):
     rng = np.random.default_rng(seed)
     labels = naive.pieces(rng.integers(0, 4, (height, width)))
-    arcs = traced(labels)
+    arcs = trace_arcs(labels)
     assert not naive.touches_itself(arcs.labels)
     seen = set()
     for arc in range(len(arcs)):
@@ -167,6 +168,7 @@ def iou(one, other):
     return one.intersection(other).area / one.union(other).area
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @example(angle=32.0, wide=17.0, deep=31.5)
 @given(angle=st.floats(0, 90), wide=st.floats(12, 50), deep=st.floats(12, 50))
@@ -250,7 +252,7 @@ def test_a_courtyard_s_corner_on_its_building_s_wall_is_told():
     inside = [shapely.Polygon([(2, y), (8, 4), (4, 8)]) for y in (0, 1)]
     polygons = np.array([shapely.difference(around, one) for one in inside])
     assert shapely.is_valid(polygons).all()
-    assert coverage.pinched(polygons).tolist() == [True, False]
+    assert coverage.find_pinched(polygons).tolist() == [True, False]
 
 
 @settings(max_examples=60, deadline=None)
@@ -297,7 +299,7 @@ def test_a_building_that_meets_itself_at_a_corner_is_filled_there():
     city = CityMap(heights, 1.0)
     walls = check_coverage(city)
     assert walls.changed > 0
-    assert not naive.touches_itself(traced(city.building_labels).labels)
+    assert not naive.touches_itself(trace_arcs(city.building_labels).labels)
 
 
 def test_specks_join_the_longest_wall_or_are_dropped():

@@ -1,9 +1,9 @@
-"""Compiled loops that compare range blocks with domain blocks, in tiles and in windows: arrays in,
-arrays out. The tests hold what they come to against trying everything in tests/naive.py.
+"""Compiled comparison of range blocks with domain blocks, in tiles and in windows: arrays in,
+arrays out. Tests compare the results with an exhaustive search in tests/naive.py.
 
-What every search spends its time on, the gain of one range block from many domain blocks side by
-side, is written out as vector code: compilers of loops leave four fifths of the machine unused
-here. What kernels call stands in this file, whose changes the disk cache sees.
+Searches spend their time on the gain of one range block from many adjacent domain blocks. It is
+written out as vector code: compilers of loops leave four fifths of the machine unused here. All
+callees of kernels stand in this file, since the disk cache notices its changes only.
 """
 
 from functools import cache
@@ -14,22 +14,22 @@ import numpy as np
 from evocity.accelerate import kernel
 from evocity.accelerate.vectors import ABREAST, WIDTH, vector_code
 
-#: Domain positions in a tile; pools are padded by as many.
+#: Domain positions in a tile; also the padding of pools.
 LANES = 32
-#: Tiles in a row: as one, they are tried or not when a search begins.
+#: Tiles in a row: a search begins with whole rows.
 ROW = 8
-#: Columns of a window compared at a time, `LANES` at most.
+#: Columns of a window compared in one go, at most `LANES`.
 GROUP = 16
-#: Range blocks that go by together where their windows overlap.
+#: Range blocks handled together where their windows overlap.
 NEIGHBOURS = 8
-#: Sums over the coordinates of larger blocks are loops, `RUN` products a turn.
+#: Sums over the coordinates of larger blocks are loops of `RUN` products.
 UNROLLED, RUN = 16, 8
-#: Tiles remembered at first, of all range blocks searched together.
+#: Initial room for tiles, of all range blocks of a batch.
 ROOM = 1 << 14
 
 
 def _parts(block):
-    """Where the D4 coordinates s1, s2, s3, s4, u, w of blocks of side ``block`` begin and end."""
+    """List begins and ends of the parts s1, s2, s3, s4, u, w of blocks of side ``block``."""
     even, odd = (block + 1) // 2, block // 2
     sizes = [half * (half + sign) // 2 for half in (even, odd) for sign in (1, -1)]
     ends = np.cumsum([0, *sizes, even * odd, even * odd]).tolist()
@@ -43,15 +43,15 @@ def _gain(v, p, limit):
 
 
 def _gains(v, block, abreast, code, planes, place, norms, cap=None):
-    """Gains, see `raise_gains`, from ``abreast`` vectors of domain positions side by side, from
-    ``place`` on: a list of vectors. ``norms`` points at the first one's norm."""
+    """Compute gains, see `raise_gains`, from ``abreast`` adjacent vectors of domain positions, from
+    ``place`` on: a list of vectors. ``norms`` points at the norm of the first."""
     beside = range(abreast)
     *squares, (u, u_end), (w, _) = _parts(block)
     first, step = planes.at(*place), planes.steps[1]
 
     def add_products(sums, n, terms):
-        """sums[total] += the n-th of our coordinates from ``one`` on, times theirs from ``other``
-        on, for each (total, one, other)."""
+        """sums[total] += the range block's n-th coordinate from ``one`` on, times the domain
+        block's from ``other`` on, for each (total, one, other)."""
 
         def at(start):
             return v.number(start + n) if isinstance(n, int) else v.plus(n, start)
@@ -72,7 +72,7 @@ def _gains(v, block, abreast, code, planes, place, norms, cap=None):
     if block <= UNROLLED:
         for n in range(max(end - start for start, end in squares)):
             terms = [(k, start, start) for k, (start, end) in enumerate(squares) if start + n < end]
-            add_products(sums, n, terms)  # of all parts in turn: no sum waits for itself
+            add_products(sums, n, terms)  # alternates parts, so no sum waits for itself
         for n in range(u_end - u):
             add_products(sums, n, crossed)
     else:
@@ -95,8 +95,8 @@ def _gains(v, block, abreast, code, planes, place, norms, cap=None):
 
 
 def _sum_in_runs(v, sums, count, terms, add_products):
-    """The sums of ``terms`` over ``count`` coordinates, run after run of `RUN`: written out whole,
-    those of a large block would take the compiler minutes. Runs added up also round less."""
+    """Sum ``terms`` over ``count`` coordinates, in runs of `RUN`: sums of a large block, fully
+    written out, would take the compiler minutes. Runs also round less."""
     totals = [total for total, *_ in terms]
     abreast = len(sums[0])
     held = {total: [v.variable(v.zero) for _ in range(abreast)] for total in totals}
@@ -124,7 +124,7 @@ def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line
     best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see evocity.coding.matching.domains)
     all eight inner products come from 1.5 B² multiplications.
 
-    ``block`` and ``count``, a multiple of `WIDTH`, are known to the compiler.
+    The compiler knows ``block`` and ``count``, a multiple of `WIDTH`.
     """
     code, norm, target = codes.at(i), norms.at(y, x), gains.at(line, j)
     for start in range(0, count, ABREAST * WIDTH):
@@ -138,7 +138,7 @@ def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line
 
 @vector_code("float32", known=1)
 def most_gain(v, block, tiles, t, ceilings, codes, i):
-    """The largest gain, see `raise_gains`, of range block codes[i] from tile t, of
+    """Find the largest gain, see `raise_gains`, of range block codes[i] from tile t, of
     ``ceilings`` σ_max·‖d̃‖."""
     code, most = codes.at(i), v.zero
     for start in range(0, LANES, ABREAST * WIDTH):
@@ -151,9 +151,9 @@ def most_gain(v, block, tiles, t, ceilings, codes, i):
 
 @vector_code("int64", known=1)
 def hopeful(v, parts, peaks, t, tops, range_shares, norms, near, which):
-    """List in ``which`` the range blocks i of whose energy some block of tile t may explain
-    near[i], as far as Σ_f range_shares[i, f]·peaks[t, f], at most norms[i], can tell; returns
-    how many. ``range_shares`` (n / WIDTH, F, WIDTH) holds range blocks side by side."""
+    """List in ``which`` the range blocks i of whose energy a block of tile t may explain near[i],
+    by the bound Σ_f range_shares[i, f]·peaks[t, f], at most norms[i]; returns their number.
+    ``range_shares`` (n / WIDTH, F, WIDTH) holds adjacent range blocks."""
     factors = [v.spread(v.after(peaks.at(t), f)) for f in range(parts)]
     top, used = v.spread(tops.at(t)), v.variable(v.number(0))
     with v.loop(range_shares.shape[0]) as row:
@@ -171,8 +171,8 @@ def hopeful(v, parts, peaks, t, tops, range_shares, norms, near, which):
 
 @vector_code("int64", known=1)
 def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
-    """1 if some block of tile t may explain near[i] of the energy of range block i, as far as the
-    bounds Σ_f range_shares[i, f]·shares[t, f], at most norms[i], can tell; else 0."""
+    """Return 1 if a block of tile t may explain near[i] of the energy of range block i, by the
+    bounds Σ_f range_shares[i, f]·shares[t, f], at most norms[i]; else 0."""
     ours, norm, enough = range_shares.at(i), v.spread(norms.at(i)), v.spread(near.at(i))
     some = None
     for start in range(0, LANES, WIDTH):
@@ -190,8 +190,8 @@ def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
 def products(blocks, vectors, out):
     """out[i, j] = Σ blocks[i, k] · vectors[k, j], of (n, K) and (K, J).
 
-    BLAS would take threads of its own for it, which wait for each other on a busy machine, and
-    its last bits depend on how many they are.
+    BLAS would use its own threads, which wait for each other on a busy machine, and its last bits
+    depend on their number.
     """
     for i in range(blocks.shape[0]):
         for j in range(vectors.shape[1]):
@@ -204,8 +204,8 @@ def products(blocks, vectors, out):
 
 @kernel
 def most_likely(peaks, tops, shares, rows):
-    """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) that promise range block i,
-    of ``shares`` (n, F), most, were its own energy no limit."""
+    """rows[:, i] = the columns of ``peaks`` (F, T) and ``tops`` (T,) with the largest bounds for
+    range block i, of ``shares`` (n, F), whatever its energy."""
     likings = np.empty(tops.size, np.float32)
     for i in range(rows.shape[1]):
         likings[:] = 0
@@ -225,8 +225,8 @@ def most_likely(peaks, tops, shares, rows):
 
 @kernel
 def forget(places, gains, used, near):
-    """Of the first ``used`` tiles, range blocks ``places`` (2, n) and ``gains`` (n,), move those
-    to the front whose gain is at least near[range block]; returns how many."""
+    """Keep, of the first ``used`` tiles, range blocks ``places`` (2, n) and ``gains`` (n,), those
+    with a gain of at least near[range block], moved to the front; returns their number."""
     left = 0
     for n in range(used):
         places[0, left], places[1, left], gains[left] = places[0, n], places[1, n], gains[n]
@@ -236,10 +236,10 @@ def forget(places, gains, used, near):
 
 @cache
 def tile_kernels(block, parts):
-    """The kernels of the search of a whole map: reach_tiles, list_tiles; see
-    evocity.coding.matching.tiles. ``parts`` is how many norms the bounds sum up."""
+    """Make the kernels of the search of a whole map, reach_tiles and list_tiles; see
+    evocity.coding.matching.tiles. ``parts`` is the number of norms in the bounds."""
 
-    # tiles outside: so that a tile stays in the cache while all range blocks go by
+    # the outer loop is over tiles, so that a tile stays in the cache for all range blocks
     @kernel
     def reach_tiles(
         tiles, ceilings, shares, peaks, tops, codes, range_shares, norms, slack, first, best,
@@ -248,12 +248,12 @@ def tile_kernels(block, parts):
         """best[i] = largest gain of range i in any tile.
 
         (places[0, n], places[1, n], gains[n]) = tile, range and the largest gain there, where it
-        comes within slack[i] of best[i]. The first ``used`` are known from the tiles before
-        ``start``. Returns at which tile it stopped, for want of room or at the end, and how many
-        are known. ``first`` lists the rows of tiles that each range block is tried on at once:
-        the better the start, the more is left out.
+        comes within slack[i] of best[i]. The first ``used`` come from the tiles before ``start``.
+        Returns the tile where it stopped, without room or at the end, and the number of entries.
+        ``first`` lists the rows of tiles to begin with for each range block: a good start excludes
+        more.
 
-        It returns no arrays: making them Python's own is no place for a Ctrl-C to come in.
+        It returns no arrays, since Ctrl-C must not interrupt their conversion to Python.
         """
         count, ranges = tops.size, best.size
         beside = np.zeros((-(-ranges // WIDTH), parts, WIDTH), np.float32)
@@ -264,7 +264,7 @@ def tile_kernels(block, parts):
             most[i] = norms[i]
             for f in range(parts):
                 beside[i // WIDTH, f, i % WIDTH] = range_shares[i, f]
-        order = np.argsort(first, kind="mergesort")  # of all that come first, by row
+        order = np.argsort(first, kind="mergesort")  # first rows, sorted
         for n in order:
             i, row = n % ranges, first[n]
             for t in range(row * ROW, min(row * ROW + ROW, count)):
@@ -272,7 +272,7 @@ def tile_kernels(block, parts):
         for i in range(ranges):
             near[i] = best[i] - slack[i]
         for t in range(start, count):
-            # lists, not branches: which range blocks are left is anybody's guess
+            # lists, not branches, as the remaining range blocks are unpredictable
             found = hopeful(parts, peaks, t, tops, beside, most, near, which)
             left = 0
             for n in range(found):
@@ -294,9 +294,9 @@ def tile_kernels(block, parts):
 
     @kernel
     def list_tiles(tiles, ceilings, at, codes, tile, ranges, most, near, which, where):
-        """The domain blocks whose gain is at least near[i], in the tiles that reached as much for
-        range i (see reach_tiles): where[n], as ``at`` tells it, for range which[n], as far as there
-        is room. Returns how many there are."""
+        """List the domain blocks with a gain of at least near[i], in the tiles with such a gain for
+        range i (see reach_tiles): where[n], an entry of ``at``, for range which[n], as far as there
+        is room. Returns their number."""
         gains = np.empty((1, LANES), np.float32)
         one, count = np.float32(1), 0
         for n in range(most.size):
@@ -317,7 +317,7 @@ def tile_kernels(block, parts):
 
 @cache
 def window_kernels(block):
-    """The kernels of the search within reach: lane_maxima, list_windows."""
+    """Make the kernels of the search within reach: lane_maxima, list_windows."""
 
     @kernel
     def lane_maxima(planes, norms, codes, window, cap, band, lanes, best):
@@ -326,7 +326,7 @@ def window_kernels(block):
         window.top on.
 
         ``window`` holds (top, bottom, left, right) of each range's domain positions; lanes beyond
-        the window, which fill up the last `GROUP`, are set back to 0.
+        the window, which pad the last `GROUP`, become 0 again.
         """
         gains, count = lanes.reshape(-1, lanes.shape[2]), codes.shape[0]
         for start in range(0, count, NEIGHBOURS):
@@ -334,7 +334,7 @@ def window_kernels(block):
             first, last = window[start, 0], window[start, 1]
             for i in range(start, end):
                 first, last = min(first, window[i, 0]), max(last, window[i, 1])
-            # rows outside: so that one stays in the cache while neighbours go by
+            # the outer loop is over rows, so that a row stays in the cache for neighbours
             for y in range(first, last):
                 for i in range(start, end):
                     if y < window[i, 0] or y >= window[i, 1]:
@@ -364,11 +364,11 @@ def window_kernels(block):
 
     @kernel
     def list_windows(planes, norms, codes, window, cap, best, band, near, which, down, across):
-        """The domains whose gain is at least near[i]: block down[n], across[n] of the pool for
-        range which[n], as far as there is room. Returns how many there are.
+        """List the domain blocks with a gain of at least near[i]: block down[n], across[n] of the
+        pool for range which[n], as far as there is room. Returns their number.
 
-        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from each window's top on: only
-        where these reach near[i] are positions looked at again, in groups of `GROUP`.
+        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from each window's top on. Only
+        positions where these attain near[i] are compared again, in groups of `GROUP`.
         """
         gains = np.empty((1, GROUP), np.float32)
         count = 0

@@ -1,4 +1,4 @@
-"""The coordinates the search works in.
+"""D4 coordinates of blocks, in which the search compares.
 
 Under the 8 isometries of the square (the dihedral group D4) a block falls into parts that are
 even or odd under the two axis flips: pp, pm, mp, mm (rows first). With s1, s2 the symmetric
@@ -6,9 +6,8 @@ and antisymmetric part of pp under transposition, s3, s4 those of mm, u = pm and
 inner products of a range block with all 8 images of a domain block are sums of
 s1·s1′, s2·s2′, s3·s3′, s4·s4′, u·u′, w·w′, u·w′ and w·u′.
 
-The isometries mix coordinates only within s1, s2, s3, s4 and (u, w). Each of these parts is split
-once more, into its lowest frequency and the rest; the norms of these are the same under every
-isometry.
+The isometries mix coordinates only within s1, s2, s3, s4 and (u, w). Each of these parts splits
+once more, into its lowest frequency and the rest. No isometry changes the norms of these.
 """
 
 from functools import cache
@@ -19,8 +18,8 @@ import numpy as np
 
 @cache
 def d4_basis(block: int) -> np.ndarray:
-    """Orthonormal basis ``(B², B²)`` of blocks of ``block`` px: a row a D4 coordinate, in the
-    order s1, s2, s3, s4, u, w."""
+    """Build the orthonormal basis ``(B², B²)`` of blocks of ``block`` px: a row for each D4
+    coordinate, in the order s1, s2, s3, s4, u, w."""
     half = np.sqrt(0.5)
     even, odd = [], []
     for i in range((block + 1) // 2):
@@ -33,7 +32,7 @@ def d4_basis(block: int) -> np.ndarray:
         odd.append(vector)
 
     def parts(basis, sign):
-        """Symmetric (sign +1) or antisymmetric (−1) products of ``basis`` with itself."""
+        """Yield symmetric (sign +1) or antisymmetric (−1) products of ``basis`` with itself."""
         for a in range(len(basis)):
             if sign > 0:
                 yield np.outer(basis[a], basis[a])
@@ -51,8 +50,8 @@ def d4_basis(block: int) -> np.ndarray:
 
 @cache
 def d4_matrix(block: int) -> np.ndarray:
-    """`d4_basis` with the mean removed, float32: what turns a flat block into the coordinates
-    that the search compares. Inner products are kept, but for the mean."""
+    """Build `d4_basis` without the mean, float32: it maps a block to the coordinates that the
+    search compares. Inner products stay, apart from the mean."""
     basis = d4_basis(block)
     matrix = (basis - basis.mean(axis=1, keepdims=True)).astype(np.float32)
     matrix.setflags(write=False)
@@ -60,12 +59,13 @@ def d4_matrix(block: int) -> np.ndarray:
 
 
 def d4_codes(blocks: np.ndarray) -> np.ndarray:
-    """`d4_matrix` of n flat ``blocks``, float32 ``(n, B²)``: their coordinates, float32 alike."""
-    return in_terms_of(_columns(int(np.sqrt(blocks.shape[1]))), blocks)
+    """Compute the D4 coordinates of n ``blocks``, float32 ``(n, B²)``, by `d4_matrix`."""
+    return project(_columns(int(np.sqrt(blocks.shape[1]))), blocks)
 
 
-def in_terms_of(vectors: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """``blocks @ vectors``, ``(n, K)`` and ``(K, J)`` of one type, in the calling thread."""
+def project(vectors: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """Compute ``blocks @ vectors``, ``(n, K)`` and ``(K, J)`` of one type, in the calling
+    thread."""
     from evocity.coding.matching._kernels import products
 
     out = np.empty((len(blocks), vectors.shape[1]), blocks.dtype)
@@ -80,9 +80,8 @@ def _columns(block: int) -> np.ndarray:
 
 @cache
 def d4_slots(block: int) -> np.ndarray:
-    """Where among its D4 coordinates a block has the product of its a-th and b-th function down
-    and across, first the even functions and then the odd, before (a, b) and (b, a) are mixed:
-    ``(B, B)``."""
+    """Number the D4 coordinates of products of functions, before (a, b) and (b, a) mix: ``(B, B)``,
+    the a-th function down by the b-th across, even functions before odd ones."""
     even, k = (block + 1) // 2, 0
     slots = np.empty((block, block), np.int64)
     for functions in (range(even), range(even, block)):
@@ -100,15 +99,15 @@ def d4_slots(block: int) -> np.ndarray:
 
 @cache
 def d4_ones(block: int) -> np.ndarray:
-    """D4 coordinates ``(B²,)`` of the block of ones: all but those of s1 are 0."""
+    """Compute the D4 coordinates ``(B²,)`` of the block of ones: all but those of s1 are 0."""
     ones = d4_basis(block).sum(axis=1)
-    ones[part_sizes(block)[0] :] = 0  # but for rounding
+    ones[part_sizes(block)[0] :] = 0  # without rounding
     ones.setflags(write=False)
     return ones
 
 
 def part_sizes(block: int) -> tuple[int, ...]:
-    """Number of D4 coordinates in s1, s2, s3, s4 and u; w has as many as u."""
+    """Count the D4 coordinates in s1, s2, s3, s4 and u; w has as many as u."""
     even, odd = (block + 1) // 2, block // 2
     both = (1, -1)
     symmetric = [half * (half + sign) // 2 for half in (even, odd) for sign in both]
@@ -117,8 +116,8 @@ def part_sizes(block: int) -> tuple[int, ...]:
 
 @cache
 def lowest(block: int) -> np.ndarray:
-    """For each part the unit vector, in its own coordinates, of the block's lowest frequency
-    (cosine transform) in that part: float32, the parts one after another; u and w share one."""
+    """Build for each part the unit vector of its lowest frequency (cosine transform), in the
+    coordinates of that part: float32, part after part; u and w share a vector."""
     wave = np.cos(np.pi * (np.arange(block) + 0.5)[None] * np.arange(block)[:, None] / block)
     first = {"s1": (0, 2, 1), "s2": (0, 2, -1), "s3": (1, 1, 1), "s4": (1, 3, -1), "u": (0, 1, 0)}
     basis, vectors, start = d4_basis(block), [], 0
@@ -138,11 +137,11 @@ def lowest(block: int) -> np.ndarray:
 
 @cache
 def used_parts(block: int) -> tuple[int, ...]:
-    """Which of the norms (lowest, rest of each part) are not 0 for every block."""
+    """List which of the norms (lowest, rest of each part) can differ from 0."""
     start, used = 0, []
     for part, size in enumerate(part_sizes(block)):
         low = bool(lowest(block)[start : start + size].any())
-        # the mean is no variation: a part s1 holds one dimension less than coordinates
+        # without the mean, s1 has one dimension less than coordinates
         room = size - (part == 0)
         used += [2 * part] * low + [2 * part + 1] * (room > low)
         start += size
@@ -151,8 +150,8 @@ def used_parts(block: int) -> tuple[int, ...]:
 
 @cache
 def d4_mark(block: int) -> int:
-    """A number that changes with the tables of this file. What is compiled from them holds it, as
-    the disk cache of kernels sees changes of their own file alone."""
+    """Compute a checksum of the tables of this file. Kernels compiled from them contain it, since
+    their disk cache notices changes of the kernels' file only."""
     tables = (d4_basis(block), d4_slots(block), lowest(block))
-    told = b"".join(table.tobytes() for table in tables)
-    return crc32(told + repr((part_sizes(block), used_parts(block))).encode())
+    content = b"".join(table.tobytes() for table in tables)
+    return crc32(content + repr((part_sizes(block), used_parts(block))).encode())

@@ -1,5 +1,4 @@
-"""The pool of domain blocks of one size, and how its rows are folded into D4 coordinates (see
-`evocity.coding.matching.d4`)."""
+"""Pools of the domain blocks of one size, with their D4 coordinates (see `d4`)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,22 +10,22 @@ import numpy as np
 from evocity.coding._kernels import box_means
 from evocity.coding.matching.d4 import d4_ones, d4_slots
 
-#: Relief below this share of the highest roof is rounding: of float64, and of float32.
+#: Relief below this share of the highest roof is rounding, in float64 and in float32.
 _NOISE, _COARSE = 1e-12, 4e-6
-#: Stands for no cap on \\|σ\\|: finite, so that times the norm 0 of a flat domain it is 0.
+#: Replaces an infinite cap on \\|σ\\|: times the norm 0 of a flat domain block it gives 0.
 UNCAPPED = np.float32(1e18)
 
 
 @dataclass(frozen=True, eq=False)
 class DomainPool:
-    """Domain blocks of side ``multiple``·B of one map: all whose first row lies in a band.
+    """All domain blocks of side ``multiple``·B of a map with their first row in a band.
 
     block : B, px.
     shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the
         whole map.
-    top, rows : the map row where the band begins, and how many.
+    top, rows : first row of the band on the map, and number of its rows.
     least : blocks of no more energy, m², count as flat.
-    exact : whether blocks are folded in float64, or in float32.
+    exact : whether D4 coordinates come from float64, or from float32.
     """
 
     multiple: int
@@ -43,8 +42,8 @@ class DomainPool:
         return self.rows, self.shrunk.shape[1] - self.multiple * (self.block - 1)
 
     def split(self, count: int, last: float = 1.0) -> list["DomainPool"]:
-        """The same domain blocks in at most ``count`` bands of rows, the last of them ``last``
-        times as high as the others."""
+        """Divide the pool into at most ``count`` bands of rows, the last ``last`` times as high as
+        the others."""
         step = max(1, round(self.rows / (count - 1 + last)))
         edges = [*range(0, self.rows, step)[:count], self.rows]
         return [
@@ -54,8 +53,7 @@ class DomainPool:
     @property
     def planes(self) -> np.ndarray:
         """Float32 ``(rows, B², columns + LANES)``, D4 coordinates of the shrunk domain blocks
-        made zero-mean and of unit norm, d̃/‖d̃‖. They are 0 for flat domains and in the padding,
-        which so explain nothing."""
+        made zero-mean and of unit norm, d̃/‖d̃‖; 0 for flat domain blocks and in the padding."""
         return self.folded[0]
 
     @property
@@ -65,9 +63,9 @@ class DomainPool:
 
     @cached_property
     def folded(self) -> tuple[np.ndarray, np.ndarray]:
-        """Planes and norms, made when first asked for."""
+        """Planes and norms, computed at the first access."""
         from evocity.coding.matching._kernels import LANES
-        from evocity.coding.matching.folding import fold
+        from evocity.coding.matching.d4_folding._kernels import fold
 
         (rows, columns), block = self.shape, self.block
         planes = np.empty((rows, block * block, columns + LANES), np.float32)
@@ -89,13 +87,13 @@ def domain_pools(
     memory: int = 64 << 20,
     exact: bool = True,
 ) -> Iterator[DomainPool]:
-    """Every domain block of a ``(H, W)`` map, in the order of (D, y): band after band of rows,
-    each of about ``memory`` bytes once folded.
+    """Yield every domain block of a ``(H, W)`` map, in the order of (D, y), in bands of rows whose
+    D4 coordinates take about ``memory`` bytes.
 
-    ``domains`` are multiples m of B; sizes that do not fit the map are left out. Domains surely
-    flatter than ``flat`` metres from lowest to highest count as flat. Without ``exact`` heights
-    are rounded to float32 before they are folded: half the time, good to about 1e-7 of the
-    heights instead of the differences of heights.
+    ``domains`` are multiples m of B; sizes that do not fit the map are skipped. Domain blocks whose
+    heights surely span less than ``flat`` metres count as flat. Without ``exact`` heights are
+    rounded to float32 first: this takes half the time, and precision is about 1e-7 of the heights
+    instead of their differences.
     """
     from evocity.coding.matching._kernels import LANES
 
@@ -116,6 +114,6 @@ def domain_pools(
 
 
 def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
-    """All domain blocks of one size in one pool; the map must be large enough for one."""
+    """Put all domain blocks of one size in one pool; at least one must fit the map."""
     (pool,) = domain_pools(heights, block, [multiple], flat, memory=1 << 62)
     return pool

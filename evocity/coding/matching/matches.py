@@ -1,4 +1,4 @@
-"""The best domain block of each range block, decided in float64 however it was found."""
+"""Matches: the best domain block of each range block, decided in float64."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,30 +6,31 @@ from functools import cached_property
 import numpy as np
 
 from evocity import isometries
+from evocity.coding.matching.candidates import RangeCodes
 from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import DomainPool
-from evocity.coding.matching.likeness import RangeCodes
-from evocity.coding.matching.scoring import rank, settle
+from evocity.coding.matching.exact_scores._kernels import rank, settle
 from evocity.coding.matching.shapes import Shapes
+from evocity.coding.parameters import Coding
 from evocity.coding.topology import Candidates
 
-#: Gains closer than this share of the range block's energy are a tie, won by the lowest
-#: (D, y, x, iso).
+#: Gains closer than this share of the range block's energy are a tie; the lowest (D, y, x, iso)
+#: wins it.
 TIE = 1e-9
-#: How far float32 gains may be off, as a share of the energy; closer ones are re-scored. Sums of
-#: blocks above `_SIDE` round more, about in proportion to B.
+#: The error of float32 gains, as a share of the energy; closer gains get a score in float64. Sums
+#: of blocks above `_SIDE` round more, about in proportion to B.
 UNSURE, _SIDE = 2e-5, 16
-#: Domains remembered for each range block until the best is known.
+#: Domain blocks kept for each range block until the best is known.
 _ROOM = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Best domain of each of n range blocks: arrays ``(n,)``.
+    """The best domain block of each of n range blocks: arrays ``(n,)``.
 
     multiple (D/B), y, x (px), iso, sigma, beta (m); gain, energy (m², summed over the block):
-    what the match explains of ‖r̃‖². Where nothing explains anything, multiple, sigma and
-    gain are 0 and beta is the block's mean.
+    the part of ‖r̃‖² that the match explains, and ‖r̃‖². Without a domain block that explains
+    anything, multiple, sigma and gain are 0 and beta is the block's mean.
     """
 
     multiple: np.ndarray
@@ -41,20 +42,28 @@ class Matches:
     gain: np.ndarray
     energy: np.ndarray
 
+    def nucleotides(self, side: int) -> dict[str, np.ndarray]:
+        """Collect the nucleotides of lifs with these matches; their range blocks have ``side``
+        px."""
+        extent = self.multiple * side
+        columns = {name: getattr(self, name) for name in ("sigma", "beta", "x", "y", "iso")}
+        return columns | {"dx": extent, "dy": extent}
+
 
 class Search:
-    """What is known of n range blocks ``(n, B²)`` while pool after pool goes by.
+    """The state of a search for n range blocks ``(n, B²)``, updated pool after pool.
 
     codes : float32 ``(n, B²)``, D4 coordinates of the blocks made zero-mean, m.
     ranges : the same with the norms of their parts.
     energy : float64 ``(n,)``, ‖r̃‖², m².
     best : float32 ``(n,)``, the largest gain so far.
-    unsure : float32 ``(n,)``, how far that may be off.
+    unsure : float32 ``(n,)``, the error of that gain.
     """
 
-    def __init__(self, flat: np.ndarray, sigma_max: float):
+    def __init__(self, flat: np.ndarray, coding: Coding):
         count, pixels = flat.shape
-        self.block, self.cap = int(np.sqrt(pixels)), float(np.float32(sigma_max))
+        self.block, self.reach = int(np.sqrt(pixels)), coding.reach
+        self.cap = float(np.float32(coding.sigma_max))
         self.centred = flat - flat.mean(axis=1, keepdims=True)
         self.energy = np.einsum("nk,nk->n", self.centred, self.centred)
         self.codes = d4_codes(self.centred.astype(np.float32))
@@ -70,34 +79,39 @@ class Search:
         return RangeCodes.of(self.codes)
 
     def near(self, part: slice, tolerance: float = 0.0) -> np.ndarray:
-        """Float32 gains from which on a domain may be the best of its range block, or within
-        ``tolerance`` (a share of the range block's energy) of the best."""
+        """Compute the float32 gains from which a domain block may be the best of its range block,
+        or within ``tolerance`` (a share of the range block's energy) of the best."""
         less = self.unsure[part] + (tolerance * self.energy[part]).astype(np.float32)
         return np.maximum(self.best[part] - less, np.float32(1e-30))
 
     def settle(self, pool: DomainPool, part: slice, which, y, x) -> None:
-        """Keep the best of the domains of ``pool`` at (y, x) of the map for the ``which``-th of
-        ``part``."""
+        """Keep the best of the domain blocks of ``pool`` at (y, x) of the map for the
+        ``which``-th range blocks of ``part``."""
         settle(
             which, y, x, pool.shrunk, pool.multiple, self.block,
             self.centred[part], isometries.sources(self.block), self.cap,
             TIE * self.energy[part], self.records[part], self.places[part], self.count[part],
         )  # fmt: skip
 
-    def scored(self, which, multiple, y, x, flat: np.ndarray, least: np.ndarray) -> Candidates:
-        """Of the domains (multiple, y, x) for the ``which``-th of blocks ``flat`` (n, B²), under
-        all isometries, those that explain at least ``least`` (n,). ``which`` ascends."""
-        means = flat.mean(axis=1)
-        gains, slopes = np.empty((2, which.size, 8))
-        levels = np.empty(which.size)
+    def _rank(self, which, multiple, y, x, centred: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Compute gain and σ under each isometry, ``(m, 8)``, and mean height of the domain blocks
+        (multiple, y, x) for the ``which``-th of zero-mean blocks; 0 without a domain block."""
+        gains, slopes, levels = *np.zeros((2, len(y), 8)), np.zeros(len(y))
         for step, shrunk in self.shrunk.items():
             (hit,) = np.nonzero(multiple == step)
-            found = np.empty((hit.size, 8)), np.empty((hit.size, 8)), np.empty(hit.size)
+            scores = np.empty((hit.size, 8)), np.empty((hit.size, 8)), np.empty(hit.size)
             rank(
-                which[hit], y[hit], x[hit], shrunk, step, self.block, flat - means[:, None],
-                isometries.sources(self.block), self.cap, *found,
+                which[hit], y[hit], x[hit], shrunk, step, self.block, centred,
+                isometries.sources(self.block), self.cap, *scores,
             )  # fmt: skip
-            gains[hit], slopes[hit], levels[hit] = found
+            gains[hit], slopes[hit], levels[hit] = scores
+        return gains, slopes, levels
+
+    def score(self, which, multiple, y, x, flat: np.ndarray, least: np.ndarray) -> Candidates:
+        """Select the domain blocks (multiple, y, x), under all isometries, that explain at least
+        ``least`` (n,) of the ``which``-th of blocks ``flat`` (n, B²). ``which`` ascends."""
+        means = flat.mean(axis=1)
+        gains, slopes, levels = self._rank(which, multiple, y, x, flat - means[:, None])
         place, iso = np.nonzero(gains >= least[which, None])
         block, slope = which[place], slopes[place, iso]
         return Candidates(
@@ -111,34 +125,23 @@ class Search:
         )
 
     def matches(self, blocks: np.ndarray, shapes: Shapes) -> Matches:
-        """The result for all blocks ``(n, B, B)``, whose ``shapes`` were searched."""
-        kept = np.arange(_ROOM) < self.count[:, None]
-        most = self.records.max(axis=1, initial=0, where=kept)
+        """Build the result for all blocks ``(n, B, B)`` from the search of their ``shapes``."""
+        used = np.arange(_ROOM) < self.count[:, None]
+        most = self.records.max(axis=1, initial=0, where=used)
         least = most - TIE * self.energy
-        wins = kept & (self.records >= np.maximum(least, TIE * self.energy)[:, None])
+        wins = used & (self.records >= np.maximum(least, TIE * self.energy)[:, None])
         first = self.places.min(axis=1, initial=np.iinfo(np.int64).max, where=wins)
-        found = wins.any(axis=1)
-        place = np.where(found, first, 0)
+        matched = wins.any(axis=1)
+        place = np.where(matched, first, 0)
         multiple, y, x = place >> 42, place >> 21 & 0x1FFFFF, place & 0x1FFFFF
-        gains, slopes, level = (
-            np.zeros((len(place), 8)),
-            np.zeros((len(place), 8)),
-            np.zeros(len(place)),
-        )
-        for step, shrunk in self.shrunk.items():
-            (hit,) = np.nonzero(multiple == step)
-            ranked = np.empty((hit.size, 8)), np.empty((hit.size, 8)), np.empty(hit.size)
-            rank(
-                np.arange(hit.size), y[hit], x[hit], shrunk, step, self.block, self.centred[hit],
-                isometries.sources(self.block), self.cap, *ranked,
-            )  # fmt: skip
-            gains[hit], slopes[hit], level[hit] = ranked
+        every = np.arange(len(place))
+        gains, slopes, level = self._rank(every, multiple, y, x, self.centred)
         enough = gains >= np.minimum(least, gains.max(axis=1))[:, None]
         of = shapes.of
-        # of the isometries that match the shape as well, the lowest once it is turned to the block
+        # of equal isometries, the lowest after turning the shape to the block
         iso = isometries.LOWEST[shapes.iso, np.packbits(enough, axis=1, bitorder="little")[of, 0]]
         own = isometries.COMPOSITION[isometries.INVERSE[shapes.iso], iso]
-        slope = np.where(found[of], shapes.sign * slopes[of, own], 0.0)
+        slope = np.where(matched[of], shapes.sign * slopes[of, own], 0.0)
         flat = blocks.reshape(len(blocks), self.block**2)
         return Matches(
             multiple=multiple[of],
@@ -147,17 +150,17 @@ class Search:
             iso=iso,
             sigma=slope,
             beta=flat.mean(axis=1, dtype=np.float64) - slope * level[of],
-            gain=np.where(found[of], gains[of, own], 0.0),
+            gain=np.where(matched[of], gains[of, own], 0.0),
             energy=self.energy[of],
         )
 
 
-def listed(kernel, columns: int, *arguments) -> np.ndarray:
-    """What a kernel of the kind of list_tiles lists: int64 ``(columns, n)``."""
+def list_places(kernel, columns: int, *arguments) -> np.ndarray:
+    """Call a kernel such as list_tiles, with room for all it lists: int64 ``(columns, n)``."""
     room = 1 << 15
     while True:
-        found = np.empty((columns, room), np.int64)
-        count = kernel(*arguments, *found)
+        places = np.empty((columns, room), np.int64)
+        count = kernel(*arguments, *places)
         if count <= room:
-            return found[:, :count]
+            return places[:, :count]
         room = count

@@ -1,4 +1,4 @@
-"""Range blocks alike but for level, sign and isometry: each shape need be searched but once."""
+"""Shapes of range blocks: range blocks equal up to level, sign and isometry share a search."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -6,18 +6,18 @@ from functools import cache
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.matching.alike import canonical, grouped, uneven
+from evocity.coding.matching.equivalence._kernels import canonical, grouped, uneven
 
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """n blocks, each of one of S shapes, which it has under a sign, an isometry and at a level.
+    """n blocks, each one of S shapes under a sign, an isometry and a level.
 
     pixels : float64 ``(S, B²)``, the shapes, m above some level.
     first : int64 ``(S,)``, the first block of each.
     of : int64 ``(n,)``, the shape of each block.
-    iso, sign : uint8 and float64 ``(n,)``, the isometry 0…7, and +1 or −1, that make the block of
-        the shape, but for the level.
+    iso, sign : uint8 and float64 ``(n,)``, the isometry 0…7, and +1 or −1, that turn the shape
+        into the block, up to the level.
     """
 
     pixels: np.ndarray
@@ -28,19 +28,15 @@ class Shapes:
 
     @classmethod
     def of_blocks(cls, blocks: np.ndarray) -> "Shapes":
-        """The shapes of ``(n, B, B)`` blocks.
-
-        Only differences equal to the bit count as alike, so that a search for the shape is exact
-        for all blocks that have it.
-        """
+        """Find the shapes of ``(n, B, B)`` blocks. Differences must agree in every bit, so a search
+        for the shape is exact for all its blocks."""
         count, size = blocks.shape[0], blocks.shape[-1]
         flat = np.ascontiguousarray(blocks.reshape(count, size * size), np.float64)
         shapes, keys, turned = np.empty_like(flat), np.empty(count), np.empty(count, np.uint8)
         canonical(flat, isometries.sources(size), key_weights(size), shapes, keys, turned)
         of, first = np.empty((2, count), np.int64)
-        first = first[
-            : grouped(shapes, keys, np.zeros(2 << count.bit_length(), np.int32), of, first)
-        ]
+        slots = np.zeros(2 << count.bit_length(), np.int32)
+        first = first[: grouped(shapes, keys, slots, of, first)]
         return cls(
             pixels=shapes[first],
             first=first,
@@ -50,24 +46,24 @@ class Shapes:
         )
 
     @classmethod
-    def each_its_own(cls, blocks: np.ndarray) -> "Shapes":
-        """``(n, B, B)`` blocks as so many shapes."""
+    def one_each(cls, blocks: np.ndarray) -> "Shapes":
+        """Take each of ``(n, B, B)`` blocks as a shape."""
         count, size = blocks.shape[0], blocks.shape[-1]
         every, iso, sign = np.arange(count), np.zeros(count, np.uint8), np.ones(count)
         return cls(blocks.reshape(count, size * size).astype(np.float64), every, every, iso, sign)
 
 
 def uneven_blocks(blocks: np.ndarray) -> np.ndarray:
-    """Which of ``(n, B, B)`` blocks are of more than one height, bool ``(n,)``."""
+    """Tell which of ``(n, B, B)`` blocks have more than one height: bool ``(n,)``."""
     count, size = blocks.shape[0], blocks.shape[-1]
-    found = np.empty(count, bool)
-    uneven(blocks.reshape(count, size * size), found)
-    return found
+    mask = np.empty(count, bool)
+    uneven(blocks.reshape(count, size * size), mask)
+    return mask
 
 
 @cache
 def key_weights(block: int) -> np.ndarray:
-    """Weights of a block's pixels, ``(B²,)``, under which sums of unlike blocks hardly agree."""
+    """Draw weights of a block's pixels, ``(B²,)``: weighted sums of unlike blocks hardly agree."""
     weights = np.random.default_rng(block).random(block * block)
     weights.setflags(write=False)
     return weights

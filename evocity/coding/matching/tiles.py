@@ -1,44 +1,44 @@
-"""Domain blocks in tiles of their like, and bounds on what a tile can explain.
+"""Tiles of similar domain blocks, with bounds on the energy that a tile can explain.
 
-The search of a whole map compares every range block with every domain block; most pairs are
-hopeless, and a bound can tell. The isometries mix D4 coordinates only within the parts s1, s2,
-s3, s4 and (u, w) of a block (see `evocity.coding.matching.d4`), so that for unit domain
-blocks, by Cauchy and Schwarz part by part,
+The search of a whole map compares every range block with every domain block; a bound excludes
+most pairs. The isometries mix D4 coordinates only within the parts s1, s2, s3, s4 and (u, w) of a
+block (see `evocity.coding.matching.d4`). So for unit domain blocks, by Cauchy and Schwarz part by
+part,
 
     max over isometries of |⟨r̃, iso d̃⟩|  ≤  Σ over parts of ‖r̃ part‖·‖d̃ part‖.
 
-Each part is split once more, into its lowest frequency and the rest, and a tile's bound takes
-the greatest norm of its domain blocks. The fewer kinds of blocks a tile holds, the sharper the
-bound: tiles are cut from the Z-order curve (Morton 1966) through the norms that vary most.
+Each part splits once more, into its lowest frequency and the rest. A tile's bound takes the
+greatest norm of its domain blocks. Similar blocks in a tile make the bound sharp: tiles are cut
+from the Z-order curve (Morton 1966) through the norms that vary most.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.coding.matching.alike import z_order
+from evocity.coding.matching.candidates import Blocks, RangeCodes
 from evocity.coding.matching.d4 import used_parts
 from evocity.coding.matching.domains import UNCAPPED
-from evocity.coding.matching.likeness import Blocks, RangeCodes
-from evocity.coding.matching.matches import Search, listed
+from evocity.coding.matching.equivalence._kernels import z_order
+from evocity.coding.matching.matches import Search, list_places
 
-#: Range blocks searched at a time: the more, the more often a tile is used while in the cache.
+#: Range blocks of a batch: more of them use a tile more often while it is in the cache.
 CHUNK = 1024
-#: Rows of tiles that a range block begins with.
+#: Rows of tiles at which a range block begins.
 _SEEDS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """Domain blocks of one pool that are not flat, `LANES` to a tile; F parts of their norm.
+    """The domain blocks of a pool that are not flat, `LANES` to a tile; F parts of their norm.
 
-    planes : float32 ``(tiles, B², LANES)``, D4 coordinates of the unit blocks d̃/‖d̃‖; 0 in lanes
-        that hold none.
+    planes : float32 ``(tiles, B², LANES)``, D4 coordinates of the unit blocks d̃/‖d̃‖; 0 in empty
+        lanes.
     ceilings : float32 ``(tiles, LANES)``, σ_max·‖d̃‖, m.
     shares : float32 ``(tiles, F, LANES)``, norms of the parts of d̃/‖d̃‖, 0…1.
     tops, peaks : float32 ``(tiles,)`` and ``(tiles, F)``, the greatest of these in each tile.
     row_tops, row_peaks : float32 ``(rows,)`` and ``(F, rows)``, the greatest in `ROW` tiles.
-    at : int64 ``(n,)``, where in a raster of ``width`` px each block begins.
+    at : int64 ``(n,)``, the first pixel of each block in a raster of ``width`` px.
     """
 
     planes: np.ndarray
@@ -53,10 +53,9 @@ class Tiles:
 
 
 def cut_tiles(blocks: Blocks, sigma_max: float) -> Tiles:
-    """Tiles of those blocks that are not flat, alike in the norms of their parts and in their
-    own."""
+    """Put the blocks that are not flat in tiles of similar norms, of parts and of the whole."""
     from evocity.coding.matching._kernels import LANES, ROW
-    from evocity.coding.matching.folding import fold_kernels
+    from evocity.coding.matching.d4_folding._kernels import fold_kernels
 
     pixels, at, least = blocks.raster.ravel(), blocks.at, blocks.least
     block, count = int(np.sqrt(blocks.offsets.size)), -(-at.size // LANES)
@@ -70,16 +69,14 @@ def cut_tiles(blocks: Blocks, sigma_max: float) -> Tiles:
         count = -(-at.size // LANES)
     if np.isfinite(sigma_max):
         values[-1] = np.log(values[-1]) / 3
-    else:  # then no norm is too small
+    else:  # without a cap, norms do not limit σ
         values = values[:-1]
     order = np.empty(at.size, np.int64)
     z_order(values, order)
     at = at[order]
     planes = np.empty((count, block * block, LANES), np.float32)
-    ceilings, shares = (
-        np.empty((count, LANES), np.float32),
-        np.empty((count, parts, LANES), np.float32),
-    )
+    ceilings = np.empty((count, LANES), np.float32)
+    shares = np.empty((count, parts, LANES), np.float32)
     tops, peaks = np.zeros(count, np.float32), np.zeros((count, parts), np.float32)
     cap, row = min(np.float32(sigma_max), UNCAPPED), np.arange(0, count, ROW)
     lay_tiles(pixels, blocks.offsets, at, least, cap, planes, ceilings, shares, tops, peaks)
@@ -97,30 +94,30 @@ def cut_tiles(blocks: Blocks, sigma_max: float) -> Tiles:
 
 
 def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float = 0.0):
-    """Raise ``search.best`` of one chunk of ranges by all domains in ``tiles``.
+    """Raise ``search.best`` of a chunk of range blocks by all domain blocks in ``tiles``.
 
-    Returns (which of the chunk, y, x) of all domains within the ``tolerance`` (a share
-    of the range block's energy) and rounding of that best; which ascends.
+    Returns (which of the chunk, y, x) of all domain blocks within the ``tolerance`` (a share of the
+    range block's energy) and rounding of that best; which ascends.
     """
     from evocity.coding.matching._kernels import tile_kernels
 
     ranges = search.ranges[part]
     slack = search.unsure[part] + np.float32(tolerance) * search.energy[part].astype(np.float32)
-    reached = reach(tiles, ranges, slack, search.best[part])
+    near = raise_best(tiles, ranges, slack, search.best[part])
     _, list_tiles = tile_kernels(search.block, tiles.shares.shape[1])
-    found = listed(
-        list_tiles, 2, tiles.planes, tiles.ceilings, tiles.at, ranges.codes, *reached,
+    pairs = list_places(
+        list_tiles, 2, tiles.planes, tiles.ceilings, tiles.at, ranges.codes, *near,
         search.near(part, tolerance),
     )  # fmt: skip
-    which, at = found[:, np.argsort(found[0].astype(np.uint32), kind="stable")]  # chunks are short
+    which, at = pairs[:, np.argsort(pairs[0].astype(np.uint32), kind="stable")]  # chunks are short
     return which, *np.divmod(at, tiles.width)
 
 
-def reach(tiles: Tiles, ranges: RangeCodes, slack: np.ndarray, best: np.ndarray):
+def raise_best(tiles: Tiles, ranges: RangeCodes, slack: np.ndarray, best: np.ndarray):
     """Raise ``best`` (n,) to the largest gain of the range blocks in any tile.
 
-    Returns (tile, range block, gain) ``(m,)`` each, ascending by tile: where the largest gain
-    within a tile is not more than ``slack`` (n,) short of the best.
+    Returns (tile, range block, gain) ``(m,)`` each, ascending by tile, wherever the largest gain
+    within a tile comes within ``slack`` (n,) of the best.
     """
     from evocity.coding.matching._kernels import ROOM, most_likely, tile_kernels
 

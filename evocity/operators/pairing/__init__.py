@@ -1,7 +1,7 @@
-"""Which range block of another city has this one's content? Pairing, for the fusions by content.
+"""Pairing of range blocks of two cities by their contents, for the fusions by content.
 
 The papers pair the range blocks of two cities before they exchange lifs (appariement: Marsault
-2002 §4.3, 2005 §2.3): lifs code contents, so genes meet that have the same task.
+2002 §4.3, 2005 §2.3). Lifs code contents, so genes with the same task meet.
 """
 
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ from evocity.isometries import sources
 from evocity.operators.pairing._kernels import CHUNK, LANES, alike_blocks, block_traits
 from evocity.pavement import Pavement
 
-#: Blocks, each under one isometry, that a range block may choose among by their surroundings.
+#: The most blocks, each under an isometry, that a range block may choose among by surroundings.
 MOST = 64
-#: Range blocks paired together: a bound on memory.
-_TOGETHER = 1 << 16
+#: Range blocks of a batch: a bound on memory.
+_BATCH = 1 << 16
 
 
-def paired(
+def pair_blocks(
     heights: np.ndarray,
     others: np.ndarray,
     pavement: Pavement,
@@ -30,22 +30,20 @@ def paired(
     isometries: bool = False,
     alike: float = 0.01,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For range blocks of ``heights`` those of ``others`` whose content is closest.
+    """Pair range blocks of ``heights`` with those of ``others`` whose content is closest.
 
-    Contents are compared by the root mean square of their differences, metres, level included.
-    Of those within ``alike`` of the least the one in the closest surroundings is taken
-    (`closest_neighbourhood`, topological collage: Marsault 2005 §2.1); of equal ones that at the
-    same place, else that of the lowest (y, x, iso). Of more than `MOST` the first in that order
-    are asked.
+    The distance of contents is the root mean square of their differences, metres, level included.
+    Of those within ``alike`` of the least, the closest surroundings win (`closest_neighbourhood`,
+    topological collage: Marsault 2005 §2.1); of equals the same place, else the lowest (y, x, iso).
+    Of more than `MOST` only the first in that order count.
 
     Parameters
     ----------
     heights, others : float32 ``(H, W)``, metres: maps on one ``pavement``.
-    flat : bool ``(n,)``: blocks of ``others`` that are level and coded so. They are one as good
-        as another: where the closest is one of them, it is that at the same place, else the
-        first of its level.
+    flat : bool ``(n,)``: blocks of ``others`` that are level and coded so. All flat blocks of a
+        level are equivalent: the same place wins, else the first of the level.
     which : int64 ``(m,)``: the range blocks of ``heights`` to pair.
-    isometries : compare under all 8, and not only as the blocks lie.
+    isometries : whether to compare under all 8.
     alike : metres, 0 or more.
 
     Returns
@@ -53,20 +51,20 @@ def paired(
     index, iso : int64 ``(m,)`` each: the which[i]-th block is closest to the index[i]-th of
         ``others`` under isometry iso[i].
 
-    Exact: as good as comparing all pairs, in float32.
+    The result is exact: it equals a comparison of all pairs, in float32.
     """
-    cut = (pavement.blocks(one).reshape(len(pavement), -1) for one in (heights, others))
-    return _paired(heights, others, *cut, pavement, flat, which, isometries, alike)
+    cut = (pavement.blocks(raster).reshape(len(pavement), -1) for raster in (heights, others))
+    return _pair_cut(heights, others, *cut, pavement, flat, which, isometries, alike)
 
 
-def _paired(heights, others, ours, theirs, pavement, flat, which, isometries, alike):
-    """`paired`, of maps whose range blocks, ``(n, B²)``, are cut already."""
+def _pair_cut(heights, others, ours, theirs, pavement, flat, which, isometries, alike):
+    """`pair_blocks` of maps whose range blocks, ``(n, B²)``, are cut already."""
     (relief,) = np.nonzero(~flat)
-    groups = _grouped(relief, theirs[relief]) if relief.size else None
+    groups = _group_blocks(relief, theirs[relief]) if relief.size else None
     images = sources(pavement.block)[: 8 if isometries else 1].astype(np.int64)
     index, iso = np.empty(which.size, np.int64), np.zeros(which.size, np.int64)
-    for start in range(0, which.size, _TOGETHER):
-        part = slice(start, start + _TOGETHER)
+    for start in range(0, which.size, _BATCH):
+        part = slice(start, start + _BATCH)
         here = which[part]
         traits = _traits(ours[here])
         index[part], gap = _closest_level(traits, theirs, flat, here)
@@ -77,15 +75,15 @@ def _paired(heights, others, ours, theirs, pavement, flat, which, isometries, al
         slack = np.float32(alike * pavement.block)
         alike_blocks(ours[here], here, traits, gap, stays, *groups, images, slack, keys, count)
         (several,) = np.nonzero(count > 1)
-        keys[several, 0] = _in_surroundings(
+        keys[several, 0] = _choose_by_surroundings(
             heights, others, pavement, here[several], keys[several], count[several]
         )
-        (found,) = np.nonzero(count)
-        index[start + found], iso[start + found] = _read(keys[found, 0], here[found])
+        (some,) = np.nonzero(count)
+        index[start + some], iso[start + some] = _read(keys[some, 0], here[some])
     return index, iso
 
 
-def pairing(
+def pair_cells(
     grid: Pavement,
     second: Genome,
     maps: Sequence[np.ndarray],
@@ -94,46 +92,48 @@ def pairing(
     alike: float,
     where: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Cells of the ``grid``, as range blocks are `paired`: for each of the first city the cell of
-    the ``second``, and the isometry, int64 ``(n,)`` each.
+    """Pair cells of the ``grid`` as by `pair_blocks`: for each cell of the first city a cell of the
+    ``second`` and an isometry, int64 ``(n,)`` each.
 
-    ``maps`` are the two cities' decoded heights, float32 ``(H, W)``; ``where``, bool ``(n,)``,
-    tells which cells to pair if not all: the others are paired with what the second has there.
+    ``maps`` are the two cities' decoded heights, float32 ``(H, W)``. ``where``, bool ``(n,)``,
+    selects cells; others are paired with the second's cell at the same place.
     """
     index, iso = np.arange(len(grid)), np.zeros(len(grid), np.int64)
     which = index.copy() if where is None else np.flatnonzero(where)
-    ours, theirs = (grid.blocks(one).reshape(len(grid), -1) for one in maps)
+    ours, theirs = (grid.blocks(raster).reshape(len(grid), -1) for raster in maps)
     flat = level_cells(grid, second, theirs)
-    index[which], iso[which] = _paired(*maps, ours, theirs, grid, flat, which, isometries, alike)
+    index[which], iso[which] = _pair_cut(*maps, ours, theirs, grid, flat, which, isometries, alike)
     return index, iso
 
 
-def paired_pieces(grid: Pavement, whose, index: np.ndarray, iso: np.ndarray) -> Pieces:
-    """What `pairing` found as pieces of the genomes ``whose`` (one number, or one a cell)."""
+def pieces_of(grid: Pavement, whose, index: np.ndarray, iso: np.ndarray) -> Pieces:
+    """Make pieces of the result of `pair_cells`; ``whose``: a genome's number, or one per cell."""
     shape = grid.rows, grid.columns
     row, column = np.divmod(index.reshape(shape), grid.columns)
     whose = np.broadcast_to(np.asarray(whose), (len(grid),)).reshape(shape)
     return Pieces(grid.block, whose, row, column, iso.reshape(shape))
 
 
-def mosaic_of(
-    grid: Pavement, heights: np.ndarray, index: np.ndarray, iso: np.ndarray
-) -> np.ndarray:
-    """``(H, W)``: cell i is the index[i]-th of ``heights`` (H, W), turned by iso[i]."""
-    cut = grid.blocks(heights).reshape(len(grid), -1)
-    return _mosaic(cut, grid, index, iso)
+def mosaic(grid: Pavement, heights: np.ndarray, index: np.ndarray, iso: np.ndarray) -> np.ndarray:
+    """Lay a map ``(H, W)`` whose cell i is the index[i]-th of ``heights`` (H, W), turned by
+    iso[i]."""
+    pixels = grid.blocks(heights).reshape(len(grid), -1)[index]
+    (turned,) = np.nonzero(iso)
+    images = sources(grid.block)[iso[turned]]
+    pixels[turned] = np.take_along_axis(pixels[turned], images, axis=1)
+    return grid.raster(pixels.reshape(-1, grid.block, grid.block))
 
 
 def level_cells(grid: Pavement, genome: Genome, blocks: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: cells of lifs without a domain whose ``blocks`` (n, B²) of the decoded map are
-    level."""
+    """Find cells of lifs without a domain block whose ``blocks`` (n, B²) of the decoded map are
+    level: bool ``(n,)``."""
     flat = grid.blocks(genome.pavement.raster(genome.uniform)).all(axis=(1, 2))
     return flat & (blocks == blocks[:, :1]).all(axis=1)
 
 
 def _traits(blocks: np.ndarray) -> np.ndarray:
-    """Float32 ``(n, 2)``: B · mean, and the norm of the block made zero-mean. No isometry changes
-    them, and blocks are no closer than these points."""
+    """Compute traits of blocks, float32 ``(n, 2)``: B · mean, and the norm of the zero-mean block.
+    No isometry changes them, and blocks are at least as far apart as these points."""
     traits = np.empty((len(blocks), 2), np.float32)
     block_traits(blocks, traits)
     return traits
@@ -142,9 +142,9 @@ def _traits(blocks: np.ndarray) -> np.ndarray:
 def _closest_level(
     traits: np.ndarray, theirs: np.ndarray, flat: np.ndarray, here: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For each of the blocks of ``traits`` the index of the flat one closest to it, that at the
-    same place (``here``) before others, and their squared distance, float32; infinite if none
-    is flat."""
+    """Find for each of the blocks of ``traits`` the closest flat block, the same place (``here``)
+    before others; returns its index and the squared distance, float32, infinite without flat
+    blocks."""
     (where,) = np.nonzero(flat)
     if where.size == 0:
         return here.copy(), np.full(here.size, np.inf, np.float32)
@@ -157,13 +157,15 @@ def _closest_level(
     return np.where(same, here, where[first[nearest]]), gap
 
 
-def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks ``(m, B²)``, the ``which``-th, in groups ``(G, pixels · LANES)`` of close traits; the
-    indices of each group's members ``(G, LANES)``, −1 for none, and the rectangle their traits
-    lie in ``(4, G)``.
+def _group_blocks(
+    which: np.ndarray, blocks: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Group blocks ``(m, B²)``, the ``which``-th, by close traits: ``(G, pixels · LANES)``. Returns
+    also the indices of each group's members ``(G, LANES)``, −1 for none, and the bounds of their
+    traits ``(4, G)``.
 
-    Sorted along one axis, cut in slabs, each of which is sorted along the other (sort-tile-
-    recursive packing: Leutenegger 1997).
+    One axis sorts the blocks; slabs of them are sorted along the other (sort-tile-recursive
+    packing: Leutenegger 1997).
     """
     count, pixels = blocks.shape
     traits = _traits(blocks)
@@ -182,8 +184,8 @@ def _grouped(which: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndar
     return groups.reshape(len(groups), -1), members.reshape(-1, LANES), corners
 
 
-def _in_surroundings(heights, others, pavement, which, keys, count) -> np.ndarray:
-    """Of the first count[i] ``keys`` of the which[i]-th block, that in the closest surroundings."""
+def _choose_by_surroundings(heights, others, pavement, which, keys, count) -> np.ndarray:
+    """Choose of the first count[i] ``keys`` of the which[i]-th block the closest surroundings."""
     used = np.arange(keys.shape[1]) < count[:, None]
     listed = np.sort(np.where(used, keys, np.iinfo(keys.dtype).max))[used]
     block, iso = _read(listed, which.repeat(count))
@@ -205,14 +207,5 @@ def _in_surroundings(heights, others, pavement, which, keys, count) -> np.ndarra
 
 
 def _read(keys: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index and isometry that each of the ``keys`` of a kernel's block ``here`` stands for."""
+    """Decode ``keys`` of a kernel's block ``here``: index and isometry."""
     return np.where(keys < 0, here, keys // 8), keys % 8
-
-
-def _mosaic(theirs: np.ndarray, pavement: Pavement, index, iso) -> np.ndarray:
-    """``(H, W)``: range block i is the index[i]-th of ``theirs`` (n, B²), turned by iso[i]."""
-    pixels = theirs[index]
-    (turned,) = np.nonzero(iso)
-    images = sources(pavement.block)[iso[turned]]
-    pixels[turned] = np.take_along_axis(pixels[turned], images, axis=1)
-    return pavement.raster(pixels.reshape(-1, pavement.block, pavement.block))

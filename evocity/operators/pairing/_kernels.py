@@ -4,14 +4,14 @@ import numpy as np
 
 from evocity.accelerate import kernel
 
-#: Range blocks of another city are compared in groups of so many, so many pixels at a time: the
-#: compiler must know both numbers to make vector code.
+#: Sizes of a group of range blocks and of a chunk of pixels: the compiler must know both to make
+#: vector code.
 LANES, CHUNK = 32, 16
 
 
 @kernel
 def block_traits(blocks, traits):
-    """traits[i] = B · mean of blocks[i] (B² pixels), and the norm of the block made zero-mean."""
+    """traits[i] = B · mean of blocks[i] (B² pixels), and the norm of the zero-mean block."""
     count, pixels = blocks.shape
     for i in range(count):
         mean = energy = 0.0
@@ -40,7 +40,7 @@ def block_gaps(image, group, gaps):
 
 @kernel
 def least_gap(images, group, gaps, least):
-    """The least of the `block_gaps` of all ``images``; ``gaps`` and ``least`` are overwritten."""
+    """Find the least of the `block_gaps` of all ``images``; overwrites ``gaps`` and ``least``."""
     block_gaps(images[0], group, least)
     for s in range(1, images.shape[0]):
         block_gaps(images[s], group, gaps)
@@ -61,16 +61,16 @@ def alike_blocks(
 ):
     """keys[i, : count[i]] = the blocks, under one of the isometries ``sources``, whose distance
     to blocks[i] exceeds the least by at most ``slack``: 8 · index + isometry of each, −8 +
-    isometry of that at the same place, of index here[i]. If there are more than there is room
-    for, those of the lowest keys; in no order.
+    isometry of the block at the same place, of index here[i]. Beyond the room, the lowest keys
+    stay; in no order.
 
     count[i] = 0 where flat[i], the squared distance to the closest flat block, is below all
     others; if it equals the least, flat_here[i] decides.
 
-    ``blocks`` (n, B²) are compared with ``groups`` (G, pixels · LANES), filled up with zeros
-    beyond B², of indices ``members`` (G, LANES), −1 for none. traits[i] are what no isometry of a
-    block changes, B · mean and the norm of the rest, and ``corners`` (4, G) from where to
-    where those of each group reach: no block of it is closer than that rectangle.
+    The comparison is between ``blocks`` (n, B²) and ``groups`` (G, pixels · LANES), padded with
+    zeros beyond B², of indices ``members`` (G, LANES), −1 for none. No isometry changes traits[i],
+    B · mean and the norm of the rest. ``corners`` (4, G) bound the traits of each group: no block
+    of it is closer than that rectangle.
     """
     images = np.zeros((sources.shape[0], groups.shape[1] // LANES), np.float32)
     gaps, least_of = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
@@ -78,7 +78,7 @@ def alike_blocks(
     todo = np.empty(groups.shape[0], np.int64)
     for i in range(blocks.shape[0]):
         count[i] = 0
-        if flat[i] == 0 and flat_here[i]:  # no other can be closer
+        if flat[i] == 0 and flat_here[i]:  # no other block can be closer
             continue
         for s in range(sources.shape[0]):
             for k in range(sources.shape[1]):
@@ -95,7 +95,7 @@ def alike_blocks(
         for h in range(bounds.size):
             todo[left], near[left] = h, bounds[h]
             left += h != g and bounds[h] <= min(least, flat[i])
-        while left > 0:  # the likeliest first, until no other can hold a closer block
+        while left > 0:  # the likeliest group first, until no other can contain a closer block
             k = 0
             for m in range(1, left):
                 k = m if near[m] < near[k] else k

@@ -5,9 +5,9 @@ import numpy as np
 from evocity.accelerate import kernel
 from evocity.accelerate.vectors import WIDTH, vector_code
 
-#: Places are compared at every so many cells each way, and those beside the one that is taken.
+#: Distance of compared places along each axis, cells; then all places around the best compete.
 STEP = 2
-#: So many items must stand after the sums of each row.
+#: Spare items after the sums of each row.
 SPARE = WIDTH
 
 
@@ -15,21 +15,22 @@ SPARE = WIDTH
 def best_fit(
     sums, components, covered, stale, block, weights, density, least, spread, draws, affine, taken
 ):
-    """Where a donor fits best into a street block, once what lies partly outside is left out.
+    """Find the best place of a donor for a street block, without components partly outside.
 
-    sums : float32 ``(2, R, n)``: of each row of the donor's cells, how many are built left of each
-        border; even borders, then odd ones; then at least `SPARE` items.
-    components : int32 ``(R, C)``, numbers of what is built in the donor's cells, 0 for ground.
-    covered : int64 ``(n,)``, how many cells each of them has.
-    stale : float32 ``(R, C)``, what a built cell counts less.
+    sums : float32 ``(2, R, n)``: number of built cells left of each border in each row of the
+        donor's cells; even borders, then odd ones; then at least `SPARE` items.
+    components : int32 ``(R, C)``, number of the component in each of the donor's cells, 0 for
+        ground.
+    covered : int64 ``(n,)``, number of cells of each component.
+    stale : float32 ``(R, C)``, discount of a built cell.
     block : bool ``(r, c)``, the cells of the street block.
-    weights : float32 ``(r, c)``, what a built cell is worth; 0 outside the block.
-    density : the share of its cells that should be built.
-    least : so many must be at least, once what lies partly outside is left out.
-    spread : places are drawn of those whose score is within this of the isometry's best.
-    draws : float64 ``(8, k)``, 0…1: which of them, k times under each isometry.
+    weights : float32 ``(r, c)``, score of a built cell; 0 outside the block.
+    density : the ideal share of built cells.
+    least : the least number of built cells, without components partly outside.
+    spread : places are drawn whose score is within this of the isometry's best.
+    draws : float64 ``(8, k)``, 0…1: k draws of such places under each isometry.
     affine : `evocity.isometries.AFFINE`.
-    taken : int64 ``(4,)``, top, left, bottom, right: places that overlap this are none.
+    taken : int64 ``(4,)``, top, left, bottom, right: places that overlap this are illegal.
 
     Returns isometry (-1 if nothing fits), top, left and score of the best.
     """
@@ -67,12 +68,12 @@ def best_fit(
 
 @kernel
 def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affine, cell, found):
-    """Which square of which source city each cell of a map shows.
+    """Find the origin of each cell of a map: a square of a source city.
 
     index : int32 ``(H, W)``, the range block at each pixel.
     top, left, side : of the range blocks, px.
-    turn, city, source_y, source_x : of the lifs: the isometry its stone is turned by, the number of
-        its city, -1 for the void, and the stone's north-west corner there, px.
+    turn, city, source_y, source_x : of the lifs: the isometry of its origin, the number of its
+        city, -1 for the void, and the origin's north-west corner there, px.
     affine : `evocity.isometries.AFFINE`.
     cell : side of the cells, px, at most that of the finest range block.
     found : int32 ``(3, R, C)``, becomes city, row and column of each, in cells.
@@ -82,7 +83,7 @@ def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affi
             k = index[i * cell, j * cell]
             a, last = affine[turn[k]], side[k] - 1
             down, along = i * cell - top[k], j * cell - left[k]
-            # where the source shows the cell's first pixel, and how far off its last one
+            # place of the cell's first pixel in the source, and the distance to its last
             y = source_y[k] + a[0] * last + a[2] * down + a[4] * along
             x = source_x[k] + a[1] * last + a[3] * down + a[5] * along
             y += min((a[2] + a[4]) * (cell - 1), 0)
@@ -92,9 +93,9 @@ def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affi
 
 @kernel
 def stale_cells(built, stones, counts, worth, stale):
-    """What the ``built`` cells of a donor, bool ``(R, C)``, count less: float32 ``stale`` becomes
-    ``worth`` where the stone, of int64 ``stones``, 0 for none, stands on the map by the ``counts``
-    of each; 0 elsewhere."""
+    """Compute the discount of ``built`` cells of a donor, bool ``(R, C)``: float32 ``stale``
+    becomes ``worth`` where the cell's origin, its number in int64 ``stones``, 0 for none, has a
+    positive number in ``counts``; 0 elsewhere."""
     for i in range(built.shape[0]):
         for j in range(built.shape[1]):
             stone = stones[i, j]
@@ -104,9 +105,8 @@ def stale_cells(built, stones, counts, worth, stale):
 
 @kernel
 def row_sums(built, stale, sums):
-    """Of each row of cells, how much is ``built`` (bool ``(R, C)``), less what is ``stale``, left
-    of each border: float32 ``sums (2, R, n)``, zeros before, of the even borders, then of the odd
-    ones."""
+    """Sum the ``built`` cells (bool ``(R, C)``) of each row, less ``stale``, left of each border:
+    float32 ``sums (2, R, n)``, zeros before, of the even borders, then of the odd ones."""
     for i in range(built.shape[0]):
         total = np.float32(0)
         for j in range(built.shape[1]):
@@ -120,9 +120,9 @@ def lay_cells(heights, whose, row, column, iso, affine, cell, laid):
     """Lay cells of several maps, turned.
 
     heights : float32 ``(n, H, W)``.
-    whose : int64 ``(R, C)``, of which map each cell is; n for bare ground.
-    row, column : int64 ``(R, C)``, which cell of that.
-    iso : uint8 ``(R, C)``, the isometry it is laid under.
+    whose : int64 ``(R, C)``, map of each cell; n for bare ground.
+    row, column : int64 ``(R, C)``, the cell of that map.
+    iso : uint8 ``(R, C)``, its isometry.
     affine : `evocity.isometries.AFFINE`.
     cell : side of the cells, px.
     laid : float32 ``(H, W)``, becomes the map.
@@ -145,7 +145,7 @@ def lay_cells(heights, whose, row, column, iso, affine, cell, laid):
 
 @kernel
 def _turned(block, weights, a):
-    """A block and its weights as they lie on the donor, under the isometry that ``a`` tells."""
+    """Turn a block and its weights to the donor's frame, by the isometry of affine row ``a``."""
     tall, wide = block.shape
     size = (tall, wide) if a[2] != 0 else (wide, tall)
     turned, worth = np.empty(size, np.bool_), np.empty(size, np.float32)
@@ -159,8 +159,8 @@ def _turned(block, weights, a):
 
 @kernel
 def _runs(block, weights):
-    """Runs of cells of one weight within the rows of a block: int32 ``(3, n)``, their rows, and
-    where they begin and end; and the weights. Besides, how many cells the block has."""
+    """List runs of cells of equal weight within the rows of a block: int32 ``(3, n)``, their rows,
+    begins and ends; their weights; and the number of the block's cells."""
     tall, wide = block.shape
     where, worth = np.empty((3, tall * wide), np.int32), np.empty(tall * wide, np.float32)
     count, area = 0, 0
@@ -182,8 +182,7 @@ def _runs(block, weights):
 
 @vector_code("none", 0)
 def _add_runs(v, sums, start, before, after, worth, built, value):
-    """Of `WIDTH` places side by side, the first of them ``start`` items on: how many cells are
-    built, and what that is worth."""
+    """Sum, for `WIDTH` adjacent places from item ``start`` on, the built cells and their scores."""
     total, gain = v.variable(v.zero), v.variable(v.zero)
     with v.loop(worth.shape[0]) as k:
         ends = []
@@ -192,7 +191,7 @@ def _add_runs(v, sums, start, before, after, worth, built, value):
             ends.append(v.load(v.after(sums.start, place)))
         found = v.sub(ends[1], ends[0])
         v.builder.store(v.add(v.builder.load(total), found), total)
-        product = v.mul(v.spread(worth.at(k)), found)  # each rounded, on any machine alike
+        product = v.mul(v.spread(worth.at(k)), found)  # rounded alike on any machine
         v.builder.store(v.add(v.builder.load(gain), product), gain)
     v.store(v.builder.load(total), built.start)
     v.store(v.builder.load(gain), value.start)
@@ -200,11 +199,11 @@ def _add_runs(v, sums, start, before, after, worth, built, value):
 
 @kernel
 def _scores(sums, runs, density, tops, lefts):
-    """What each `STEP`th place is worth: the weights of what is built there, less half of how far
-    the built share is from the ``density``; float32 ``(tops, lefts)``."""
+    """Compute the score of each `STEP`th place: the weights of its built cells, less half the
+    difference of the built share to the ``density``; float32 ``(tops, lefts)``."""
     where, worth, area = runs
     _, rows, borders = sums.shape
-    # where the sums of both ends are, of the block at the first place
+    # places of the sums of both ends, of the block at the first place
     before = ((where[1] % 2 * rows + where[0]) * borders + where[1] // 2).astype(np.int32)
     after = ((where[2] % 2 * rows + where[0]) * borders + where[2] // 2).astype(np.int32)
     built, value = np.empty(WIDTH, np.float32), np.empty(WIDTH, np.float32)
@@ -232,7 +231,7 @@ def _overlaps(top, left, size, taken):
 
 @kernel
 def _forbid(scores, taken, size):
-    """Make places that overlap what is ``taken`` the worst."""
+    """Give places that overlap ``taken`` the worst score."""
     if taken[0] == taken[2]:
         return
     for y in range(scores.shape[0]):
@@ -243,7 +242,7 @@ def _forbid(scores, taken, size):
 
 @kernel
 def _refined(sums, runs, density, tops, lefts, size, top, left, taken):
-    """The best place less than `STEP` cells from one; of equal ones the first."""
+    """Find the best place less than `STEP` cells from a place; of equals the first."""
     where, worth, area = runs
     best, found_y, found_x = np.float32(-np.inf), top, left
     for y in range(max(top - STEP + 1, 0), min(top + STEP, tops)):
@@ -264,8 +263,8 @@ def _refined(sums, runs, density, tops, lefts, size, top, left, taken):
 
 @kernel
 def _whole(components, covered, stale, counts, block, weights, density, least, top, left, area):
-    """The score of what is built at a place, once components partly outside are left out; -inf
-    if less than ``least`` remains. ``counts`` are 0 before and after."""
+    """Compute the score of a place without components partly outside; -inf if less than ``least``
+    remains. ``counts`` are 0 before and after."""
     tall, wide = block.shape
     for i in range(tall):
         for j in range(wide):

@@ -1,4 +1,4 @@
-"""The street blocks of a map."""
+"""Street blocks of a map: cells nearest to a built component."""
 
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
@@ -16,18 +16,17 @@ from evocity.views.ground.distance import nearest_built
 class StreetBlocks:
     """The street blocks of a map, on the cells of a grid ``(R, C)``.
 
-    The ground is cut along the middle lines between built components: each cell belongs to the
-    component nearest to it. Components that share a cell are one. So no building crosses the
-    border of a block, and where a street runs, its middle line does. Components too small for a
-    building (`CRUMB`) have no block; each lies in one block whole.
+    Middle lines between built components cut the ground: each cell belongs to the nearest
+    component. Components that share a cell are one. So no building crosses the border of a block,
+    and borders follow the middle lines of streets. Components too small for a building (`CRUMB`)
+    have no block; each lies wholly in one block.
 
     labels : int32 ``(R, C)``: 1…n, the block of each cell; 0 everywhere if nothing is built.
     built : bool ``(R, C)``: whether anything is built in a cell, crumbs included.
-    area, covered : int64 ``(n + 1,)``: of each block, how many cells it has, and how many its
-        component.
+    area, covered : int64 ``(n + 1,)``: number of cells of each block, and of its component.
     components : int32 ``(R, C)``: the block whose component stands in each cell, 0 on ground and
-        where a crumb stands.
-    rooms : what is known of its street blocks (`Room.of`).
+        on crumbs.
+    rooms : cache of `Room.of`.
     """
 
     labels: np.ndarray
@@ -38,23 +37,23 @@ class StreetBlocks:
     rooms: dict = field(default_factory=dict)
 
 
-_known: WeakKeyDictionary[CityMap, dict[int, StreetBlocks]] = WeakKeyDictionary()
+_cache: WeakKeyDictionary[CityMap, dict[int, StreetBlocks]] = WeakKeyDictionary()
 
 
 def street_blocks(city: CityMap, grid: Pavement) -> StreetBlocks:
-    """The `StreetBlocks` of ``city`` on the cells of ``grid``; kept as long as the map is. About
-    4 ms at 256² with cells of 2 px."""
-    known = _known.setdefault(city, {})
+    """Find the `StreetBlocks` of ``city`` on the cells of ``grid``; a cache keeps them as long as
+    the map lives. This takes about 4 ms at 256² with cells of 2 px."""
+    known = _cache.setdefault(city, {})
     if grid.block not in known:
-        known[grid.block] = _found(city, grid)
+        known[grid.block] = _find_blocks(city, grid)
     return known[grid.block]
 
 
-def _found(city: CityMap, grid: Pavement) -> StreetBlocks:
+def _find_blocks(city: CityMap, grid: Pavement) -> StreetBlocks:
     shape = grid.rows, grid.columns
-    united = _united(city.labels, grid)
+    united = _unite_components(city.labels, grid)
     cells = united[grid.blocks(city.labels).reshape(len(grid), -1)].max(axis=1).reshape(shape)
-    # the component of a crumb is a street's litter, which goes with the block it lies in
+    # a crumb belongs to the block around it
     pixels = np.bincount(united[city.labels].ravel(), minlength=1)
     components = np.where((pixels * city.metres_per_pixel**2 < CRUMB)[cells], 0, cells)
     if not components.any():
@@ -68,19 +67,13 @@ def _found(city: CityMap, grid: Pavement) -> StreetBlocks:
         owner[whole] = labels.flat[crumbs[first]]
         labels.flat[crumbs] = owner[cells.flat[crumbs]]
     count = int(labels.max()) + 1
-    built = cells > 0
-    return StreetBlocks(
-        labels,
-        built,
-        area=np.bincount(labels.ravel(), minlength=count),
-        covered=np.bincount(components.ravel(), minlength=count),
-        components=components,
-    )
+    area, covered = (np.bincount(of.ravel(), minlength=count) for of in (labels, components))
+    return StreetBlocks(labels, cells > 0, area, covered, components)
 
 
-def _united(labels: np.ndarray, grid: Pavement) -> np.ndarray:
-    """For each built component of ``labels`` the number, from 1, of the group it is in: two that
-    share a cell are in one. 0 for ground."""
+def _unite_components(labels: np.ndarray, grid: Pavement) -> np.ndarray:
+    """Number the groups of built components of ``labels`` from 1: components that share a cell are
+    in one group. 0 for ground."""
     count = int(labels.max(initial=0)) + 1
     cells = grid.blocks(labels).reshape(len(grid), -1)
     most = np.repeat(cells.max(axis=1), cells.shape[1])
@@ -89,5 +82,5 @@ def _united(labels: np.ndarray, grid: Pavement) -> np.ndarray:
     _, group = scipy.sparse.csgraph.connected_components(
         scipy.sparse.coo_array((np.ones(pairs[0].size), pairs), (count, count))
     )
-    # numbered by the first component of each; ground, which nothing is united with, is 0
+    # the first component of each group numbers it; ground is a group of its own, 0
     return group.astype(np.int32)

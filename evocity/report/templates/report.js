@@ -1,4 +1,4 @@
-const told = (input) => (!input || input.value === "" ? null : Number(input.value));
+const numberOf = (input) => (!input || input.value === "" ? null : Number(input.value));
 const upwards = (a, b) => (a === null) - (b === null) || a - b;
 
 for (const controls of document.querySelectorAll(".controls")) {
@@ -9,7 +9,7 @@ for (const controls of document.querySelectorAll(".controls")) {
   const part = (name) => controls.querySelector(`[name=${name}]`);
   const marked = (name) => part(name) !== null && part(name).checked;
   const choose = () => {
-    const low = told(part("low")), high = told(part("high")), measure = told(part("measure"));
+    const low = numberOf(part("low")), high = numberOf(part("high")), measure = numberOf(part("measure"));
     for (const { card, values } of cards) {
       const value = values[measure];
       const within = value === null ? low === null && high === null :

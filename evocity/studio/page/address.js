@@ -1,49 +1,49 @@
-/** What the address holds: which run, or two beside each other; of each filter, order, axes, who is
- * chosen, which birth is shown, and which is pinned. */
+/** The address of the page: one run or two. For each it has the filter, the order and the axes, the chosen births,
+ * the visible birth and the pinned birth. */
 
-/** So many chosen ones stand in an address; it holds none of more. */
+/** Chosen births in an address, at most; a larger choice is left out. */
 const MOST_CHOSEN = 400;
 
-/** What the address tells of runs: {run, …} each, one or two, of runs that there are. */
+/** The states of one run or two in the address, {run, …} each; only known runs. */
 export function readAddress(isRun) {
-  let told = null;
+  let state = null;
   try {
-    told = JSON.parse(decodeURIComponent(location.hash.slice(1)));
-  } catch { /* it was cut off, or is another's */ }
-  const first = told && typeof told === "object" ? told : {}, second = first.beside;
+    state = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+  } catch { /* the address is incomplete, or not of studio */ }
+  const first = state && typeof state === "object" ? state : {}, second = first.beside;
   if (!isRun(first.run)) first.run = 0;
   return second && isRun(second.run) && second.run !== first.run ? [first, second] : [first];
 }
 
-/** What was `told` of a state, as far as it is one of these births; what is else in it does not count. */
-export function checked(told, births, usual) {
+/** The parts of a `state` that fit these births; `usual` for all others. */
+export function checkState(state, births, usual) {
   const isName = (name) => typeof name === "string" && births.byName.has(name);
   const listed = (value) => (Array.isArray(value) ? value : []);
-  const found = { ...usual };
-  if (told.order && isName(told.order.name)) {
-    found.order = { name: told.order.name, reversed: told.order.reversed === true };
+  const kept = { ...usual };
+  if (state.order && isName(state.order.name)) {
+    kept.order = { name: state.order.name, reversed: state.order.reversed === true };
   }
-  if (Array.isArray(told.axes)) {
-    const axes = told.axes.filter((one) => one && isName(one.name));
-    found.axes = [...new Map(axes.map((one) => [one.name, { name: one.name, turned: one.turned === true }])).values()];
+  if (Array.isArray(state.axes)) {
+    const axes = state.axes.filter((one) => one && isName(one.name));
+    kept.axes = [...new Map(axes.map((one) => [one.name, { name: one.name, turned: one.turned === true }])).values()];
   }
-  if (["axes", "scatter", "grid"].includes(told.view)) found.view = told.view;
-  const pair = listed(told.pair).filter(isName);
-  if (pair.length === 2) found.pair = pair;
-  found.chosen = [...new Set(listed(told.chosen))].filter((id) => Number.isInteger(id) && births.row(id) >= 0);
-  found.brushes = {};
-  for (const [name, brush] of Object.entries(told.brushes || {})) {
+  if (["axes", "scatter", "grid"].includes(state.view)) kept.view = state.view;
+  const pair = listed(state.pair).filter(isName);
+  if (pair.length === 2) kept.pair = pair;
+  kept.chosen = [...new Set(listed(state.chosen))].filter((id) => Number.isInteger(id) && births.row(id) >= 0);
+  kept.brushes = {};
+  for (const [name, brush] of Object.entries(state.brushes || {})) {
     if (!isName(name)) continue;
     const { words } = births.byName.get(name);
-    const kept = listed(brush).filter((one) => (words.length ? words.includes(one) :
-      Array.isArray(one) && one.length === 2 && one.every(Number.isFinite) && one[0] <= one[1]));
-    if (kept.length) found.brushes[name] = kept;
+    const parts = listed(brush).filter((part) => (words.length ? words.includes(part) :
+      Array.isArray(part) && part.length === 2 && part.every(Number.isFinite) && part[0] <= part[1]));
+    if (parts.length) kept.brushes[name] = parts;
   }
-  for (const key of ["one", "pinned"]) found[key] = Number.isInteger(told[key]) && births.row(told[key]) >= 0 ? told[key] : null;
-  return found;
+  for (const key of ["one", "pinned"]) kept[key] = Number.isInteger(state[key]) && births.row(state[key]) >= 0 ? state[key] : null;
+  return kept;
 }
 
-/** Put the states of one run or two into the address, in place of the token that was in it. */
+/** Write the states of one run or two into the address. */
 export function writeAddress(states) {
   const [first, second] = states.map(({ chosen, ...rest }) =>
     (chosen && chosen.length <= MOST_CHOSEN ? { ...rest, chosen } : rest));
@@ -51,7 +51,7 @@ export function writeAddress(states) {
   history.replaceState(null, "", `/#${encodeURIComponent(JSON.stringify(held))}`);
 }
 
-/** A line of Python that has the same births in a notebook. */
+/** A line of Python that shows the same births in a notebook. */
 export function pythonOf(folder, { brushes, order, chosen }) {
   const by = `${order.reversed ? "-" : ""}${order.name}`;
   return [

@@ -1,53 +1,50 @@
-import { COLOURS, FONT } from "./made.js";
+import { COLOURS, FONT } from "./elements.js";
 import { PAPER, ramp, scaleEnd } from "./ramp.js";
 
-/** A city as exact columns, seen along parallel lines: each column of the picture is a vertical
- * plane, walked from front to back over the height map.
+/** The axonometry of a city: exact columns in parallel projection. Each column of the picture is a vertical plane,
+ * traversed from front to back over the height map.
  *
- * A city is {heights, rows, columns, metresPerPixel} and, where there are, {colours, highest}:
- * heights as Float32Array by rows from north to south, metres, NaN where nothing is; colours as
- * three bytes a cell, or those of its height on a scale up to `highest` metres. It stays as it is:
- * what changes is another one. A camera is
- * {azimuth, tilt, zoom, centre}: degrees clockwise from north towards which one looks; degrees
- * above the horizon from which, 1 to 90; at zoom 1 the whole city is seen at any azimuth; centre =
- * [east, north] in metres from the city's middle. The sun is {azimuth, height}, degrees, where it
- * stands. */
+ * A city is {heights, rows, columns, metresPerPixel}, and optionally {colours, highest}: heights as Float32Array by
+ * rows from north to south, metres, NaN outside the site; colours as three bytes a cell, otherwise those of the
+ * height on a scale up to `highest` metres. A city does not change: another city replaces it. A camera is {azimuth,
+ * tilt, zoom, centre}: the viewing direction in degrees clockwise from north; its height above the horizon in
+ * degrees, 1 to 90; zoom 1 shows the whole city at any azimuth; centre = [east, north] in metres from the middle of
+ * the city. The sun is {azimuth, height}, its direction in degrees. */
 
-/** Where light comes from, as in evocity's own pictures of scenes. */
+/** The direction of the light, as in evocity's pictures of scenes. */
 export const SUN = { azimuth: 250, height: 40 };
-/** Light where the sun does not reach, and the most on a wall that faces it. */
+/** Light in the shade, and the most light on a wall that faces the sun. */
 export const AMBIENT = 0.62, MOST = 1.08;
 export const WALLS = [228, 221, 210];
-/** What is seen at a pixel: `PARTS` times its cell, and one of these. */
+/** The code of a pixel: `PARTS` times its cell, plus one of these parts. */
 const PARTS = 3, ROOF = 0, ACROSS = 1, ALONG = 2; // a wall that faces east or west, north or south
 
 /** [sine, cosine] of degrees, exact at right angles. */
-export function turned(degrees) {
+export function sinCos(degrees) {
   const whole = ((degrees % 360) + 360) % 360, quarters = whole / 90;
   if (Number.isInteger(quarters)) return [[0, 1], [1, 0], [0, -1], [-1, 0]][quarters % 4];
   return [Math.sin((whole * Math.PI) / 180), Math.cos((whole * Math.PI) / 180)];
 }
 
-/** How a camera lays a city on a picture of so many px: px a metre (`scale`), and where the
- * centre of what is seen comes to lie on the ground (`left`, `low`). */
-export function laid(city, camera, width, height) {
-  const [sin, cos] = turned(camera.azimuth), [steep, flat] = turned(Math.min(90, Math.max(1, camera.tilt)));
+/** The placement of a city on a picture, in px: `scale`, px a metre, and the place of the centre on the ground (`left`,
+ * `low`). */
+export function placement(city, camera, width, height) {
+  const [sin, cos] = sinCos(camera.azimuth), [steep, flat] = sinCos(Math.min(90, Math.max(1, camera.tilt)));
   const across = Math.hypot(city.columns, city.rows) * city.metresPerPixel;
-  const room = (across / 8) * flat; // for what stands at the far corner
+  const room = (across / 8) * flat; // for buildings at the far corner
   const whole = 0.97 * Math.min(width / across, height / (across * steep + room));
   return { sin, cos, steep, flat, scale: whole * camera.zoom, left: width / 2, low: (height + room * whole) / 2 };
 }
 
-/** What is seen at each pixel, Int32Array by rows: `PARTS` times the cell, and the part; -1 where
- * nothing is. */
+/** The visible surface at each pixel, Int32Array by rows: `PARTS` times the cell, plus the part; -1 for none. */
 export function surfaces(city, camera, width, height) {
   const { heights, rows, columns, metresPerPixel: side } = city;
-  const { sin, cos, steep, flat, scale, left, low } = laid(city, camera, width, height);
-  const [east, north] = camera.centre, seen = new Int32Array(width * height).fill(-1);
+  const { sin, cos, steep, flat, scale, left, low } = placement(city, camera, width, height);
+  const [east, north] = camera.centre, codes = new Int32Array(width * height).fill(-1);
   const perX = sin / side, perY = -cos / side; // cells a metre ahead
   const stepX = Math.sign(perX), stepRow = Math.sign(perY) * columns, endX = perX > 0 ? 1 : 0, endY = perY > 0 ? 1 : 0;
   const rise = steep * scale, lift = flat * scale; // px up, a metre ahead and a metre of height
-  const base = low - 0.5; // of the middles of pixels
+  const base = low - 0.5; // at the middle of a pixel
   const least = (low - height - highestOf(city) * lift) / rise; // nothing nearer reaches the picture
   for (let column = 0; column < width; column++) {
     const aside = (column + 0.5 - left) / scale;
@@ -67,9 +64,9 @@ export function surfaces(city, camera, width, height) {
       const top = base - up * lift;
       if (row >= top - to * rise) {
         let stop = Math.max(0, Math.ceil(top - from * rise));
-        for (const code = PARTS * cell + part; row >= stop; row--) seen[row * width + column] = code;
+        for (const code = PARTS * cell + part; row >= stop; row--) codes[row * width + column] = code;
         stop = Math.max(0, Math.ceil(top - to * rise));
-        for (const code = PARTS * cell + ROOF; row >= stop; row--) seen[row * width + column] = code;
+        for (const code = PARTS * cell + ROOF; row >= stop; row--) codes[row * width + column] = code;
       } else if (up !== up) row = Math.min(row, Math.ceil(base - to * rise) - 1);
       if (to >= end) break;
       from = to;
@@ -88,10 +85,10 @@ export function surfaces(city, camera, width, height) {
       }
     }
   }
-  return seen;
+  return codes;
 }
 
-/** How far ahead a line enters what reaches from 0 to `count` (`way` 1), or leaves it (-1). */
+/** The distance at which a line enters the range from 0 to `count` (`way` 1), or leaves it (-1). */
 function entry(at, per, count, way = 1) {
   if (per === 0) return at >= 0 && at < count ? -way * Infinity : way * Infinity;
   return ((per > 0 ? 0 : count) - at) / (way * per);
@@ -99,38 +96,38 @@ function entry(at, per, count, way = 1) {
 
 /** The picture of `surfaces`, RGBA. */
 export function raster(city, camera, width, height, sun = SUN) {
-  return painted(city, surfaces(city, camera, width, height), camera, sun);
+  return paintPixels(city, surfaces(city, camera, width, height), camera, sun);
 }
 
-function painted(city, seen, camera, sun) {
-  const roofs = paintsOf(city), found = new Uint32Array(seen.length);
-  const lights = lightOf(camera, sun), walls = lights.map((light) => packed(...WALLS.map((one) => one * light)));
-  const isTinted = city.colours !== undefined, paper = packed(...PAPER);
-  for (let k = 0; k < seen.length; k++) {
-    const code = seen[k];
+function paintPixels(city, codes, camera, sun) {
+  const roofs = paintsOf(city), pixels = new Uint32Array(codes.length);
+  const lights = lightOf(camera, sun), walls = lights.map((light) => packColour(...WALLS.map((one) => one * light)));
+  const isTinted = city.colours !== undefined, paper = packColour(...PAPER);
+  for (let k = 0; k < codes.length; k++) {
+    const code = codes[k];
     if (code < 0) {
-      found[k] = paper;
+      pixels[k] = paper;
       continue;
     }
     const cell = (code / PARTS) | 0, part = code - PARTS * cell;
-    if (part === ROOF) found[k] = roofs[cell];
-    else if (!isTinted) found[k] = walls[part];
+    if (part === ROOF) pixels[k] = roofs[cell];
+    else if (!isTinted) pixels[k] = walls[part];
     else {
       const paint = roofs[cell], light = lights[part];
-      found[k] = packed((paint & 255) * light, ((paint >> 8) & 255) * light, ((paint >> 16) & 255) * light);
+      pixels[k] = packColour((paint & 255) * light, ((paint >> 8) & 255) * light, ((paint >> 16) & 255) * light);
     }
   }
-  return new Uint8ClampedArray(found.buffer);
+  return new Uint8ClampedArray(pixels.buffer);
 }
 
-/** Light by part: Lambert's law, and a little darker where one looks along a wall. A roof has 1,
- * so that its colour is that of the map. */
+/** Light by part: Lambert's law, and a little darker for a wall at a grazing angle. A roof has 1, so that its colour
+ * is that of the map. */
 function lightOf(camera, sun) {
-  const [sin, cos] = turned(camera.azimuth), [steep, flat] = turned(Math.min(90, Math.max(1, camera.tilt)));
-  const [sunSin, sunCos] = turned(sun.azimuth), [sunSteep, sunFlat] = turned(Math.min(90, Math.max(1, sun.height)));
+  const [sin, cos] = sinCos(camera.azimuth), [steep, flat] = sinCos(Math.min(90, Math.max(1, camera.tilt)));
+  const [sunSin, sunCos] = sinCos(sun.azimuth), [sunSteep, sunFlat] = sinCos(Math.min(90, Math.max(1, sun.height)));
   const shade = (facing) => AMBIENT * (0.88 + 0.12 * facing);
   const wall = (along, sunAlong) => {
-    // who looks along `along` sees the wall that faces against it
+    // the visible wall faces against the viewing direction `along`
     const lit = Math.max(0, -Math.sign(along) * sunAlong * sunFlat) / sunSteep;
     return Math.min(MOST, shade(flat * Math.abs(along)) + (1 - shade(steep)) * lit);
   };
@@ -138,31 +135,31 @@ function lightOf(camera, sun) {
 }
 
 const byte = (value) => (value >= 255 ? 255 : (value + 0.5) | 0);
-// lowest byte first, as in every machine that runs a browser
-const packed = (r, g, b) => (0xff000000 | (byte(b) << 16) | (byte(g) << 8) | byte(r)) >>> 0;
+// lowest byte first, as on every machine with a browser
+const packColour = (r, g, b) => (0xff000000 | (byte(b) << 16) | (byte(g) << 8) | byte(r)) >>> 0;
 
 const KEPT = new WeakMap();
 
-/** What is computed once a city. */
-function keptOf(city) {
+/** Values that are computed once a city. */
+function cacheOf(city) {
   if (!KEPT.has(city)) {
     let highest = 0;
     for (const up of city.heights) if (up > highest) highest = up;
     const rgb = coloursOf(city), paints = new Uint32Array(city.heights.length);
-    for (let k = 0; k < paints.length; k++) paints[k] = packed(rgb[3 * k], rgb[3 * k + 1], rgb[3 * k + 2]);
+    for (let k = 0; k < paints.length; k++) paints[k] = packColour(rgb[3 * k], rgb[3 * k + 1], rgb[3 * k + 2]);
     KEPT.set(city, { highest, paints });
   }
   return KEPT.get(city);
 }
-const highestOf = (city) => keptOf(city).highest;
-const paintsOf = (city) => keptOf(city).paints;
+const highestOf = (city) => cacheOf(city).highest;
+const paintsOf = (city) => cacheOf(city).paints;
 
-/** Three bytes a cell: a city's own colours, or those of its heights. */
+/** Three bytes a cell: the colours of a city, or those of its heights. */
 export function coloursOf(city) {
   return city.colours ?? ramp(city.heights, city.highest ?? scaleEnd(city.heights));
 }
 
-/** A round length of at most so many metres: 1, 2 or 5 times a power of ten. */
+/** A round length of at most `most` metres: 1, 2 or 5 times a power of ten. */
 export function roundLength(most) {
   const power = 10 ** Math.floor(Math.log10(most));
   return power * [5, 2, 1].find((one) => one * power <= most * 1.001);
@@ -175,34 +172,34 @@ export class Axonometry {
     this.show(city);
   }
 
-  /** Another city, from the next `draw` on. */
+  /** Show another city from the next `draw` on. */
   show(city) {
     this.city = city;
-    this.seen = null;
+    this.codes = null;
   }
 
-  /** The city as a camera sees it, as large and as sharp as the canvas lies on the screen. */
+  /** Draw the city for a camera, as large and as sharp as the canvas on the screen. */
   draw(camera, sun = SUN) {
     const { canvas, context, city } = this, ratio = window.devicePixelRatio || 1;
     if (!canvas.clientWidth || !canvas.clientHeight) return; // hidden
     const wide = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const tall = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== wide || canvas.height !== tall) [canvas.width, canvas.height] = [wide, tall];
-    this.seen = surfaces(city, camera, wide, tall);
-    context.putImageData(new ImageData(painted(city, this.seen, camera, sun), wide, tall), 0, 0);
+    this.codes = surfaces(city, camera, wide, tall);
+    context.putImageData(new ImageData(paintPixels(city, this.codes, camera, sun), wide, tall), 0, 0);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const place = laid(city, camera, wide, tall);
+    const place = placement(city, camera, wide, tall);
     drawNorth(context, place);
     drawScale(context, place.scale / ratio, canvas.clientWidth, canvas.clientHeight);
   }
 
-  /** {row, column, height, part} of what is seen at a point of the canvas, CSS px from its upper
-   * left corner; part "roof" or "wall". Null where nothing is, or nothing is drawn. */
+  /** {row, column, height, part} of the surface at a point of the canvas, CSS px from its upper left corner; part
+   * "roof" or "wall". Null where nothing is drawn. */
   pick(x, y) {
-    const { canvas, city, seen } = this, ratio = canvas.width / (canvas.clientWidth || 1);
+    const { canvas, city, codes } = this, ratio = canvas.width / (canvas.clientWidth || 1);
     const across = Math.floor(x * ratio), down = Math.floor(y * ratio);
-    if (!seen || across < 0 || down < 0 || across >= canvas.width || down >= canvas.height) return null;
-    const code = seen[down * canvas.width + across], cell = Math.floor(code / PARTS);
+    if (!codes || across < 0 || down < 0 || across >= canvas.width || down >= canvas.height) return null;
+    const code = codes[down * canvas.width + across], cell = Math.floor(code / PARTS);
     if (code < 0) return null;
     return {
       row: Math.floor(cell / city.columns), column: cell % city.columns, height: city.heights[cell],
@@ -211,7 +208,7 @@ export class Axonometry {
   }
 }
 
-/** An arrow that points north, as it lies on the ground. */
+/** Draw an arrow that points north on the ground. */
 function drawNorth(context, { sin, cos, steep }) {
   const size = 15, flat = Math.max(steep, 0.3);
   const way = [-sin * size, -cos * flat * size], side = [cos * size * 0.35, -sin * flat * size * 0.35];
@@ -227,10 +224,10 @@ function drawNorth(context, { sin, cos, steep }) {
     context.lineWidth = 1;
     context.stroke();
   }
-  told(context, "N", at[0] + letter[0], at[1] + letter[1], "center");
+  drawText(context, "N", at[0] + letter[0], at[1] + letter[1], "center");
 }
 
-/** A round length, true along the horizontal. */
+/** Draw a scale bar of a round length, true along the horizontal. */
 function drawScale(context, scale, width, height) {
   const metres = roundLength(Math.min(width / 4, 160) / scale), long = metres * scale, [x, y] = [12, height - 16];
   context.fillStyle = COLOURS.paper;
@@ -240,11 +237,11 @@ function drawScale(context, scale, width, height) {
   context.strokeRect(x + 0.5, y + 0.5, Math.round(long) - 1, 4);
   context.fillStyle = COLOURS.ink;
   context.fillRect(x, y, long / 2, 5);
-  told(context, metres < 1000 ? `${metres} m` : `${metres / 1000} km`, x + long + 6, y + 2.5, "left");
+  drawText(context, metres < 1000 ? `${metres} m` : `${metres / 1000} km`, x + long + 6, y + 2.5, "left");
 }
 
-/** A text that is read on any ground. */
-function told(context, text, x, y, align) {
+/** Draw a text that is legible on any ground. */
+function drawText(context, text, x, y, align) {
   context.font = `600 12px ${FONT}`;
   context.textAlign = align;
   context.textBaseline = "middle";

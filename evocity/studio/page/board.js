@@ -1,98 +1,98 @@
-import { tellKept, tellValues } from "./breed.js";
-import { drawLayers, frame } from "./drawn.js";
+import { showKept, showValues } from "./breed.js";
+import { drawLayers, frame } from "./overlay.js";
 import { FIELD, Layers } from "./layers.js";
-import { made, sized } from "./made.js";
+import { element, fitCanvas } from "./elements.js";
 import { ramp } from "./ramp.js";
 
-/** Milliseconds after which a drawing is bred, and between two looks at its child. */
+/** Milliseconds between a change of the drawing and its child, and between two looks at the child. */
 const SOON = 250, LOOK = 120;
-/** What breeds by a drawing: macro-blocks, or a λ painted in cells. */
+/** Operators that breed by a drawing: macro-blocks, or a λ painted in cells. */
 const OPERATORS = [
-  ["pavement_fusion", "macro-blocks", "Squares of the second parent, laid into the first where you put them."],
-  ["region_fusion", "regions", "As macro-blocks, but each grows over the buildings that it touches."],
-  ["interpolation", "λ, lifs by lifs", "A painted λ: how much of each lifs is the second parent's."],
-  ["stepwise", "λ, step by step", "A painted λ that mixes both decodings at every step."],
-  ["lambda_field", "λ, by street blocks", "A painted λ tells how many street blocks of each part get the second parent's fabric."],
+  ["pavement_fusion", "macro-blocks", "Squares of the second parent replace squares of the first parent where you place them."],
+  ["region_fusion", "regions", "Like macro-blocks, but each square grows over the buildings that it touches."],
+  ["interpolation", "λ, lifs by lifs", "The painted λ is the share of the second parent in each lifs."],
+  ["stepwise", "λ, step by step", "The painted λ mixes both parents at every step of decoding."],
+  ["lambda_field", "λ, by street blocks", "The painted λ is the share of street blocks that get the fabric of the second parent."],
 ];
-/** What is marked in cells, its layer, and in words. */
-const MARKS = { lock: ["locked", "Where you mark, the child has the first parent's heights."],
-  mask: ["within", "Measures are taken of what you mark alone, of child and parents; of the whole where nothing is marked."] };
+/** Tools that mark cells: the layer and an explanation. */
+const MARKS = { lock: ["locked", "In marked cells the child keeps the heights of the first parent."],
+  mask: ["within", "Child and parents are measured in marked cells only, or on the whole map if no cell is marked."] };
 const BRUSHES = [1, 3, 7, 15];
 const WAYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
-/** Two picked parents, drawn over on the `stage`; their child is bred while one draws. `on`: ids(),
- * births(), highest(), trouble(error). */
+/** The drawing board: two picked parents on the `stage`; their child is bred during drawing. `on`: ids(), births(),
+ * highest(), trouble(error). */
 export class Board {
   constructor(parent, stage, server, on) {
     [this.server, this.on, this.stage] = [server, on, stage];
-    this.nobody = made(parent, "p", "faint", "Pick two births: you draw on the map of one where the other shall be.");
-    this.form = made(parent, "form");
+    this.emptyText = element(parent, "p", "faint", "Pick two births. Then draw on the map of the first birth: parts of the second birth replace it there.");
+    this.form = element(parent, "form");
     this.form.addEventListener("submit", (event) => event.preventDefault());
-    const first = made(this.form, "div", "row");
-    this.parents = ["on", "of"].map((text) => made(made(first, "label", "", `${text} birth `), "select"));
+    const first = element(this.form, "div", "row");
+    this.parents = ["first", "second"].map((text) => element(element(first, "label", "", `${text} parent `), "select"));
     for (const one of this.parents) one.addEventListener("change", () => this.load());
     this.button(first, "swap", () => this.swap());
-    this.operator = this.select(made(this.form, "div", "row"), "the child has ", OPERATORS.map(([name, text]) => [name, text]));
-    this.words = made(this.form, "p", "faint");
-    const tools = made(this.form, "div", "row", "", { role: "group", "aria-label": "what is drawn" });
+    this.operator = this.select(element(this.form, "div", "row"), "method ", OPERATORS.map(([name, text]) => [name, text]));
+    this.words = element(this.form, "p", "faint");
+    const tools = element(this.form, "div", "row", "", { role: "group", "aria-label": "drawing tools" });
     this.tools = new Map([["lay", ""], ["lock", "lock"], ["mask", "mask"]].map(([tool, text]) =>
       [tool, this.button(tools, text, () => this.use(tool))]));
-    this.eraser = made(made(tools, "label", "", "take away "), "input", "", "", { type: "checkbox" });
-    this.meant = made(this.form, "p", "faint");
-    this.sizes = made(this.form, "div", "row");
+    this.eraser = element(element(tools, "label", "", "erase "), "input", "", "", { type: "checkbox" });
+    this.toolText = element(this.form, "p", "faint");
+    this.sizes = element(this.form, "div", "row");
     this.side = this.select(this.sizes, "side ", []);
-    this.tolerance = this.select(this.sizes, "where outlines differ by ", [["1000", "any step"], ["12", "12 m at most"],
-      ["6", "6 m at most"], ["3", "3 m at most"]]);
-    this.paints = made(this.form, "div", "row");
+    this.tolerance = this.select(this.sizes, "height step along the outline ", [["1000", "any"], ["12", "at most 12 m"],
+      ["6", "at most 6 m"], ["3", "at most 3 m"]]);
+    this.paints = element(this.form, "div", "row");
     this.brush = this.select(this.paints, "brush ", BRUSHES.map((one) => [String(one), `${one} × ${one} cells`]));
     this.brush.value = "3";
-    this.level = made(made(this.paints, "label", "", "λ of the second "), "input", "", "", { type: "number", min: "0", max: "1", step: "0.1" });
+    this.level = element(element(this.paints, "label", "", "λ, share of the second "), "input", "", "", { type: "number", min: "0", max: "1", step: "0.1" });
     this.level.value = "1";
-    this.files = made(this.form, "div", "row");
-    this.file = made(made(this.files, "label", "", "or mark from a picture "), "input", "", "", { type: "file", accept: "image/*" });
+    this.files = element(this.form, "div", "row");
+    this.file = element(element(this.files, "label", "", "mark from a picture "), "input", "", "", { type: "file", accept: "image/*" });
     this.file.addEventListener("change", () => this.mark());
-    const last = made(this.form, "div", "row");
+    const last = element(this.form, "div", "row");
     this.undo = this.button(last, "undo", () => this.back());
     this.clear = this.button(last, "clear all", () => this.change(() => this.layers.blank()));
-    this.seed = made(made(last, "label", "", "seed "), "input", "", "", { type: "number", min: "0", max: "9007199254740991", step: "1" });
+    this.seed = element(element(last, "label", "", "seed "), "input", "", "", { type: "number", min: "0", max: "9007199254740991", step: "1" });
     this.seed.value = "0";
     for (const one of [this.operator, this.tolerance, this.seed]) one.addEventListener("change", () => this.changed());
     for (const one of [this.side, this.brush]) one.addEventListener("change", () => (one === this.side ? this.changed() : this.draw()));
-    made(this.form, "p", "faint", "By keys: go on the map by the arrows, with Shift by four; Enter draws, Delete takes away.");
-    this.state = made(parent, "p", "faint", "", { role: "status" });
-    this.facts = made(parent, "div");
-    this.keep = this.button(parent, "keep the child with a recipe", () => this.keepIt());
-    this.said = made(parent, "p", "", "", { role: "status" });
-    const drawn = made(stage, "figure");
-    this.title = made(drawn, "figcaption");
-    this.canvas = made(drawn, "canvas", "", "", { tabindex: "0", role: "application", "aria-label": "the map that you draw on" });
-    this.spoken = made(drawn, "p", "faint", "", { "aria-live": "polite" });
-    this.child = made(stage, "figure");
-    made(this.child, "figcaption", "", "their child");
-    this.image = made(this.child, "img", "", "", { alt: "map of heights of the child, north up" });
-    this.hands();
+    element(this.form, "p", "faint", "Keys on the map: arrows move, with Shift four times as far; Enter draws, Delete erases.");
+    this.state = element(parent, "p", "faint", "", { role: "status" });
+    this.facts = element(parent, "div");
+    this.keep = this.button(parent, "keep the child and a recipe", () => this.keepIt());
+    this.message = element(parent, "p", "", "", { role: "status" });
+    const figure = element(stage, "figure");
+    this.title = element(figure, "figcaption");
+    this.canvas = element(figure, "canvas", "", "", { tabindex: "0", role: "application", "aria-label": "map to draw on" });
+    this.announcement = element(figure, "p", "faint", "", { "aria-live": "polite" });
+    this.child = element(stage, "figure");
+    element(this.child, "figcaption", "", "child");
+    this.image = element(this.child, "img", "", "", { alt: "map of heights of the child, north up" });
+    this.listen();
     this.inform();
   }
 
   button(parent, text, act) {
-    const found = made(parent, "button", "", text, { type: "button" });
-    found.addEventListener("click", act);
-    return found;
+    const button = element(parent, "button", "", text, { type: "button" });
+    button.addEventListener("click", act);
+    return button;
   }
 
   select(parent, text, options) {
-    const found = made(made(parent, "label", "", text), "select");
-    for (const [value, label] of options) made(found, "option", "", label, { value });
-    return found;
+    const select = element(element(parent, "label", "", text), "select");
+    for (const [value, label] of options) element(select, "option", "", label, { value });
+    return select;
   }
 
   // -- parents -----------------------------------------------------------------------------------
 
-  /** The pane is seen. */
+  /** The pane is visible. */
   async open() {
     this.inform();
     try {
-      if (this.on.ids().length > 1) await this.server.told("ready", { parents: this.pair, board: true });
+      if (this.on.ids().length > 1) await this.server.postJson("ready", { parents: this.pair, board: true });
     } catch (error) {
       this.on.trouble(error);
     }
@@ -102,22 +102,22 @@ export class Board {
 
   get pair() { return this.parents.map((one) => Number(one.value)); }
 
-  /** What depends on who is picked. */
+  /** Show the parts that depend on the picks. */
   inform() {
     const ids = this.on.ids();
     const isAble = ids.length > 1;
-    this.nobody.hidden = isAble;
+    this.emptyText.hidden = isAble;
     this.form.hidden = !isAble;
     this.stage.classList.toggle("evocity-idle", !isAble);
     this.parents.forEach((select, place) => {
       const was = Number(select.value);
-      select.replaceChildren(...ids.map((id) => made(null, "option", "", String(id), { value: id })));
+      select.replaceChildren(...ids.map((id) => element(null, "option", "", String(id), { value: id })));
       if (isAble) select.value = String(ids.includes(was) && select.dataset.chosen ? was : ids[place]);
       if (isAble) select.dataset.chosen = "1";
     });
     if (!isAble) this.about = null;
-    else if (!this.stage.hidden && (!this.about || this.drawnOn !== this.pair.join())) this.load();
-    this.tell();
+    else if (!this.stage.hidden && (!this.about || this.loadedPair !== this.pair.join())) this.load();
+    this.showState();
   }
 
   swap() {
@@ -126,20 +126,20 @@ export class Board {
     this.load();
   }
 
-  /** Look at both parents; begin anew on other ones. */
+  /** Load both parents; other maps begin an empty drawing. */
   async load() {
     const ids = this.pair, key = ids.join();
     if (this.on.ids().length < 2) return;
-    this.drawnOn = key;
+    this.loadedPair = key;
     try {
-      const { about, content } = await this.server.framed("board", { ids: key });
-      const maps = await Promise.all(ids.map((id) => this.server.framed("heights", { id })));
+      const { about, content } = await this.server.getFramed("board", { ids: key });
+      const maps = await Promise.all(ids.map((id) => this.server.getFramed("heights", { id })));
       if (key !== this.pair.join()) return;
       const isNew = !this.about || ["height", "width", "cell", "grid"].some((one) => this.about[one] !== about[one]);
       this.about = about;
       this.lifs = new Int32Array(content.slice().buffer);
       this.maps = maps.map((one) => this.picture(one));
-      this.title.textContent = `birth ${ids[0]}, drawn over with birth ${ids[1]}`;
+      this.title.textContent = `birth ${ids[0]}, with parts of birth ${ids[1]}`;
       if (isNew) this.begin();
       this.on.trouble(null);
       this.changed();
@@ -152,7 +152,7 @@ export class Board {
 
   picture({ about: { height, width }, content }) {
     const colours = ramp(new Float32Array(content.slice().buffer), this.on.highest());
-    const canvas = made(null, "canvas");
+    const canvas = element(null, "canvas");
     [canvas.width, canvas.height] = [width, height];
     const image = new ImageData(width, height);
     for (let k = 0; k < height * width; k++) {
@@ -169,15 +169,15 @@ export class Board {
     const most = Math.floor(Math.min(height, width) / grid / 2);
     const sides = [2, 3, 4, 6, 8, 12, 16, 24, 32].filter((one) => one <= most);
     if (!sides.length) sides.push(1);
-    this.side.replaceChildren(...sides.map((one) => made(null, "option", "", `${+(one * grid * metres).toFixed(2)} m`, { value: one })));
+    this.side.replaceChildren(...sides.map((one) => element(null, "option", "", `${+(one * grid * metres).toFixed(2)} m`, { value: one })));
     this.side.value = String(sides[Math.min(sides.length - 1, Math.floor(sides.length / 2))]);
     this.at = [height / 2, width / 2];
     this.use("lay");
   }
 
-  // -- the hand ----------------------------------------------------------------------------------
+  // -- drawing -----------------------------------------------------------------------------------
 
-  /** What the hand marks, or paints. */
+  /** The layer that the tool changes. */
   get layer() { return this.tool in MARKS ? this.layers[MARKS[this.tool][0]] : this.layers.painted; }
   get isPainted() { return !["pavement_fusion", "region_fusion"].includes(this.operator.value); }
   get inCells() { return this.isPainted || this.tool in MARKS; }
@@ -185,10 +185,10 @@ export class Board {
   use(tool) {
     this.tool = tool;
     this.draw();
-    this.tell();
+    this.showState();
   }
 
-  /** Where the hand is, in cells or in squares of the grid: row, column, side, px of one. */
+  /** The place of the cursor, in cells or in squares of the grid: row, column, side, and the unit in px. */
   get spot() {
     const { height, width, cell, grid } = this.about, unit = this.inCells ? cell : grid;
     const side = Number((this.inCells ? this.brush : this.side).value);
@@ -199,9 +199,9 @@ export class Board {
     return { row, column, side, unit };
   }
 
-  hands() {
+  listen() {
     const { canvas } = this;
-    const go = (event) => {
+    const move = (event) => {
       const box = canvas.getBoundingClientRect();
       this.at = [((event.clientY - box.top) / box.height) * this.about.height, ((event.clientX - box.left) / box.width) * this.about.width];
     };
@@ -209,17 +209,17 @@ export class Board {
       if (!this.about || event.button) return;
       canvas.setPointerCapture(event.pointerId);
       this.layers.remember();
-      this.held = true;
-      go(event);
+      this.isPressed = true;
+      move(event);
       this.lay(this.eraser.checked);
     });
     canvas.addEventListener("pointermove", (event) => {
       if (!this.about) return;
-      go(event);
-      if (this.held && (this.inCells || this.eraser.checked)) this.lay(this.eraser.checked);
+      move(event);
+      if (this.isPressed && (this.inCells || this.eraser.checked)) this.lay(this.eraser.checked);
       else this.draw();
     });
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { this.held = false; });
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { this.isPressed = false; });
     canvas.addEventListener("focus", () => this.about && this.draw());
     canvas.addEventListener("blur", () => this.about && this.draw());
     canvas.addEventListener("keydown", (event) => {
@@ -230,43 +230,43 @@ export class Board {
         const most = [this.about.height - 1, this.about.width - 1];
         this.at = this.at.map((px, axis) => Math.max(0, Math.min(most[axis], px + step * way[axis])));
         this.draw();
-        this.say("");
+        this.announce("");
       } else if (["Enter", " ", "Delete", "Backspace"].includes(event.key)) {
         this.layers.remember();
-        const isTaken = ["Delete", "Backspace"].includes(event.key) || this.eraser.checked;
-        this.lay(isTaken);
-        this.say(isTaken ? "taken away" : "drawn");
+        const isErased = ["Delete", "Backspace"].includes(event.key) || this.eraser.checked;
+        this.lay(isErased);
+        this.announce(isErased ? "erased" : "drawn");
       } else return;
       event.preventDefault();
     });
     new ResizeObserver(() => this.about && this.draw()).observe(this.canvas.parentElement);
   }
 
-  /** Tell where the cursor is, and what is there. */
-  say(done) {
+  /** Announce the place of the cursor, and the drawing there. */
+  announce(done) {
     const { row, column, unit } = this.spot, metres = unit * this.about.metres;
     const [y, x] = this.at.map((px) => Math.floor(px / this.about.cell));
     const { columns, painted, blocks, locked, within } = this.layers, here = y * columns + x;
-    const told = [`${Math.round(row * metres)} m from the north, ${Math.round(column * metres)} m from the west`];
-    if (this.isPainted) told.push(`λ ${+painted[here].toFixed(2)}`);
-    else told.push(`${blocks.length} macro-blocks`);
-    if (locked[here]) told.push("locked");
-    if (within.includes(1)) told.push(within[here] ? "measured" : "not measured");
-    if (done) told.unshift(done);
-    this.spoken.textContent = told.join(", ");
+    const parts = [`${Math.round(row * metres)} m from the north edge, ${Math.round(column * metres)} m from the west edge`];
+    if (this.isPainted) parts.push(`λ ${+painted[here].toFixed(2)}`);
+    else parts.push(`${blocks.length} macro-blocks`);
+    if (locked[here]) parts.push("locked");
+    if (within.includes(1)) parts.push(within[here] ? "measured" : "not measured");
+    if (done) parts.unshift(done);
+    this.announcement.textContent = parts.join(", ");
   }
 
-  lay(isTaken) {
+  lay(isErased) {
     const spot = this.spot, { row, column, side } = spot, { blocks } = this.layers;
     if (!this.inCells) {
       const [y, x] = this.at.map((px) => px / this.about.grid);
       const isHere = ([top, left]) => y >= top && y < top + side && x >= left && x < left + side;
       const last = blocks.findLastIndex(isHere);
-      if (isTaken && last >= 0) blocks.splice(last, 1);
-      if (!isTaken && !blocks.some(([top, left]) => top === row && left === column)) blocks.push([row, column]);
+      if (isErased && last >= 0) blocks.splice(last, 1);
+      if (!isErased && !blocks.some(([top, left]) => top === row && left === column)) blocks.push([row, column]);
     } else {
       const level = this.tool in MARKS ? 1 : Math.max(0, Math.min(1, Number(this.level.value) || 0));
-      this.layers.fill(this.layer, spot, isTaken ? 0 : level);
+      this.layers.fill(this.layer, spot, isErased ? 0 : level);
     }
     this.changed();
   }
@@ -283,7 +283,7 @@ export class Board {
     this.changed();
   }
 
-  /** Mark by a file, in place of what is marked. */
+  /** Replace the marks by those of a picture. */
   async mark() {
     const [file] = this.file.files, { layers, tool } = this;
     if (!file || !layers || !(tool in MARKS)) return;
@@ -291,7 +291,7 @@ export class Board {
     try {
       const count = await layers.mark(layer, file);
       this.change(() => { layers[MARKS[tool][0]] = layer; });
-      this.spoken.textContent = `${tool}: ${count} of ${layer.length} cells are marked by ${file.name}`;
+      this.announcement.textContent = `${tool}: ${file.name} marks ${count} of ${layer.length} cells`;
       this.on.trouble(null);
     } catch (error) {
       this.on.trouble(error);
@@ -299,13 +299,13 @@ export class Board {
     this.file.value = "";
   }
 
-  // -- what is seen ------------------------------------------------------------------------------
+  // -- picture -----------------------------------------------------------------------------------
 
   draw() {
     if (!this.about || this.stage.hidden) return;
     const { height, width, grid } = this.about, [ours, theirs] = this.maps;
     const wide = Math.max(120, Math.min(this.canvas.parentElement.clientWidth, 720)), scale = wide / width;
-    const context = sized(this.canvas, wide, height * scale), side = Number(this.side.value) * grid;
+    const context = fitCanvas(this.canvas, wide, height * scale), side = Number(this.side.value) * grid;
     drawLayers(context, this.layers, { ours, theirs, grid, side, scale, isPainted: this.isPainted });
     const spot = this.spot, size = spot.side * spot.unit * scale;
     frame(context, spot.column * spot.unit * scale, spot.row * spot.unit * scale, size, size, 2);
@@ -313,10 +313,10 @@ export class Board {
 
   // -- the child ---------------------------------------------------------------------------------
 
-  /** Something is drawn: it is seen at once, and bred soon. */
+  /** The drawing changed: draw it at once, and breed soon. */
   changed() {
     this.draw();
-    this.tell();
+    this.showState();
     if (!this.about) return;
     clearTimeout(this.timer);
     this.isNew = true;
@@ -328,35 +328,35 @@ export class Board {
     const name = this.operator.value;
     if (!this.isPainted) {
       const places = this.layers.blocks.map((corner) => corner.map((one) => one * grid * metres));
-      const found = { side_min: side, side_max: side, fill: 0.5, margin: 0, tolerance: Number(this.tolerance.value), places };
-      return name === "region_fusion" ? { ...found, tries: null } : found;
+      const values = { side_min: side, side_max: side, fill: 0.5, margin: 0, tolerance: Number(this.tolerance.value), places };
+      return name === "region_fusion" ? { ...values, tries: null } : values;
     }
     if (name === "lambda_field") return { side: FIELD, values: this.layers.field() };
     const share = Array.from({ length: lifs }, (_, k) => +(1 - this.layers.mean(...this.lifs.subarray(3 * k, 3 * k + 3))).toFixed(4));
     return { share, stepwise: name === "stepwise" };
   }
 
-  /** A child of what is drawn now, and then of what was drawn meanwhile. */
+  /** Breed a child of the drawing, and another one if the drawing changed meanwhile. */
   async breed() {
     if (this.isBusy) return;
     this.isBusy = true;
-    this.tell();
+    this.showState();
     try {
       while (this.isNew && this.about && !this.stage.hidden) {
         this.isNew = false;
         const [locked, within] = [this.layers.locked, this.layers.within].map((layer) => this.layers.marked(layer));
-        await this.rested();
-        let told = await this.server.told("breed", {
+        await this.waitForWorkers();
+        let state = await this.server.postJson("breed", {
           operators: [this.operator.value === "stepwise" ? "interpolation" : this.operator.value],
           parameters: this.parameters, parents: this.pair, count: 1, seed: Number(this.seed.value) || 0, board: true,
           drawing: (locked || within) && { locked, within },
         });
-        this.seen = null;
+        this.shownBrood = null;
         while (true) {
-          await this.see(told);
-          if (!told.busy) break;
+          await this.showChild(state);
+          if (!state.busy) break;
           await new Promise((resolve) => setTimeout(resolve, LOOK));
-          told = await this.server.asked("brood", { board: 1 });
+          state = await this.server.getJson("brood", { board: 1 });
         }
         this.on.trouble(null);
       }
@@ -364,51 +364,51 @@ export class Board {
       this.on.trouble(error);
     }
     this.isBusy = false;
-    this.tell();
+    this.showState();
   }
 
-  /** Until workers are ready. */
-  async rested() {
-    while ((await this.server.asked("brood", { board: 1 })).busy) await new Promise((resolve) => setTimeout(resolve, LOOK));
+  /** Wait until no worker is busy. */
+  async waitForWorkers() {
+    while ((await this.server.getJson("brood", { board: 1 })).busy) await new Promise((resolve) => setTimeout(resolve, LOOK));
   }
 
-  async see({ brood, children: [child], error, marked }) {
+  async showChild({ brood, children: [child], error, marked }) {
     this.marked = marked;
     this.bred = child && ["bred", "measured"].includes(child.stage) ? { brood, child } : null;
-    if (this.bred && this.seen !== brood) {
-      this.seen = brood;
-      const blob = await this.server.blobOf("brood-picture", { board: 1, brood, id: 0 });
+    if (this.bred && this.shownBrood !== brood) {
+      this.shownBrood = brood;
+      const blob = await this.server.getBlob("brood-picture", { board: 1, brood, id: 0 });
       if (this.address) URL.revokeObjectURL(this.address);
       this.address = URL.createObjectURL(blob);
       this.image.src = this.address;
     }
-    this.tell(error || (child && child.error) || "");
+    this.showState(error || (child && child.error) || "");
   }
 
-  tell(error = this.fault) {
+  showState(error = this.fault) {
     this.fault = error;
-    const found = OPERATORS.find(([name]) => name === this.operator.value);
-    this.words.textContent = found[2] + (this.isPainted ? "" : " They take half of the map at most: swap the parents for more.");
-    this.tools.get("lay").textContent = this.isPainted ? "paint λ" : found[1];
+    const operator = OPERATORS.find(([name]) => name === this.operator.value);
+    this.words.textContent = operator[2] + (this.isPainted ? "" : " These parts cover at most half of the map; for more, swap the parents.");
+    this.tools.get("lay").textContent = this.isPainted ? "paint λ" : operator[1];
     for (const [tool, button] of this.tools) button.setAttribute("aria-pressed", String(tool === this.tool));
     this.sizes.hidden = this.isPainted;
     this.paints.hidden = !this.inCells;
-    this.files.hidden = this.meant.hidden = !(this.tool in MARKS);
-    this.meant.textContent = this.meant.hidden ? "" : MARKS[this.tool][1];
+    this.files.hidden = this.toolText.hidden = !(this.tool in MARKS);
+    this.toolText.textContent = this.toolText.hidden ? "" : MARKS[this.tool][1];
     this.level.parentElement.hidden = !this.isPainted || this.tool in MARKS;
     this.undo.disabled = !this.layers?.steps.length;
     this.image.hidden = !this.image.src;
     this.keep.hidden = !this.bred;
     this.keep.disabled = this.isBusy;
-    const text = error || (this.isBusy && !this.bred ? "The child is bred …" : this.bred ? `child ${this.bred.child.stage}` : "");
+    const text = error || (this.isBusy && !this.bred ? "breeding the child …" : this.bred ? `child ${this.bred.child.stage}` : "");
     if (this.state.textContent !== text) this.state.textContent = text;
     this.facts.replaceChildren();
-    if (this.bred) tellValues(this.facts, this.bred.child, this.on.births(), this.marked);
+    if (this.bred) showValues(this.facts, this.bred.child, this.on.births(), this.marked);
   }
 
   async keepIt() {
     try {
-      tellKept(this.said, await this.server.told("keep", { brood: this.bred.brood, children: [0], picks: this.on.ids().slice(0, 16), board: true }));
+      showKept(this.message, await this.server.postJson("keep", { brood: this.bred.brood, children: [0], picks: this.on.ids().slice(0, 16), board: true }));
       this.on.trouble(null);
     } catch (error) {
       this.on.trouble(error);

@@ -1,14 +1,14 @@
 import { Tiles } from "./tiles.js";
-import { made, number, sized } from "./made.js";
-import { asked } from "./server.js";
+import { element, number, fitCanvas } from "./elements.js";
+import { getJson } from "./server.js";
 
 const SIZE = 72, SOON = 120;
-/** What takes turns where no operator is named: one of each kind. */
+/** Operators that take turns where none is chosen: one of each kind. */
 const VARIETY = ["quarter_fusion", "region_fusion", "lambda_crossover", "quarter_refill", "relocation",
   "height_scaling", "interpolation", "mutation"];
 const ANY = "several in turn";
 
-/** Children of the picks, one by one; those that are kept. `on`: ids(), births(), trouble(error). */
+/** The pane that breeds children of the picks and keeps some. `on`: ids(), births(), trouble(error). */
 export class Breed {
   constructor(parent, server, on) {
     [this.server, this.on] = [server, on];
@@ -16,56 +16,56 @@ export class Breed {
     this.children = [];
     this.kept = new Set();
     this.shown = null;
-    this.whose = made(parent, "p", "faint");
-    const form = this.form = made(parent, "form");
+    this.parentsText = element(parent, "p", "faint");
+    const form = this.form = element(parent, "form");
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.begin();
     });
-    const first = made(form, "div", "row");
-    this.operator = made(made(first, "label", "", "operator "), "select");
+    const first = element(form, "div", "row");
+    this.operator = element(element(first, "label", "", "operator "), "select");
     this.operator.addEventListener("change", () => this.choose());
-    const vary = made(first, "label");
-    this.vary = made(vary, "input", "", "", { type: "checkbox" });
+    const vary = element(first, "label");
+    this.vary = element(vary, "input", "", "", { type: "checkbox" });
     this.vary.checked = true;
-    vary.append("vary how much is whose");
-    this.words = made(form, "p", "faint");
-    this.more = made(form, "details");
-    made(this.more, "summary", "", "parameters");
-    this.parameters = made(this.more, "div", "parameters");
-    const second = made(form, "div", "row");
+    vary.append("vary the shares of the parents");
+    this.words = element(form, "p", "faint");
+    this.more = element(form, "details");
+    element(this.more, "summary", "", "parameters");
+    this.parameters = element(this.more, "div", "parameters");
+    const second = element(form, "div", "row");
     this.count = this.field(second, "children", "12", { min: "1", max: "24" });
     this.seed = this.field(second, "seed", "0", { min: "0", max: "9007199254740991" });
-    this.go = made(second, "button", "", "breed", { type: "submit" });
-    this.stop = made(second, "button", "", "stop", { type: "button" });
-    this.stop.addEventListener("click", () => this.ask("stop", {}));
-    this.state = made(parent, "p", "faint", "", { role: "status" });
-    this.left = made(parent, "details");
-    made(this.left, "summary", "", "measures that children are not given");
-    this.reasons = made(this.left, "ul");
-    this.grid = made(parent, "div", "children", "", { role: "group", "aria-label": "children" });
-    this.one = made(parent, "div");
-    this.keep = made(parent, "button", "", "", { type: "button" });
+    this.go = element(second, "button", "", "breed", { type: "submit" });
+    this.stop = element(second, "button", "", "stop", { type: "button" });
+    this.stop.addEventListener("click", () => this.send("stop", {}));
+    this.state = element(parent, "p", "faint", "", { role: "status" });
+    this.leftOut = element(parent, "details");
+    element(this.leftOut, "summary", "", "measures that children do not have");
+    this.reasons = element(this.leftOut, "ul");
+    this.grid = element(parent, "div", "children", "", { role: "group", "aria-label": "children" });
+    this.childDetail = element(parent, "div");
+    this.keep = element(parent, "button", "", "", { type: "button" });
     this.keep.addEventListener("click", () => this.keepThese());
-    this.unmarked = made(parent, "span", "faint", " Click a child and tick “keep it”, or click it twice.");
-    this.said = made(parent, "p", "", "", { role: "status" });
+    this.hint = element(parent, "span", "faint", " To keep a child, click it and tick “keep this child”, or double-click it.");
+    this.message = element(parent, "p", "", "", { role: "status" });
     this.inform();
-    this.tell({ brood: 0, busy: false, error: null, left: {}, children: [] });
+    this.showState({ brood: 0, busy: false, error: null, left: {}, children: [] });
   }
 
   field(parent, text, value, limits) {
-    const found = made(made(parent, "label", "", `${text} `), "input", "", "", { type: "number", step: "1", required: "", ...limits });
-    found.value = value;
-    return found;
+    const input = element(element(parent, "label", "", `${text} `), "input", "", "", { type: "number", step: "1", required: "", ...limits });
+    input.value = value;
+    return input;
   }
 
-  /** The pane is seen: what there is, and workers, are asked for. */
+  /** The pane is visible: load the operators, and prepare workers. */
   async open() {
     try {
-      if (!this.operators.length) this.operators = (await asked("operators")).operators;
+      if (!this.operators.length) this.operators = (await getJson("operators")).operators;
       this.inform();
-      this.go.disabled = true; // until it is known whether workers are made ready
-      this.tell(await this.server.told("ready", { parents: this.on.ids().slice(0, 16) }));
+      this.go.disabled = true; // until the workers answer
+      this.showState(await this.server.postJson("ready", { parents: this.on.ids().slice(0, 16) }));
       this.follow();
     } catch (error) {
       this.inform();
@@ -73,66 +73,66 @@ export class Breed {
     }
   }
 
-  /** What depends on who is picked. */
+  /** Show the parts that depend on the picks. */
   inform() {
     const ids = this.on.ids();
-    this.whose.textContent = ids.length ? `Parents are the picks: ${ids.slice(0, 16).join(", ")}${ids.length > 16 ? " …" : ""}.` :
-      "Children are bred from your picks: pick one birth or more.";
-    const { fits } = this, was = this.operator.value || ANY;
-    this.operator.replaceChildren(...[ANY, ...fits.map((one) => one.name)].map((name) =>
-      made(null, "option", "", name.replaceAll("_", " "), { value: name })));
-    this.operator.value = fits.some((one) => one.name === was) ? was : ANY;
+    this.parentsText.textContent = ids.length ? `Parents: your picks ${ids.slice(0, 16).join(", ")}${ids.length > 16 ? " …" : ""}.` :
+      "Pick one or more births as parents.";
+    const { fittingOperators } = this, was = this.operator.value || ANY;
+    this.operator.replaceChildren(...[ANY, ...fittingOperators.map((one) => one.name)].map((name) =>
+      element(null, "option", "", name.replaceAll("_", " "), { value: name })));
+    this.operator.value = fittingOperators.some((one) => one.name === was) ? was : ANY;
     if (this.operator.value !== was || !this.words.textContent) this.choose();
     this.go.disabled = !ids.length || !this.operators.length || this.isBusy;
   }
 
-  /** Operators that so few parents are enough for. */
-  get fits() { return this.operators.filter((one) => one.fewest <= this.on.ids().length); }
+  /** Operators for which the picks are enough. */
+  get fittingOperators() { return this.operators.filter((one) => one.fewest <= this.on.ids().length); }
 
-  /** Those that take turns. */
-  get names() {
+  /** Operators that take turns. */
+  get operatorNames() {
     if (this.operator.value !== ANY) return [this.operator.value];
-    return VARIETY.filter((name) => this.fits.some((one) => one.name === name));
+    return VARIETY.filter((name) => this.fittingOperators.some((one) => one.name === name));
   }
 
   choose() {
     const one = this.operators.find(({ name }) => name === this.operator.value);
-    this.words.textContent = one ? one.told : "Operators take turns, one a child, so that you see what there is.";
+    this.words.textContent = one ? one.told : "Each child comes from the next operator in turn, so that you can compare operators.";
     this.more.hidden = !one;
     this.parameters.replaceChildren();
     for (const { name, default: usual } of one ? one.parameters : []) {
-      const label = made(this.parameters, "label", "", `${name} `);
-      made(label, "input", "", "", { type: "text", name, placeholder: usual, spellcheck: "false" });
+      const label = element(this.parameters, "label", "", `${name} `);
+      element(label, "input", "", "", { type: "text", name, placeholder: usual, spellcheck: "false" });
     }
   }
 
-  /** What is written in the fields, numbers and lists as JSON has them, else words. */
-  get written() {
-    const found = {};
+  /** The values in the fields: numbers and lists as JSON, otherwise texts. */
+  get parameterValues() {
+    const values = {};
     for (const { name, value } of this.parameters.querySelectorAll("input")) {
       if (!value.trim()) continue;
       try {
-        found[name] = JSON.parse(value);
+        values[name] = JSON.parse(value);
       } catch {
-        found[name] = value.trim();
+        values[name] = value.trim();
       }
     }
-    return found;
+    return values;
   }
 
   begin() {
     this.kept.clear();
     this.shown = null;
-    this.said.replaceChildren();
-    return this.ask("breed", {
-      operators: this.names, parameters: this.written, parents: this.on.ids().slice(0, 16),
+    this.message.replaceChildren();
+    return this.send("breed", {
+      operators: this.operatorNames, parameters: this.parameterValues, parents: this.on.ids().slice(0, 16),
       count: Number(this.count.value), seed: Number(this.seed.value), vary: this.vary.checked,
     });
   }
 
-  async ask(name, body) {
+  async send(name, body) {
     try {
-      this.tell(await this.server.told(name, body));
+      this.showState(await this.server.postJson(name, body));
       this.on.trouble(null);
       this.follow();
     } catch (error) {
@@ -140,14 +140,14 @@ export class Breed {
     }
   }
 
-  /** Look at the children until all are there. */
+  /** Look at the children until all are bred and measured. */
   async follow() {
     if (this.following) return;
     this.following = true;
     try {
       while (this.isBusy) {
         await new Promise((resolve) => setTimeout(resolve, SOON));
-        this.tell(await this.server.asked("brood"));
+        this.showState(await this.server.getJson("brood"));
       }
     } catch (error) {
       this.on.trouble(error);
@@ -157,38 +157,38 @@ export class Breed {
 
   // -- children ----------------------------------------------------------------------------------
 
-  tell({ brood, busy, error, left, children }) {
+  showState({ brood, busy, error, left, children }) {
     if (brood !== this.brood) {
       this.brood = brood;
-      this.small = new Tiles((ids) => this.server.tiles("brood-tiles", { brood, ids }), () => this.draw());
+      this.small = new Tiles((ids) => this.server.getTiles("brood-tiles", { brood, ids }), () => this.draw());
       this.grid.replaceChildren(...children.map((child) => this.button(child)));
     }
     this.isBusy = busy;
     this.children = children;
     const count = (stage) => children.filter((one) => one.stage === stage).length;
-    const there = count("bred") + count("measured");
-    const text = error || (busy && !children.length ? "Workers are made ready …" : !children.length ? "" :
-      `${there} of ${children.length} children bred, ${count("measured")} measured` +
+    const bred = count("bred") + count("measured");
+    const text = error || (busy && !children.length ? "starting workers …" : !children.length ? "" :
+      `${bred} of ${children.length} children bred, ${count("measured")} measured` +
       (count("failed") ? `, ${count("failed")} failed` : "") + (busy ? " …" : ".") +
       (count("failed") === children.length ? ` ${children[0].error}` : ""));
     if (this.state.textContent !== text) this.state.textContent = text;
     this.stop.hidden = !busy || !children.length;
     const reasons = Object.entries(left);
-    this.left.hidden = !reasons.length || !children.length;
+    this.leftOut.hidden = !reasons.length || !children.length;
     if (this.reasons.children.length !== reasons.length) {
-      this.reasons.replaceChildren(...reasons.map(([name, why]) => made(null, "li", "", `${name}: ${why}.`)));
+      this.reasons.replaceChildren(...reasons.map(([name, why]) => element(null, "li", "", `${name}: ${why}.`)));
     }
-    this.small.want(children.filter((one) => ["bred", "measured"].includes(one.stage)).map((one) => one.number), 96);
+    this.small.request(children.filter((one) => ["bred", "measured"].includes(one.stage)).map((one) => one.number), 96);
     this.draw();
     this.detail();
-    this.tellMarked();
+    this.showKeepButton();
     this.go.disabled = busy || !this.on.ids().length || !this.operators.length;
   }
 
   button({ number: place, operator }) {
-    const button = made(null, "button", "node", "", { type: "button" });
-    made(button, "canvas", "", "", { "aria-hidden": "true" });
-    made(button, "span", "", operator.replaceAll("_", " "));
+    const button = element(null, "button", "node", "", { type: "button" });
+    element(button, "canvas", "", "", { "aria-hidden": "true" });
+    element(button, "span", "", operator.replaceAll("_", " "));
     button.addEventListener("click", () => {
       this.shown = place;
       this.picture();
@@ -202,7 +202,7 @@ export class Breed {
   draw() {
     for (const { number: place, operator, stage } of this.children) {
       const button = this.grid.children[place], tile = this.small.get(place, 96);
-      const context = sized(button.firstChild, SIZE, SIZE);
+      const context = fitCanvas(button.firstChild, SIZE, SIZE);
       context.fillStyle = "#efeae0";
       context.fillRect(0, 0, SIZE, SIZE);
       if (tile) context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, 0, 0, SIZE, SIZE);
@@ -226,7 +226,7 @@ export class Breed {
       context.strokeStyle = "#34302e";
       if (place === this.shown) context.strokeRect(0, 0, SIZE, SIZE);
       button.setAttribute("aria-pressed", String(place === this.shown));
-      button.setAttribute("aria-label", `child ${place}, ${operator.replaceAll("_", " ")}, ${stage}${isKept ? ", to be kept" : ""}`);
+      button.setAttribute("aria-label", `child ${place}, ${operator.replaceAll("_", " ")}, ${stage}${isKept ? ", marked" : ""}`);
     }
   }
 
@@ -234,7 +234,7 @@ export class Breed {
     const place = this.shown, { brood } = this;
     if (!["bred", "measured"].includes(this.children[place].stage)) return;
     try {
-      const blob = await this.server.blobOf("brood-picture", { brood, id: place });
+      const blob = await this.server.getBlob("brood-picture", { brood, id: place });
       if (place !== this.shown || brood !== this.brood) return;
       if (this.address) URL.revokeObjectURL(this.address);
       this.address = URL.createObjectURL(blob);
@@ -244,53 +244,53 @@ export class Breed {
     }
   }
 
-  /** All that is told of the child that is shown, made anew when that changes. */
+  /** Show the details of the chosen child, again after each change. */
   detail() {
     const child = this.shown === null ? null : this.children[this.shown];
     const key = child && JSON.stringify([this.brood, child]);
-    if (key === this.told) return;
-    this.told = key;
-    const hadFocus = this.one.contains(document.activeElement);
+    if (key === this.detailKey) return;
+    this.detailKey = key;
+    const hadFocus = this.childDetail.contains(document.activeElement);
     const source = this.image && this.image.src;
-    this.one.replaceChildren();
+    this.childDetail.replaceChildren();
     if (!child) return;
-    const head = made(this.one, "div", "row");
-    made(head, "h2", "", `child ${child.number}`);
-    const label = made(head, "label");
-    const box = this.box = made(label, "input", "", "", { type: "checkbox" });
+    const head = element(this.childDetail, "div", "row");
+    element(head, "h2", "", `child ${child.number}`);
+    const label = element(head, "label");
+    const box = this.box = element(label, "input", "", "", { type: "checkbox" });
     box.checked = this.kept.has(child.number);
     box.disabled = !["bred", "measured"].includes(child.stage);
-    label.append("keep it");
+    label.append("keep this child");
     box.addEventListener("change", () => this.mark(child.number, box.checked));
     if (hadFocus) box.focus();
-    made(this.one, "p", "faint", `${child.operator.replaceAll("_", " ")} of ${child.parents.join(", ")}`);
-    if (child.error) made(this.one, "p", "lack", child.error);
-    this.image = made(this.one, "img", "", "", { alt: `map of heights of child ${child.number}, north up` });
+    element(this.childDetail, "p", "faint", `${child.operator.replaceAll("_", " ")} of ${child.parents.join(", ")}`);
+    if (child.error) element(this.childDetail, "p", "lack", child.error);
+    this.image = element(this.childDetail, "img", "", "", { alt: `map of heights of child ${child.number}, north up` });
     if (source) this.image.src = source;
     else this.image.hidden = true;
     this.image.addEventListener("load", () => { this.image.hidden = false; });
-    tellValues(this.one, child, this.on.births());
+    showValues(this.childDetail, child, this.on.births());
   }
 
-  /** Whether a child is to be kept. */
+  /** Mark a child to keep it, or unmark it. */
   mark(place, isKept) {
     if (!["bred", "measured"].includes(this.children[place].stage)) return;
     this.kept[isKept ? "add" : "delete"](place);
-    this.tellMarked();
+    this.showKeepButton();
     this.draw();
     if (place === this.shown) this.box.checked = isKept;
   }
 
-  tellMarked() {
+  showKeepButton() {
     this.keep.hidden = !this.children.length;
-    this.unmarked.hidden = this.keep.hidden || this.kept.size > 0;
+    this.hint.hidden = this.keep.hidden || this.kept.size > 0;
     this.keep.disabled = !this.kept.size || this.isBusy;
-    this.keep.textContent = `keep ${this.kept.size} with a recipe`;
+    this.keep.textContent = `keep ${this.kept.size} ${this.kept.size === 1 ? "child" : "children"} and a recipe`;
   }
 
   async keepThese() {
     try {
-      tellKept(this.said, await this.server.told("keep", {
+      showKept(this.message, await this.server.postJson("keep", {
         brood: this.brood, children: [...this.kept], picks: this.on.ids().slice(0, 16),
       }));
       this.on.trouble(null);
@@ -300,32 +300,32 @@ export class Breed {
   }
 }
 
-/** What a child has of each measure, beside what its parents have. */
-export function tellValues(parent, { values, parents }, births, marked = null) {
+/** Show the measures of a child beside those of its parents. */
+export function showValues(parent, { values, parents }, births, marked = null) {
   const rows = parents.map((id) => births.row(id));
   if (!Object.keys(values).length) return;
-  const table = made(parent, "table", "values");
-  if (marked) made(table, "caption", "", "of what is marked alone");
-  const head = made(table, "tr");
-  made(head, "td");
-  for (const text of ["child", "parents"]) made(head, "th", "faint", text, { scope: "col" });
+  const table = element(parent, "table", "values");
+  if (marked) element(table, "caption", "", "in the marked part only");
+  const head = element(table, "tr");
+  element(head, "td");
+  for (const text of ["child", "parents"]) element(head, "th", "faint", text, { scope: "col" });
   for (const [name, value] of Object.entries(values)) {
-    const column = births.byName.get(name), row = made(table, "tr");
-    made(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });
-    made(row, "td", "number", number(value));
-    const others = made(row, "td", "faint");
+    const column = births.byName.get(name), row = element(table, "tr");
+    element(row, "th", "", `${name.replaceAll("_", " ")} ${column ? column.sign : ""}`, { scope: "row" });
+    element(row, "td", "number", number(value));
+    const others = element(row, "td", "faint");
     for (const [place, one] of (column ? rows : []).entries()) {
-      made(others, "div", "number", number(marked ? marked[parents[place]]?.[name] ?? NaN : column.values[one]));
+      element(others, "div", "number", number(marked ? marked[parents[place]]?.[name] ?? NaN : column.values[one]));
     }
   }
 }
 
-/** Where children are kept, and how to go on from them. */
-export function tellKept(parent, { folder, recipe, left, ours }) {
+/** Show the folder of kept children, and the command that goes on from them. */
+export function showKept(parent, { folder, recipe, left, ours }) {
   parent.replaceChildren();
-  made(parent, "span", "", `Kept in ${folder}. Go on from them and the picks:`);
-  made(parent, "code", "command", `evocity run ${recipe}`);
+  element(parent, "span", "", `The children are in the folder ${folder}. To breed from these children and the picks, run:`);
+  element(parent, "code", "command", `evocity run ${recipe}`);
   if (!left.length) return;
-  made(parent, "span", "", `Left out of the recipe: ${left.join(", ")}.` +
-    (ours ? "" : " The run was not begun on this machine: what would execute or read files is not taken from it."));
+  element(parent, "span", "", `The recipe leaves out: ${left.join(", ")}.` +
+    (ours ? "" : " The run was not started on this machine, so the recipe takes no settings that execute or read files."));
 }

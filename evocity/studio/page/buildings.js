@@ -1,78 +1,78 @@
-import { COLOURS, FONT, counted, made, number, sized } from "./made.js";
+import { COLOURS, FONT, countText, element, number, fitCanvas } from "./elements.js";
 
-/** What is told of buildings, by what the server calls it, and in words. */
+/** Quantities of buildings, by their names for the server, and in words. */
 const QUANTITIES = [["area", "footprint"], ["height", "height"], ["perimeter", "perimeter"], ["volume", "volume"]];
 const TALL = 180, LEFT = 42, BELOW = 30, ABOVE = 6, RIGHT = 10;
-/** How lines look: width, dashes. */
+/** Styles of lines: width, dashes. */
 const STYLES = { source: [1.3, []], reference: [1, [1, 2]], pinned: [2, [7, 2, 1, 2]], individual: [2.2, []] };
 const DASHES = [[5, 3], [5, 2, 1, 2], [2, 2], [8, 2, 2, 2, 2, 2]];
 
-/** How the buildings of a birth are distributed, beside those of its parents, of the run's cities, and
- * of the birth that is pinned. */
+/** The distribution of the buildings of a birth, beside those of its parents, of the pinned birth and of the cities
+ * of the run. */
 export class Buildings {
   constructor(parent, server, trouble) {
     [this.server, this.trouble] = [server, trouble];
-    this.root = made(parent, "details");
-    made(this.root, "summary", "", "its buildings, beside its parents'");
-    this.of = made(made(made(this.root, "div", "row"), "label", "", "by "), "select");
-    for (const [value, text] of QUANTITIES) made(this.of, "option", "", text, { value });
-    this.of.addEventListener("change", () => this.ask());
-    this.canvas = made(this.root, "canvas", "", "", { role: "img" });
-    this.table = made(this.root, "table", "values");
-    this.lack = made(this.root, "p", "lack");
+    this.root = element(parent, "details");
+    element(this.root, "summary", "", "distribution of its buildings");
+    this.of = element(element(element(this.root, "div", "row"), "label", "", "by "), "select");
+    for (const [value, text] of QUANTITIES) element(this.of, "option", "", text, { value });
+    this.of.addEventListener("change", () => this.load());
+    this.canvas = element(this.root, "canvas", "", "", { role: "img" });
+    this.table = element(this.root, "table", "values");
+    this.lack = element(this.root, "p", "lack");
     this.lack.hidden = true;
-    this.root.addEventListener("toggle", () => this.ask());
+    this.root.addEventListener("toggle", () => this.load());
     new ResizeObserver(() => this.draw()).observe(this.root);
   }
 
-  /** Those of a birth, `beside` another or none (null). */
+  /** Show a birth, `beside` another or none (null). */
   show(id, beside) {
     [this.id, this.beside] = [id, beside];
-    this.ask();
+    this.load();
   }
 
-  /** Of what is shown now, while it is seen. */
-  async ask() {
+  /** Load the distribution of the visible birth, if the part is open. */
+  async load() {
     const { id, beside } = this, of = this.of.value, key = `${of} ${id} ${beside}`;
     if (!this.root.open || id === undefined || key === this.key) return;
     this.key = key;
     try {
-      const told = await this.server.asked("buildings", { id, of, ...(beside === null ? {} : { beside }) });
+      const state = await this.server.getJson("buildings", { id, of, ...(beside === null ? {} : { beside }) });
       if (key !== this.key) return;
-      this.told = told;
+      this.state = state;
       this.lack.hidden = true;
     } catch (error) {
       if (key !== this.key) return;
-      this.told = this.key = null;
-      this.lack.textContent = `They are not known: ${error.message}`;
+      this.state = this.key = null;
+      this.lack.textContent = `The buildings cannot be shown: ${error.message}`;
       this.lack.hidden = false;
     }
-    this.canvas.hidden = this.table.hidden = !this.told;
-    if (this.told) this.list();
+    this.canvas.hidden = this.table.hidden = !this.state;
+    if (this.state) this.list();
     this.draw();
   }
 
-  /** In numbers, each with its line. */
+  /** The table: numbers, each with its line. */
   list() {
-    const { what, unit, listed } = this.told, parents = listed.filter((one) => one.role === "parent");
-    this.canvas.setAttribute("aria-label", `which share of the buildings has at most so large a ${what}; the table beneath tells it in numbers`);
+    const { what, unit, listed } = this.state, parents = listed.filter((one) => one.role === "parent");
+    this.canvas.setAttribute("aria-label", `the share of buildings up to each ${what}; the table below has the numbers`);
     this.table.replaceChildren();
-    made(this.table, "caption", "", `${what} of a building, ${unit}`);
-    const head = made(this.table, "tr");
-    for (const text of ["whose", "buildings", "median", "middle half"]) made(head, "th", text === "whose" ? "" : "number", text, { scope: "col" });
+    element(this.table, "caption", "", `${what} of a building, ${unit}`);
+    const head = element(this.table, "tr");
+    for (const text of ["birth or city", "buildings", "median", "middle half"]) element(head, "th", text === "birth or city" ? "" : "number", text, { scope: "col" });
     for (const one of listed.toReversed()) {
       const dashes = DASHES[parents.indexOf(one) % DASHES.length];
       one.style = { colour: one.colour || { individual: COLOURS.chosen, pinned: COLOURS.ink }[one.role] || COLOURS.faint,
         line: STYLES[one.role] || [1.2, dashes] };
-      const row = made(this.table, "tr"), name = made(row, "th", "", "", { scope: "row" });
-      const line = made(name, "canvas", "line", "", { "aria-hidden": "true" });
-      const context = sized(line, 26, 8);
+      const row = element(this.table, "tr"), name = element(row, "th", "", "", { scope: "row" });
+      const line = element(name, "canvas", "line", "", { "aria-hidden": "true" });
+      const context = fitCanvas(line, 26, 8);
       this.stroke(context, one.style, [[0, 4], [26, 4]]);
-      made(name, "span", "", one.role === "individual" ? `birth ${this.id}` : one.role === "pinned" ? `${one.name}, pinned` : one.name);
-      made(row, "td", "number", counted(one.count));
+      element(name, "span", "", one.role === "individual" ? `birth ${this.id}` : one.role === "pinned" ? `${one.name}, pinned` : one.name);
+      element(row, "td", "number", countText(one.count));
       const [low, middle, high] = one.quartiles.map(number);
-      made(row, "td", "number", middle ?? "–");
-      made(row, "td", "number", one.count ? `${low} to ${high}` : "–");
+      element(row, "td", "number", middle ?? "–");
+      element(row, "td", "number", one.count ? `${low} to ${high}` : "–");
     }
   }
 
@@ -88,13 +88,13 @@ export class Buildings {
 
   draw() {
     const wide = this.root.clientWidth;
-    if (!this.told || !this.root.open || !wide) return;
-    const { listed, powers, unit, what } = this.told, context = sized(this.canvas, wide, TALL);
+    if (!this.state || !this.root.open || !wide) return;
+    const { listed, powers, unit, what } = this.state, context = fitCanvas(this.canvas, wide, TALL);
     const values = listed.flatMap((one) => one.values);
     context.font = `11px ${FONT}`;
     context.fillStyle = COLOURS.faint;
     if (!values.length) {
-      context.fillText("there are no buildings", LEFT, TALL / 2);
+      context.fillText("no buildings", LEFT, TALL / 2);
       return;
     }
     const scale = powers ? (one) => Math.log10(Math.max(one, 1e-6)) : (one) => one;
@@ -123,18 +123,18 @@ export class Buildings {
   }
 }
 
-/** Round values between two ends, about so many; powers of ten where the ends are logarithms. */
+/** About `most` round values between two ends; powers of ten for ends that are logarithms. */
 function ticks(low, high, powers, most) {
-  const found = [];
+  const values = [];
   if (powers) {
     const parts = high - low < 1.5 ? [1, 2, 5] : high - low < 3 ? [1, 3] : [1];
     for (let power = Math.floor(low); power <= high; power++) {
-      for (const part of parts) if (power + Math.log10(part) >= low && power + Math.log10(part) <= high) found.push(part * 10 ** power);
+      for (const part of parts) if (power + Math.log10(part) >= low && power + Math.log10(part) <= high) values.push(part * 10 ** power);
     }
-    return found;
+    return values;
   }
   const rough = (high - low || 1) / most, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].find((one) => one * power >= rough) * power;
-  for (let one = Math.ceil(low / step); one * step <= high; one++) found.push(one * step);
-  return found;
+  for (let one = Math.ceil(low / step); one * step <= high; one++) values.push(one * step);
+  return values;
 }

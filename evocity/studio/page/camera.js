@@ -1,19 +1,19 @@
-/** A camera in the user's hands: turned about a city, or walked through it. Several canvases may
- * share one, so that what is pinned side by side is seen from the same place. */
+/** Cameras that a user moves: around a city, or on a walk through it. Several canvases may share a camera, so that
+ * births side by side have the same viewpoint. */
 
-import { laid, turned } from "./axonometry.js";
+import { placement, sinCos } from "./axonometry.js";
 import { BUILT_ABOVE } from "./ramp.js";
 
 const WHOLE = { azimuth: 25, tilt: 40, zoom: 1, centre: [0, 0] };
 const TILTS = [8, 90], ZOOMS = [0.5, 40], GLIDE = 180; // ms
 const EYE = 1.7, AROUND = 0.4, WALK = 4, RUN = 16; // metres, and metres a second
-const clamped = (value, [low, high]) => Math.min(high, Math.max(low, value));
+const clamp = (value, [low, high]) => Math.min(high, Math.max(low, value));
 const within = (degrees) => ((degrees % 360) + 360) % 360;
 
-/** Acts of hands on a canvas: `on.drag(dx, dy, event)` in CSS px; `on.pinch(ratio, [x, y], dx, dy)` of
- * two fingers about their middle; `on.wheel(steps, [x, y])`; `on.keys(event)`, true where it knows
- * the key, and `on.release(event)`, without one when the canvas is left. What it returns takes all of it back. */
-function handed(canvas, on) {
+/** Listen to a canvas: `on.drag(dx, dy, event)` in CSS px; `on.pinch(ratio, [x, y], dx, dy)` for two fingers about
+ * their middle; `on.wheel(steps, [x, y])`; `on.keys(event)`, true for a known key, and `on.release(event)`, without
+ * an event when the canvas loses focus. Returns a function that removes all listeners. */
+function listenTo(canvas, on) {
   const held = new Map(), end = new AbortController();
   const hear = (name, act, how = {}) => canvas.addEventListener(name, act, { signal: end.signal, ...how });
   const middle = () => {
@@ -49,11 +49,11 @@ function handed(canvas, on) {
     hear(name, (event) => held.delete(event.pointerId));
   }
   hear("wheel", (event) => {
-    event.preventDefault(); // the page stays where it is
+    event.preventDefault(); // the page does not scroll
     const px = event.deltaY * [1, 33, 400][event.deltaMode];
-    on.wheel(clamped(-px / 100, [-3, 3]), place(event.clientX, event.clientY));
+    on.wheel(clamp(-px / 100, [-3, 3]), place(event.clientX, event.clientY));
   }, { passive: false });
-  hear("contextmenu", (event) => event.preventDefault()); // the other button moves
+  hear("contextmenu", (event) => event.preventDefault()); // the other button moves the city
   hear("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || !on.keys(event)) return;
     event.preventDefault();
@@ -64,8 +64,8 @@ function handed(canvas, on) {
   return () => end.abort();
 }
 
-/** Calls at most once a frame. */
-function framed(act) {
+/** A function that calls `act` at most once a frame. */
+function oncePerFrame(act) {
   let waiting = 0;
   return () => {
     waiting ||= requestAnimationFrame(() => {
@@ -77,22 +77,22 @@ function framed(act) {
 
 const isStill = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-/** A camera about a city, for `Axonometry` and `Walk`. Drag turns and tilts; with Shift or another
- * button, or two fingers, it moves; wheel and pinch zoom; arrows turn and tilt, with Shift they
- * move; + and - zoom; 0 or Home shows the whole. */
+/** A camera around a city, for `Axonometry` and `Walk`. Drag turns and tilts it; Shift, another button, or two fingers
+ * move it; wheel and pinch zoom; arrows turn and tilt, with Shift they move; + and - zoom; 0 or Home shows the whole
+ * city. */
 export class Orbit {
-  /** `draw(camera)` is called at most once a frame, whenever the camera has changed. */
+  /** `draw(camera)` is called after each change of the camera, at most once a frame. */
   constructor(city, draw, camera = {}) {
     this.city = city;
     this.camera = { ...WHOLE, ...camera };
-    this.later = framed(() => draw(this.camera));
+    this.drawSoon = oncePerFrame(() => draw(this.camera));
     this.gliding = 0;
   }
 
-  /** Hand a canvas to the user. What it returns takes it back. */
+  /** Let the user move the camera on a canvas; returns a function that ends it. */
   attach(canvas) {
     const two = (dx, dy) => this.set(this.moved(canvas, this.camera, dx, dy));
-    return handed(canvas, {
+    return listenTo(canvas, {
       drag: (dx, dy, event) => {
         if (event.shiftKey || (event.buttons & 6)) two(dx, dy);
         else this.set({ azimuth: this.camera.azimuth + dx / 2, tilt: this.camera.tilt + dy / 3 });
@@ -107,7 +107,7 @@ export class Orbit {
     });
   }
 
-  /** Change some of the camera at once. */
+  /** Change parts of the camera at once. */
   set(change) {
     cancelAnimationFrame(this.gliding);
     this.put(change);
@@ -117,13 +117,13 @@ export class Orbit {
     const next = { ...this.camera, ...change }, { city } = this;
     const [wide, deep] = [city.columns, city.rows].map((count) => (count * city.metresPerPixel) / 2);
     this.camera = {
-      azimuth: within(next.azimuth), tilt: clamped(next.tilt, TILTS), zoom: clamped(next.zoom, ZOOMS),
-      centre: [clamped(next.centre[0], [-wide, wide]), clamped(next.centre[1], [-deep, deep])],
+      azimuth: within(next.azimuth), tilt: clamp(next.tilt, TILTS), zoom: clamp(next.zoom, ZOOMS),
+      centre: [clamp(next.centre[0], [-wide, wide]), clamp(next.centre[1], [-deep, deep])],
     };
-    this.later();
+    this.drawSoon();
   }
 
-  /** Change it within a moment; at once for who wants no motion. */
+  /** Change parts of the camera within a moment; at once for users who prefer reduced motion. */
   glide(change) {
     cancelAnimationFrame(this.gliding);
     if (isStill()) {
@@ -133,7 +133,7 @@ export class Orbit {
     const from = this.camera, to = { ...from, ...change }, began = performance.now();
     const turn = within(to.azimuth - from.azimuth + 180) - 180; // the shorter way
     const step = (now) => {
-      const share = clamped((now - began) / GLIDE, [0, 1]), eased = 1 - (1 - share) ** 3;
+      const share = clamp((now - began) / GLIDE, [0, 1]), eased = 1 - (1 - share) ** 3;
       const mixed = (a, b) => a + eased * (b - a);
       this.put(share === 1 ? to : {
         azimuth: from.azimuth + eased * turn, tilt: mixed(from.tilt, to.tilt), zoom: mixed(from.zoom, to.zoom),
@@ -159,22 +159,22 @@ export class Orbit {
     return true;
   }
 
-  /** The centre once the ground is drawn along by so many px. */
+  /** The centre after the ground moves by `dx`, `dy` px. */
   moved(canvas, camera, dx, dy) {
-    const { sin, cos, steep, scale } = laid(this.city, camera, canvas.clientWidth, canvas.clientHeight);
+    const { sin, cos, steep, scale } = placement(this.city, camera, canvas.clientWidth, canvas.clientHeight);
     const right = -dx / scale, ahead = dy / (scale * steep), [east, north] = camera.centre;
     return { centre: [east + right * cos + ahead * sin, north - right * sin + ahead * cos] };
   }
 
   /** Zoom and centre, so that the ground at a point of the canvas stays there. */
   zoomed(canvas, ratio, [x, y]) {
-    const { left, low } = laid(this.city, this.camera, canvas.clientWidth, canvas.clientHeight);
-    const zoom = clamped(this.camera.zoom * ratio, ZOOMS), share = zoom / this.camera.zoom - 1;
+    const { left, low } = placement(this.city, this.camera, canvas.clientWidth, canvas.clientHeight);
+    const zoom = clamp(this.camera.zoom * ratio, ZOOMS), share = zoom / this.camera.zoom - 1;
     return { zoom, ...this.moved(canvas, { ...this.camera, zoom }, (left - x) * share, (low - y) * share) };
   }
 }
 
-/** Metres at a place, [east, north] from a city's middle; 0 outside. */
+/** The height at a place, [east, north] from the middle of a city, metres; 0 outside. */
 export function heightAt(city, east, north) {
   const column = Math.floor(city.columns / 2 + east / city.metresPerPixel);
   const row = Math.floor(city.rows / 2 - north / city.metresPerPixel);
@@ -182,52 +182,51 @@ export function heightAt(city, east, north) {
   return city.heights[row * city.columns + column] || 0;
 }
 
-/** Where a walk begins: on open ground about the middle, with the longest free view; in the middle
- * where nothing is open. */
+/** The start of a walk: on open ground around the middle, with the longest free view; the middle itself without open
+ * ground. */
 export function start(city) {
   const { rows, columns, metresPerPixel: side } = city, reach = (Math.max(rows, columns) * side) / 2;
   const isOpen = (east, north) => heightAt(city, east, north) <= BUILT_ABOVE;
   const step = Math.max(1, Math.round(Math.min(rows, columns) / 48));
-  let found = { position: [0, 0, EYE], azimuth: 0, tilt: 0 }, longest = -1;
+  let best = { position: [0, 0, EYE], azimuth: 0, tilt: 0 }, longest = -1;
   for (let row = Math.floor(rows / 3); row <= (2 * rows) / 3; row += step) {
     for (let column = Math.floor(columns / 3); column <= (2 * columns) / 3; column += step) {
       const east = (column + 0.5 - columns / 2) * side, north = (rows / 2 - row - 0.5) * side;
       if (!isOpen(east, north)) continue;
       for (let azimuth = 0; azimuth < 360; azimuth += 15) {
-        const [sin, cos] = turned(azimuth);
+        const [sin, cos] = sinCos(azimuth);
         let far = 0;
         while (far < reach && isOpen(east + far * sin, north + far * cos)) far += side;
-        if (far > longest) [found, longest] = [{ position: [east, north, EYE], azimuth, tilt: 0 }, far];
+        if (far > longest) [best, longest] = [{ position: [east, north, EYE], azimuth, tilt: 0 }, far];
       }
     }
   }
-  return found;
+  return best;
 }
 
-/** Someone who walks through a city, for `Walk`: {position, azimuth, tilt}, position = [east,
- * north] from the city's middle and up, metres; tilt in degrees downwards. W A S D or arrows walk,
- * with Shift faster; left and right arrows, Q and E turn; Page Up and Page Down rise and sink; drag
- * looks about, two fingers walk. Walls are not gone through. */
+/** The camera of a walk through a city, for `Walk`: {position, azimuth, tilt}, position = [east, north, up] from the
+ * middle of the city, metres; tilt in degrees downwards. W A S D or arrows walk, with Shift faster; left and right
+ * arrows, Q and E turn; Page Up and Page Down rise and sink; drag looks around, two fingers walk. Walls stop it. */
 export class Stroll {
-  /** `draw(camera)` is called at most once a frame, whenever the camera has changed. */
+  /** `draw(camera)` is called after each change of the camera, at most once a frame. */
   constructor(city, draw, camera = {}) {
     this.city = city;
     this.camera = { ...start(city), ...camera };
-    this.later = framed(() => draw(this.camera));
+    this.drawSoon = oncePerFrame(() => draw(this.camera));
     this.keys = new Set();
     this.fast = false;
   }
 
   attach(canvas) {
-    const detach = handed(canvas, {
+    const detach = listenTo(canvas, {
       drag: (dx, dy) => this.look(-dx / 4, -dy / 4),
       pinch: (ratio, at, dx, dy) => {
         this.go(dy / 20, -dx / 20, 0);
-        this.later();
+        this.drawSoon();
       },
       wheel: (steps) => {
         this.go(2 * steps, 0, 0);
-        this.later();
+        this.drawSoon();
       },
       keys: (event) => {
         this.fast = event.shiftKey;
@@ -249,7 +248,7 @@ export class Stroll {
     };
   }
 
-  /** Change some of the camera at once. */
+  /** Change parts of the camera at once. */
   set(change) {
     Object.assign(this.camera, change);
     this.look(0, 0);
@@ -257,16 +256,16 @@ export class Stroll {
 
   look(aside, down) {
     this.camera.azimuth = within(this.camera.azimuth + aside);
-    this.camera.tilt = clamped(this.camera.tilt + down, [-80, 80]);
-    this.later();
+    this.camera.tilt = clamp(this.camera.tilt + down, [-80, 80]);
+    this.drawSoon();
   }
 
-  /** Go on as long as keys are held. */
+  /** Walk as long as keys are down. */
   stride() {
     if (this.walking) return;
     let last = performance.now();
     const step = (now) => {
-      const spent = clamped((now - last) / 1e3, [0, 0.05]);
+      const spent = clamp((now - last) / 1e3, [0, 0.05]);
       last = now;
       const sum = [0, 0, 0, 0];
       for (const key of this.keys) WAYS[key].forEach((one, k) => { sum[k] += one; });
@@ -278,11 +277,10 @@ export class Stroll {
     this.walking = requestAnimationFrame(step);
   }
 
-  /** Metres ahead, to the right and up, as far as nothing stands in the way; along a wall
-   * otherwise. */
+  /** Walk metres ahead, to the right and up, until a wall, and then along it. */
   go(ahead, right, up) {
-    const { camera } = this, [sin, cos] = turned(camera.azimuth);
-    const count = Math.max(1, Math.ceil(Math.hypot(ahead, right) / AROUND)); // no wall is leapt over
+    const { camera } = this, [sin, cos] = sinCos(camera.azimuth);
+    const count = Math.max(1, Math.ceil(Math.hypot(ahead, right) / AROUND)); // so that no step crosses a wall
     for (let k = 0; k < count; k++) {
       const [east, north, eye] = camera.position;
       const [dx, dy] = [(ahead * sin + right * cos) / count, (ahead * cos - right * sin) / count];
@@ -291,7 +289,7 @@ export class Stroll {
     }
     const [east, north, eye] = camera.position;
     const floor = Math.max(...this.around(east, north)), most = 400;
-    if (up) camera.position = [east, north, clamped(eye + up, [floor + EYE, Math.max(most, floor + EYE)])];
+    if (up) camera.position = [east, north, clamp(eye + up, [floor + EYE, Math.max(most, floor + EYE)])];
   }
 
   around(east, north) {
@@ -305,7 +303,7 @@ export class Stroll {
   }
 }
 
-/** What a key adds: ahead, to the right, up, turned to the right. */
+/** The motion of each key: ahead, to the right, up, a turn to the right. */
 const WAYS = {
   KeyW: [1, 0, 0, 0], KeyS: [-1, 0, 0, 0], KeyA: [0, -1, 0, 0], KeyD: [0, 1, 0, 0],
   ArrowUp: [1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0], ArrowLeft: [0, 0, 0, -1], ArrowRight: [0, 0, 0, 1],

@@ -1,14 +1,14 @@
-/** Steps that can be undone. */
+/** Steps of undo, at most. */
 const MOST_STEPS = 50;
-/** A λ-field has so many parts along a side. */
+/** Parts of a λ-field along a side. */
 export const FIELD = 8;
-/** Pixels of a picture are marked that are as opaque and as bright as this, of 255. */
+/** The least opacity and brightness of a marked pixel in a picture, of 255. */
 const OPAQUE = 128, BRIGHT = 32;
-/** Bytes of a picture that marks, at most. */
+/** Bytes of such a picture, at most. */
 const MOST_BYTES = 20e6;
 
-/** What is drawn over a map of `height` × `width` px: macro-blocks by their corners; in cells of
- * `cell` px a painted λ, what is locked, what is measured alone. */
+/** The layers of a drawing over a map of `height` × `width` px: macro-blocks by their corners; in cells of `cell` px
+ * a painted λ, the locked part and the measured part. */
 export class Layers {
   constructor({ height, width, cell }) {
     Object.assign(this, { height, width, cell });
@@ -39,18 +39,18 @@ export class Layers {
     for (let y = Math.max(0, row); y < Math.min(this.rows, row + side); y++) layer.fill(value, y * this.columns + west, y * this.columns + east);
   }
 
-  /** A marked layer as the server takes it; null for one where nothing is marked. */
+  /** A layer as the server expects it; null without any mark. */
   marked(layer) { return layer.includes(1) ? { cell: this.cell, marked: layer.join("") } : null; }
 
-  /** Mark in a layer what is neither black nor transparent in a file's picture, laid over the whole map: each cell
-   * of which half is. How many there are. */
+  /** Mark a layer by a picture over the whole map: each cell with at least half of its pixels neither black nor
+   * transparent. Returns the number of marked cells. */
   async mark(layer, file) {
-    if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 1e6)} MB: a picture of ${MOST_BYTES / 1e6} MB at most marks.`);
+    if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 1e6)} MB. A picture for marks has at most ${MOST_BYTES / 1e6} MB.`);
     let picture;
     try {
       picture = await createImageBitmap(file, { premultiplyAlpha: "none", colorSpaceConversion: "none" });
     } catch {
-      throw new Error(`${file.name} is no picture that this browser reads: give a PNG as large as the map, black or transparent where nothing is marked.`);
+      throw new Error(`${file.name} is not a picture that this browser can read. Use a PNG as large as the map, black or transparent in unmarked places.`);
     }
     const { height, width, cell, rows, columns } = this, canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [width, height];
@@ -68,7 +68,7 @@ export class Layers {
     return layer.reduce((sum, one) => sum + one, 0);
   }
 
-  /** Mean of the λ that is painted in the cells of a square, px; it has one at least. */
+  /** The mean of the painted λ in the cells of a square, px; the square has at least one cell. */
   mean(top, left, side) {
     const span = (from) => [Math.floor(from / this.cell), Math.max(Math.floor(from / this.cell) + 1, Math.floor((from + side) / this.cell))];
     const [[first, last], [west, east]] = [span(top), span(left)];
@@ -77,7 +77,7 @@ export class Layers {
     return sum / ((last - first) * (east - west));
   }
 
-  /** Means of the λ that is painted in equal parts of the map, `FIELD` along a side. */
+  /** The means of the painted λ in equal parts of the map, `FIELD` along a side. */
   field() {
     const sums = new Float64Array(FIELD * FIELD), counts = new Float64Array(FIELD * FIELD);
     for (let k = 0; k < this.painted.length; k++) {

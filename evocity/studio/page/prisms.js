@@ -1,11 +1,10 @@
-/** A height map as few flat surfaces: roofs and ground as rectangles of one height, walls as long
- * as what stands on both sides is the same. */
+/** Prisms of a height map: few flat surfaces. Roofs and ground are rectangles of one height; walls are as long as the
+ * heights on both sides stay the same. */
 
 import { coloursOf, WALLS } from "./axonometry.js";
 
-/** Bytes of a corner: three float32 of place; four int8 each of the normal, of colour without a
- * sign, and of the way beyond the surface's edges: it is drawn a little larger, by a share of a
- * pixel, or light would shine through where many meet. */
+/** Bytes of a corner: three float32 of its place; four int8 each of the normal, of the colour (unsigned), and of the
+ * direction beyond the edges. Surfaces are drawn larger by a share of a pixel, so that no light shines between them. */
 export const STRIDE = 24;
 const FLAT = [0, 0, 0];
 
@@ -34,7 +33,7 @@ export class Surfaces {
     }
   }
 
-  /** A rectangle of four corners [x, y, z], against the clock as seen from outside. */
+  /** Add a rectangle of four corners [x, y, z], counterclockwise from outside. */
   rectangle(corners, normal, rgb) {
     const [first, , third] = corners;
     for (const one of corners) {
@@ -98,7 +97,7 @@ function addWalls(surfaces, city, isAcross) {
       const [low, high] = [Math.min(before, after), Math.max(before, after)];
       if (isAcross) {
         const x = (line - columns / 2) * side, [north, south] = [(rows / 2 - first) * side, (rows / 2 - end) * side];
-        const [left, right] = before > after ? [south, north] : [north, south]; // as one looks at it
+        const [left, right] = before > after ? [south, north] : [north, south]; // from the viewer
         surfaces.rectangle([[x, left, low], [x, right, low], [x, right, high], [x, left, high]],
           [before > after ? 1 : -1, 0, 0], own);
       } else {
@@ -111,8 +110,8 @@ function addWalls(surfaces, city, isAcross) {
   }
 }
 
-/** {surfaces, indices} of a scene's triangles, an ArrayBuffer: of each nine float32, metres from the
- * city's south-west corner, against the clock as seen from outside; then of each three bytes of colour. */
+/** {surfaces, indices} of a scene's triangles, an ArrayBuffer: nine float32 for each, metres from the south-west corner
+ * of the city, counterclockwise from outside; then three bytes of colour for each. */
 export function trianglesOf(city, bytes) {
   const count = bytes.byteLength / 39, corners = new Float32Array(bytes, 0, 9 * count);
   const colours = new Uint8Array(bytes, 36 * count);

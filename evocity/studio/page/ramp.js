@@ -1,4 +1,4 @@
-/** Colours of heights, as evocity's maps have them (evocity/pictures/colours.py). */
+/** The colours of heights, as in evocity's maps (evocity/pictures/colours.py). */
 
 export const PAPER = [250, 248, 244], BUILT_ABOVE = 1.5;
 const GROUND = [241, 238, 231], STEPS = 1024;
@@ -7,8 +7,8 @@ const RAMP = [
   [124, 53, 92], [78, 38, 85], [36, 23, 65],
 ];
 
-/** A round number of metres where the scale of a city's colours ends: above nearly all its roofs.
- * A single tower does not turn the rest pale. */
+/** The end of the scale of a city's colours, a round number of metres above nearly all roofs. A single tower does not
+ * make the rest pale. */
 export function scaleEnd(heights) {
   const roofs = heights.filter((one) => one > BUILT_ABOVE).sort(), last = roofs.length - 1;
   if (last < 0) return 10;
@@ -19,15 +19,15 @@ export function scaleEnd(heights) {
   return Math.max(10, step * Math.ceil(end / step));
 }
 
-/** RGB of each of the heights, metres; pale at the ground, dark at the highest. */
+/** RGB of each height in metres: pale at the ground, dark at the highest. */
 export function ramp(heights, highest) {
   const end = Math.max(highest, 2 * BUILT_ABOVE), table = tableTo(end), scale = (STEPS - 1) / end;
-  const found = new Uint8Array(3 * heights.length);
+  const colours = new Uint8Array(3 * heights.length);
   for (let k = 0; k < heights.length; k++) {
     const step = heights[k] > 0 ? Math.min(STEPS - 1, Math.floor(Math.fround(heights[k] * Math.fround(scale)))) : 0;
-    for (let c = 0; c < 3; c++) found[3 * k + c] = table[3 * step + c];
+    for (let c = 0; c < 3; c++) colours[3 * k + c] = table[3 * step + c];
   }
-  return found;
+  return colours;
 }
 
 /** Colours at even steps from 0 to `end` metres, mixed in OKLab. */

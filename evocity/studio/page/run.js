@@ -1,58 +1,57 @@
 import { Births } from "./births.js";
-import { counted, made } from "./made.js";
+import { countText, element } from "./elements.js";
 import { Tiles } from "./tiles.js";
 import { Viewer } from "./viewer.js";
-import { checked, pythonOf } from "./address.js";
+import { checkState, pythonOf } from "./address.js";
 import { Board } from "./board.js";
 import { Breed } from "./breed.js";
-import { Going } from "./going.js";
-import { One } from "./one.js";
+import { RunControl } from "./control.js";
+import { BirthPane } from "./birth.js";
 import { Picks } from "./picks.js";
-import { ofRun } from "./server.js";
+import { serverOfRun } from "./server.js";
 import { Tabs } from "./tabs.js";
 
-/** Milliseconds between two looks for what is new: while the page is seen, and while it is not. */
-const SEEN = 1500, UNSEEN = 15000;
+/** Milliseconds between two looks for news: on a visible page, and on a hidden one. */
+const VISIBLE = 1500, HIDDEN = 15000;
 
-/** One run: all its births in `main`; one of them, and what is picked, in `side`. `told`, what the
- * address says of it. `on`: isHeld(), saved(), inform(), tell(error, of), turn(), there is something
- * to see at its side. */
+/** One run: all births in `main`; one birth, the picks and the children in `side`. `saved`: its state in the
+ * address. `on`: isHeld(), save(), inform(), report(error, of), turn(), which shows its side. */
 export class Run {
-  constructor(number, main, side, told, on) {
-    [this.number, this.on, this.told] = [number, on, told];
-    this.server = ofRun(number);
-    this.main = made(main, "section", "births", "", { "aria-label": "all births" });
-    this.births = made(this.main, "div");
-    this.stage = made(this.main, "div", "stage");
+  constructor(number, main, side, saved, on) {
+    [this.number, this.on, this.saved] = [number, on, saved];
+    this.server = serverOfRun(number);
+    this.main = element(main, "section", "births", "", { "aria-label": "all births" });
+    this.births = element(this.main, "div");
+    this.stage = element(this.main, "div", "stage");
     this.stage.hidden = true;
-    this.side = made(side, "section", "side", "", { "aria-label": "one birth, picks, children" });
-    this.going = new Going(this.side, this.server, {
-      look: () => this.look(), trouble: (error) => !this.isClosed && on.tell(error, "asked"),
+    this.side = element(side, "section", "side", "", { "aria-label": "one birth, picks, children" });
+    this.control = new RunControl(this.side, this.server, {
+      look: () => this.look(), trouble: (error) => !this.isClosed && on.report(error, "request"),
     });
-    const list = made(this.side, "div", "tabs", "", { role: "tablist", "aria-label": "what is shown here" });
+    const list = element(this.side, "div", "tabs", "", { role: "tablist", "aria-label": "panes" });
     this.tabs = new Tabs(list, this.side, ["birth", "picks", "breed", "draw"], number);
-    this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.arrived());
+    this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.drawTiles());
     const hear = {
-      wake: (id) => this.wake(id),
+      showBirth: (id) => this.showBirth(id),
       pick: (ids) => this.picks.change({ change: "pick", ids }),
       drop: (ids) => this.picks.change({ change: "drop", ids }),
       pin: (id) => this.pin(id),
       chosen: () => (this.state ? this.state.chosen : []),
       choose: (chosen) => this.viewer.change({ chosen }),
-      picked: (ids) => this.picked(ids),
+      picked: (ids) => this.markPicks(ids),
       python: () => (this.state ? pythonOf(this.about.folder, this.state) : ""),
-      trouble: (error) => !this.isClosed && on.tell(error, "asked"),
+      trouble: (error) => !this.isClosed && on.report(error, "request"),
     };
-    this.one = new One(this.tabs.panes.birth, this.server, this.small, hear);
+    this.birth = new BirthPane(this.tabs.panes.birth, this.server, this.small, hear);
     this.breed = new Breed(this.tabs.panes.breed, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: hear.trouble,
     });
     this.board = new Board(this.tabs.panes.draw, this.stage, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births,
-      highest: () => this.one.seen.highest, trouble: hear.trouble,
+      highest: () => this.birth.pictures.highest, trouble: hear.trouble,
     });
     this.picks = new Picks(this.tabs.panes.picks, this.server, this.small, hear);
-    this.tabs.seen = (name) => {
+    this.tabs.onShow = (name) => {
       this.stage.hidden = name !== "draw";
       this.births.hidden = name === "draw";
       if (name === "breed" && this.about) this.breed.open();
@@ -63,7 +62,7 @@ export class Run {
     this.look();
   }
 
-  sheet(ids, side) { return this.server.tiles("tiles", { ids, side }); }
+  sheet(ids, side) { return this.server.getTiles("tiles", { ids, side }); }
 
   close() {
     this.isClosed = true;
@@ -75,7 +74,7 @@ export class Run {
 
   // -- births ----------------------------------------------------------------------------------
 
-  /** Look for what is new, again and again, one look at a time. */
+  /** Look for news from time to time, one look at a time. */
   async look() {
     clearTimeout(this.timer);
     if (this.looking || this.isClosed) return;
@@ -83,43 +82,43 @@ export class Run {
     const began = performance.now();
     try {
       const after = this.about ? this.about.generation : -1;
-      const news = await this.server.asked("changes", { after });
+      const news = await this.server.getJson("changes", { after });
       if (this.isClosed) return;
       const isOther = this.about && news.run !== this.about.run;
       if (!this.about) await this.picks.load();
       if ((news.more || isOther) && !news.problem && !(this.about && this.on.isHeld())) await this.renew();
       this.inform(news);
-      this.on.tell(news.problem, "looked");
+      this.on.report(news.problem, "news");
     } catch (error) {
-      if (!this.isClosed) this.on.tell(error, "looked");
+      if (!this.isClosed) this.on.report(error, "news");
     }
     this.looking = false;
     if (this.isClosed) return;
-    const wait = document.hidden ? UNSEEN : SEEN;
+    const wait = document.hidden ? HIDDEN : VISIBLE;
     this.timer = setTimeout(() => this.look(), Math.max(wait, 5 * (performance.now() - began)));
   }
 
   inform(news) {
-    const told = [];
-    if (!this.about) told.push("no whole generation yet");
-    else told.push(`generation ${counted(this.about.generation)}`, `${counted(this.about.count)} births`);
-    told.push(news.going ? "it goes on" : "nothing is at work on it");
+    const parts = [];
+    if (!this.about) parts.push("no whole generation yet");
+    else parts.push(`generation ${countText(this.about.generation)}`, `${countText(this.about.count)} births`);
+    parts.push(news.going ? "running" : "finished");
     this.picks.going = news.going;
-    this.going.inform(news);
-    this.news = told.join(" · ");
+    this.control.inform(news);
+    this.news = parts.join(" · ");
     this.on.inform();
   }
 
-  /** Whole generations anew, in place of those that are here: none can come twice. */
+  /** Load all whole generations again, so that no birth comes twice. */
   async renew() {
-    const { about, content } = await this.server.framed("births");
+    const { about, content } = await this.server.getFramed("births");
     if (this.isClosed) return;
     const before = this.about;
     this.about = about;
-    this.one.seen.highest = about.highest; // metres at which all colours end
+    this.birth.pictures.highest = about.highest; // metres at the end of the colours
     if (!before || before.run !== about.run) this.begin(about, content);
     else this.viewer.grow(about, content);
-    this.one.renew();
+    this.birth.renew();
   }
 
   begin(about, content) {
@@ -127,46 +126,46 @@ export class Run {
     this.small.forget();
     const order = { name: about.axes.length ? about.axes[0].name : "id", reversed: false };
     this.usual = { chosen: [], brushes: {}, order, axes: about.axes };
-    const { one, pinned, ...state } = checked(this.told, new Births(about, content), this.usual);
+    const { one, pinned, ...state } = checkState(this.saved, new Births(about, content), this.usual);
     this.state = { ...state, one, pinned };
     this.main.setAttribute("aria-label", `all births of ${about.title}`);
-    this.side.setAttribute("aria-label", `one birth, picks, children of ${about.title}`);
+    this.side.setAttribute("aria-label", `details of ${about.title}: a birth, picks and children`);
     this.viewer = new Viewer(this.births, {
       about, buffer: content, state,
       save: (changes) => this.save(changes),
       tiles: (ids, side) => this.sheet(ids, side),
-      woken: (id) => this.woken(id),
-      compare: (asked) => this.server.numbers("compare", asked),
-      trouble: (error) => this.on.tell(error, "asked"),
+      activate: (id) => this.activate(id),
+      compare: (body) => this.server.postNumbers("compare", body),
+      trouble: (error) => this.on.report(error, "request"),
     });
-    this.picked(this.picks.ids);
-    this.one.pinTo(pinned);
-    if (one !== null) this.wake(one);
+    this.markPicks(this.picks.ids);
+    this.birth.pinTo(pinned);
+    if (one !== null) this.showBirth(one);
     this.save({});
   }
 
   save(changes) {
     Object.assign(this.state, changes);
-    this.on.saved();
+    this.on.save();
     this.picks.inform();
   }
 
-  /** The address says something else of it. */
-  change(told) {
-    this.told = told;
+  /** Show another state of the address. */
+  change(saved) {
+    this.saved = saved;
     if (!this.viewer) return;
-    const { one, pinned, ...state } = checked(told, this.viewer.births, this.usual);
+    const { one, pinned, ...state } = checkState(saved, this.viewer.births, this.usual);
     this.viewer.change(state);
     this.pin(pinned);
-    if (one !== null && one !== this.one.id) this.wake(one);
+    if (one !== null && one !== this.birth.id) this.showBirth(one);
   }
 
-  /** What the address holds of it. */
-  get held() { return { run: this.number, ...(this.state || { ...this.told, beside: undefined }) }; }
+  /** Its state for the address. */
+  get held() { return { run: this.number, ...(this.state || { ...this.saved, beside: undefined }) }; }
 
-  /** Who is picked has a star. */
-  picked(ids) {
-    this.one.picked(ids);
+  /** Mark the picks with a star. */
+  markPicks(ids) {
+    this.birth.markPicks(ids);
     if (this.picks) {
       this.breed.inform();
       this.board.inform();
@@ -176,42 +175,42 @@ export class Run {
     this.viewer.gallery.draw();
   }
 
-  arrived() {
-    this.one.arrived();
-    this.picks.arrived();
+  drawTiles() {
+    this.birth.drawTiles();
+    this.picks.drawTiles();
   }
 
   // -- one birth -------------------------------------------------------------------------------
 
-  /** What the gallery says of the birth that is awake there. */
-  woken(id) {
-    if (id === null || !this.state || id === this.one.id) return;
+  /** Show the active birth of the gallery. */
+  activate(id) {
+    if (id === null || !this.state || id === this.birth.id) return;
     this.state.one = id;
-    this.on.saved();
-    this.one.show(id);
+    this.on.save();
+    this.birth.show(id);
   }
 
-  /** Have a birth stand beside the others, or none (null). */
+  /** Pin a birth, or none (null). */
   pin(id) {
     if (!this.state) return;
     this.state.pinned = id;
-    this.on.saved();
-    this.one.pinTo(id);
+    this.on.save();
+    this.birth.pinTo(id);
   }
 
-  /** Keys that go everywhere but where one writes or draws. */
+  /** Keys that work everywhere except in fields and on the drawing board. */
   press({ key, target, ctrlKey, metaKey, altKey }) {
     if (key !== "p" || ctrlKey || metaKey || altKey || target.closest("input, select, textarea, [role=application]")) return;
-    this.one.turnPin();
+    this.birth.turnPin();
   }
 
-  /** Show a birth, wherever it is: also one that does not pass the filter. */
-  wake(id) {
+  /** Show a birth, also one that does not pass the filter. */
+  showBirth(id) {
     this.tabs.show("birth");
     const row = this.viewer.births.row(id), place = this.viewer.rows.indexOf(row);
-    if (place >= 0) this.viewer.gallery.wake(place);
+    if (place >= 0) this.viewer.gallery.activate(place);
     this.state.one = id;
-    this.on.saved();
-    this.one.show(id);
+    this.on.save();
+    this.birth.show(id);
   }
 }

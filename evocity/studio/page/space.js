@@ -1,28 +1,27 @@
 import { Axonometry } from "./axonometry.js";
 import { Orbit, Stroll } from "./camera.js";
-import { made } from "./made.js";
+import { element } from "./elements.js";
 import { sunAt } from "./sun.js";
 import { Walk, supported } from "./walk.js";
 
 const HOW = {
-  columns: "Drag turns and tilts, with Shift it moves; wheel, plus and minus zoom; arrows turn; 0 shows the whole.",
-  walk: "W A S D or arrows walk, with Shift faster; drag, Q and E look about; Page Up and Page Down rise and sink.",
+  columns: "Drag to turn and tilt; drag with Shift to move. Zoom with the wheel, plus or minus. Turn with the arrow keys. Key 0 shows the whole map.",
+  walk: "Walk with W, A, S, D or the arrow keys; Shift makes you faster. Drag, or press Q or E, to look around. Rise and sink with Page Up and Page Down.",
 };
 
-/** A city in three dimensions: exact columns seen along parallel lines, or walked through in the
- * light of a date and an hour; or two cities of one size, from the same place. The next city is
- * seen from where the last one was. */
+/** A city in three dimensions: exact columns in parallel projection, or a walk in the light of a date and an hour;
+ * also two cities of one size from the same viewpoint. The next city appears from the viewpoint of the last one. */
 export class Space {
   constructor(parent) {
-    this.pair = made(parent, "div", "pair");
+    this.pair = element(parent, "div", "pair");
     this.views = [];
-    this.how = made(parent, "p", "faint");
-    this.light = made(parent, "div", "row");
+    this.how = element(parent, "p", "faint");
+    this.light = element(parent, "div", "row");
     const field = (text, type, value, limits) => {
-      const found = made(made(this.light, "label", "", `${text} `), "input", "", "", { type, ...limits });
-      found.value = value;
-      found.addEventListener("input", () => this.draw());
-      return found;
+      const input = element(element(this.light, "label", "", `${text} `), "input", "", "", { type, ...limits });
+      input.value = value;
+      input.addEventListener("input", () => this.draw());
+      return input;
     };
     this.date = field("date", "date", "2026-06-21", { min: "1950-01-01", max: "2050-12-31" });
     this.hour = field("hour", "range", "15", { min: "0", max: "24", step: "0.25" });
@@ -31,21 +30,21 @@ export class Space {
     new ResizeObserver(() => this.draw()).observe(parent);
   }
 
-  /** The first city's. */
+  /** The drawers of the first city. */
   get drawers() { return this.views[0].drawers; }
 
-  /** One city or two, {city, called}, walked through where `isWalk` and the browser can. Through
-   * two one walks where both are open. */
+  /** Show one city or two, {city, title}; as a walk if it `isWalk` and the browser can. A walk through two cities
+   * stays where both are open. */
   show(listed, isWalk) {
     const kind = this.kind = isWalk && supported() ? "walk" : "columns";
     this.light.hidden = kind !== "walk";
-    this.how.textContent = (isWalk && kind === "columns" ? "This browser has no WebGL2: seen from outside instead. " : "") + HOW[kind];
+    this.how.textContent = (isWalk && kind === "columns" ? "This browser has no WebGL2, so it shows the city from outside. " : "") + HOW[kind];
     while (this.views.length < listed.length) this.views.push(new View(this.pair));
     this.views.forEach((view, place) => view.show(listed[place], kind, listed.length > 1));
     this.shown = this.views.slice(0, listed.length);
     const Hand = kind === "walk" ? Stroll : Orbit, was = this.hands[kind];
     if (was) was.detach();
-    const all = ofAll(listed.map((one) => one.city)), make = (camera) => new Hand(all, () => this.draw(), camera);
+    const all = highestOfAll(listed.map((one) => one.city)), make = (camera) => new Hand(all, () => this.draw(), camera);
     let hand = make(was ? was.hand.camera : {});
     if (kind === "walk" && listed.length > 1 && !hand.isFree(...hand.camera.position)) hand = make({}); // within a wall of one
     const ends = this.shown.map((view) => hand.attach(view.canvases[kind]));
@@ -53,10 +52,9 @@ export class Space {
     this.draw();
   }
 
-  /** The city at a place among those that are walked through gets straight walls: `bytes`, as `Walk` takes
-   * its solids. */
-  stand(place, bytes) {
-    this.shown[place].stand(bytes);
+  /** Give the city at a place straight walls: `bytes`, the solids of `Walk`. */
+  setSolids(place, bytes) {
+    this.shown[place].setSolids(bytes);
     this.draw();
   }
 
@@ -69,30 +67,30 @@ export class Space {
   }
 }
 
-/** One of the cities, with a canvas of each kind. */
+/** One city, with a canvas of each kind. */
 class View {
   constructor(parent) {
-    this.root = made(parent, "figure");
-    this.caption = made(this.root, "figcaption");
-    const canvas = (kind) => made(this.root, "canvas", "", "", { role: "img", "data-kind": kind });
+    this.root = element(parent, "figure");
+    this.caption = element(this.root, "figcaption");
+    const canvas = (kind) => element(this.root, "canvas", "", "", { role: "img", "data-kind": kind });
     this.canvases = { columns: canvas("columns"), walk: canvas("walk") };
     this.drawers = {};
   }
 
-  show(told, kind, isOneOfTwo) {
-    this.root.hidden = !told;
-    if (!told) return;
-    const { city, called } = told;
+  show(state, kind, isOneOfTwo) {
+    this.root.hidden = !state;
+    if (!state) return;
+    const { city, title } = state;
     this.city = city;
-    this.caption.textContent = called;
+    this.caption.textContent = title;
     this.caption.hidden = !isOneOfTwo;
     for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== kind;
-    this.canvases[kind].setAttribute("aria-label", `${called} in three dimensions. ${HOW[kind]}`);
+    this.canvases[kind].setAttribute("aria-label", `${title} in three dimensions. ${HOW[kind]}`);
     if (this.drawers[kind]) this.drawers[kind].show(city);
     else this.drawers[kind] = new (kind === "walk" ? Walk : Axonometry)(this.canvases[kind], city);
   }
 
-  stand(bytes) { this.drawers.walk.show(this.city, bytes); }
+  setSolids(bytes) { this.drawers.walk.show(this.city, bytes); }
 
   draw(kind, camera, sun) {
     if (!this.canvases[kind].clientWidth) return;
@@ -101,8 +99,8 @@ class View {
   }
 }
 
-/** The higher of all cities at each place: who stands on it stands in none of them. */
-function ofAll(cities) {
+/** The higher of all cities at each place: a walker on it is inside no city. */
+function highestOfAll(cities) {
   if (cities.length < 2) return cities[0];
   return { ...cities[0], heights: cities[0].heights.map((one, k) => Math.max(one, ...cities.slice(1).map((other) => other.heights[k]))) };
 }

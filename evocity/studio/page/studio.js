@@ -1,27 +1,26 @@
 import { readAddress, writeAddress } from "./address.js";
 import { Desk } from "./desk.js";
-import { made } from "./made.js";
+import { element } from "./elements.js";
 import { Run } from "./run.js";
-import { asked } from "./server.js";
+import { getJson } from "./server.js";
 
-/** Milliseconds between two looks for runs: while the page is seen, and while it is not. */
-const SEEN = 5000, UNSEEN = 30000;
+/** Milliseconds between two looks for runs: on a visible page, and on a hidden one. */
+const VISIBLE = 5000, HIDDEN = 30000;
 /** The address of the desk. */
 const DESK = "#desk";
 
-/** The page: a run, or two beside each other; at their side what is told of the one that was
- * touched last. */
+/** The page: one run, or two side by side; at the right, details of the run that was used last. */
 class Studio {
   constructor() {
     this.news = document.getElementById("news");
     this.trouble = document.getElementById("trouble");
     this.places = ["births", "side"].map((id) => document.getElementById(id));
     this.faults = new Map();
-    this.known = [];
-    this.runs = []; // those that are shown
-    this.told = new Map(); // what was told of those that were
+    this.listed = [];
+    this.runs = []; // the visible runs
+    this.states = new Map(); // of all runs that were visible
     this.chooser = document.getElementById("runs");
-    this.choosers = ["run", "beside it"].map((text) => made(made(this.chooser, "label", "", `${text} `), "select"));
+    this.choosers = ["run", "second run"].map((text) => element(element(this.chooser, "label", "", `${text} `), "select"));
     for (const one of this.choosers) one.addEventListener("change", () => this.choose());
     this.pressed = new Set();
     for (const name of ["pointerdown", "pointerup", "pointercancel"]) {
@@ -31,10 +30,10 @@ class Studio {
       }, true);
     }
     this.shown = document.getElementById("shown");
-    this.fresh = document.getElementById("new");
-    this.fresh.addEventListener("click", () => { location.hash = this.desk.isShown ? "" : DESK; });
+    this.deskButton = document.getElementById("new");
+    this.deskButton.addEventListener("click", () => { location.hash = this.desk.isShown ? "" : DESK; });
     this.desk = new Desk(document.getElementById("desk"), {
-      trouble: (error, of) => this.tell(error, of),
+      trouble: (error, of) => this.report(error, of),
       show: (run) => this.showRun(run),
     });
     window.addEventListener("hashchange", () => this.go());
@@ -45,129 +44,129 @@ class Studio {
     this.search();
   }
 
-  /** What is at fault with what was asked, or with the looks for what is new; nothing for null. */
-  tell(error, of = "asked") {
+  /** Show the error of a request (`of`), or clear it with null. */
+  report(error, of = "request") {
     this.faults.set(of, error ? error.message || String(error) : "");
     const text = [...new Set(this.faults.values())].filter(Boolean).join(" ");
     if (this.trouble.textContent !== text) this.trouble.textContent = text;
     this.trouble.hidden = !text;
   }
 
-  /** Whether the hand is at something that new births would change. */
+  /** Whether a hand holds something that new births would move. */
   get isHeld() {
     return this.pressed.size > 0 || Boolean(document.activeElement.closest(".evocity-panel"));
   }
 
   // -- which runs ------------------------------------------------------------------------------
 
-  isRun(run) { return this.known.some((one) => one.run === run); }
+  isRun(run) { return this.listed.some((one) => one.run === run); }
 
-  /** Look for runs, again and again; show those that the address tells once there are some. */
+  /** Look for runs from time to time; show those in the address once there are some. */
   async search() {
     clearTimeout(this.timer);
     if (this.searching) return;
     this.searching = true;
     try {
-      const { runs, more } = await asked("runs");
+      const { runs, more } = await getJson("runs");
       this.list(runs, more);
       if (!this.runs.length && !this.desk.isShown) this.go();
-      if (!runs.length) this.news.textContent = "there is no run yet";
-      this.tell(null, "runs");
+      if (!runs.length) this.news.textContent = "no runs yet";
+      this.report(null, "runs");
     } catch (error) {
-      this.tell(error, "runs");
+      this.report(error, "runs");
     }
     this.searching = false;
-    this.timer = setTimeout(() => this.search(), document.hidden ? UNSEEN : SEEN);
+    this.timer = setTimeout(() => this.search(), document.hidden ? HIDDEN : VISIBLE);
   }
 
-  /** Show what the address says: the desk, where there is no run too, or runs. */
+  /** Show the contents of the address: runs, or the desk, also without any run. */
   go() {
-    const isDesk = location.hash === DESK || !this.known.length;
+    const isDesk = location.hash === DESK || !this.listed.length;
     if (isDesk !== this.desk.isShown) this.desk.show(isDesk);
     this.shown.hidden = isDesk;
-    this.tellFresh();
+    this.nameDeskButton();
     if (isDesk) document.title = "new run – evocity studio";
     else this.open(readAddress((run) => this.isRun(run)));
-    if (!isDesk) for (const of of ["desk", "desk looked"]) this.tell(null, of);
+    if (!isDesk) for (const of of ["desk", "desk news"]) this.report(null, of);
   }
 
-  tellFresh() {
-    this.fresh.textContent = this.desk.isShown ? "back to the runs" : "new run";
-    this.fresh.hidden = this.desk.isShown && !this.known.length;
+  nameDeskButton() {
+    this.deskButton.textContent = this.desk.isShown ? "back to the runs" : "new run";
+    this.deskButton.hidden = this.desk.isShown && !this.listed.length;
   }
 
-  /** A run that was begun at the desk, or another, in place of the desk. */
+  /** Show a run in place of the desk. */
   async showRun(run) {
     if (!this.isRun(run)) await this.search();
     if (!this.isRun(run)) return;
-    history.pushState(null, "", `/#${encodeURIComponent(JSON.stringify(this.told.get(run) || { run }))}`);
+    history.pushState(null, "", `/#${encodeURIComponent(JSON.stringify(this.states.get(run) || { run }))}`);
     this.go();
   }
 
-  /** Those there are, to choose from; the rest stays under the hand that chooses. */
+  /** Offer all runs; an unchanged list stays as it is, so that an open menu does not close. */
   list(runs, more) {
     const key = JSON.stringify([runs, more]);
-    if (key === this.listed) return;
-    this.listed = key;
-    this.known = runs;
+    if (key === this.listKey) return;
+    this.listKey = key;
+    this.listed = runs;
     this.chooser.hidden = runs.length < 2;
-    this.tellFresh();
-    const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, goes on` : name]);
-    const left = more ? [["", `${more} more are not listed`]] : [];
+    this.nameDeskButton();
+    const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, running` : name]);
+    const left = more ? [["", `${more} more runs are not in this list`]] : [];
     this.choosers.forEach((select, place) => {
       const was = select.value, none = place ? [["", "none"]] : [];
-      select.replaceChildren(...[...none, ...options, ...left].map(([value, text]) => made(null, "option", "", text, { value })));
+      select.replaceChildren(...[...none, ...options, ...left].map(([value, text]) => element(null, "option", "", text, { value })));
       if (left.length) select.lastChild.disabled = true;
       select.value = was;
     });
     this.inform();
   }
 
-  /** What is chosen in the head. */
+  /** Show the runs that are chosen in the head of the page. */
   choose() {
     if (this.desk.isShown) history.pushState(null, "", "/#");
     this.desk.show(false);
     this.shown.hidden = false;
-    this.tellFresh();
+    this.nameDeskButton();
     const [first, second] = this.choosers.map((one) => one.value);
     const runs = [first, second].filter((one, place) => one !== "" && (!place || one !== first)).map(Number);
-    this.open(runs.map((run) => this.told.get(run) || { run }));
+    this.open(runs.map((run) => this.states.get(run) || { run }));
     if (this.runs.length > 1) this.turn(this.runs[1]);
   }
 
-  /** Show the runs of which something is told, one or two, each {run, …}; the others are closed. */
-  open(told) {
-    for (const one of this.runs) this.told.set(one.number, one.held);
+  /** Show the runs of one state or two, each {run, …}; close the others. */
+  open(states) {
+    for (const one of this.runs) this.states.set(one.number, one.held);
     const kept = new Map(this.runs.map((one) => [one.number, one]));
-    this.runs = told.map((one) => {
+    this.runs = states.map((one) => {
       const here = kept.get(one.run);
       kept.delete(one.run);
-      if (!here) return this.opened(one);
+      if (!here) return this.openRun(one);
       if (JSON.stringify(one) !== JSON.stringify(here.held)) here.change(one);
       return here;
     });
     for (const one of kept.values()) {
       one.close();
-      for (const of of this.faults.keys()) if (of.startsWith(`${one.number} `)) this.tell(null, of);
+      for (const of of this.faults.keys()) if (of.startsWith(`${one.number} `)) this.report(null, of);
     }
     this.places[0].append(...this.runs.map((one) => one.main)); // in this order
     this.places[0].classList.toggle("evocity-two", this.runs.length > 1);
     this.turn(this.runs.includes(this.run) ? this.run : this.runs[0]);
-    this.saved();
+    this.save();
   }
 
-  opened(told) {
-    const found = new Run(told.run, ...this.places, told, {
+  openRun(state) {
+    const run = new Run(state.run, ...this.places, state, {
       isHeld: () => this.isHeld,
-      saved: () => this.saved(),
+      save: () => this.save(),
       inform: () => this.inform(),
-      tell: (error, of) => this.tell(error, `${told.run} ${of}`),
-      turn: () => this.turn(found),
+      report: (error, of) => this.report(error, `${state.run} ${of}`),
+      turn: () => this.turn(run),
     });
-    return found;
+    return run;
   }
 
-  /** The run of which is told at the side. */
+  /** Show the details of a run at the side. */
   turn(run) {
     this.run = run;
     for (const one of this.runs) {
@@ -177,11 +176,12 @@ class Studio {
     this.inform();
   }
 
-  saved() {
+  /** Write the state of the page into its address. */
+  save() {
     if (!this.desk.isShown && this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
   }
 
-  /** What is told of the runs in the head. */
+  /** Show the news of the runs in the head. */
   inform() {
     this.choosers.forEach((select, place) => {
       const run = this.runs[place];
@@ -190,14 +190,14 @@ class Studio {
         if (place && this.runs.length) option.disabled = option.value === String(this.runs[0].number);
       }
     });
-    const texts = this.runs.map((one) => [one.about ? one.about.title : "", one.news || "opening the run …"]);
+    const texts = this.runs.map((one) => [one.about ? one.about.title : "", one.news || "loading the run …"]);
     const text = texts.map(([title, news]) => (texts.length > 1 && title ? `${title}: ${news}` : news)).join(" | ");
     if (this.runs.length && this.news.textContent !== text) this.news.textContent = text;
     const about = this.run && this.run.about;
     if (about && !this.desk.isShown) document.title = `${about.title} – evocity studio`;
   }
 
-  /** Look for what is new now. */
+  /** Look for news now. */
   look() {
     this.search();
     for (const one of this.runs) one.look();

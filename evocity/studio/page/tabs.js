@@ -1,15 +1,15 @@
-import { made } from "./made.js";
+import { element } from "./elements.js";
 
-/** Panes of which one is shown; the arrow keys go from tab to tab. `of` what they are, in a word;
- * `seen(name)` is told, if it is there. */
+/** Panes, one of them visible, with tabs; the arrow keys go from tab to tab. `of`: a word that makes ids unique;
+ * `onShow(name)`: a listener, if it is set. */
 export class Tabs {
   constructor(list, parent, names, of) {
     this.panes = {};
     this.tabs = names.map((name) => {
-      const tab = made(list, "button", "", name, {
+      const tab = element(list, "button", "", name, {
         type: "button", role: "tab", id: `tab-${of}-${name}`, "aria-controls": `pane-${of}-${name}`,
       });
-      this.panes[name] = made(parent, "div", "", "", {
+      this.panes[name] = element(parent, "div", "", "", {
         role: "tabpanel", id: `pane-${of}-${name}`, "aria-labelledby": `tab-${of}-${name}`,
       });
       tab.addEventListener("click", () => this.show(name));
@@ -27,7 +27,7 @@ export class Tabs {
 
   show(name) {
     this.shown = name;
-    if (this.seen) this.seen(name);
+    if (this.onShow) this.onShow(name);
     for (const tab of this.tabs) {
       const isShown = tab.textContent === name;
       tab.setAttribute("aria-selected", String(isShown));

@@ -1,13 +1,13 @@
-import { AMBIENT, laid, MOST, SUN, turned } from "./axonometry.js";
+import { AMBIENT, placement, MOST, SUN, sinCos } from "./axonometry.js";
 import { prismsOf, STRIDE, trianglesOf } from "./prisms.js";
 import { PAPER } from "./ramp.js";
 
-/** A city in perspective, in WebGL2: about it, with a camera as `Axonometry` has it, or within it,
- * with {position, azimuth, tilt} as `Stroll` has it; with shadows of the sun. */
+/** The walk: a city in perspective, in WebGL2, with shadows of the sun; from outside, with the camera of `Axonometry`,
+ * or from inside, with the camera of `Stroll`, {position, azimuth, tilt}. */
 
-const SHADOW = 2048; // px of the picture that the sun sees, each way
-const FIELD = 28, WITHIN = 62; // degrees from low to high, about and within a city
-const SMALLER = 0.85; // than along parallel lines: what is near is larger
+const SHADOW = 2048; // px along a side of the shadow map
+const FIELD = 28, WITHIN = 62; // vertical degrees, outside and inside a city
+const SMALLER = 0.85; // than in parallel projection, because near buildings are larger
 const STOREY = 3; // metres
 const OVER = 1 / 4; // px by which surfaces overlap; some machines place corners to a sixteenth
 const SKY = [214, 226, 236], AROUND = [226, 221, 211];
@@ -19,7 +19,7 @@ out vec3 at; out vec3 facing; out vec3 paint; out vec4 shade;
 void main() {
   at = place + beyond * over * dot(vec4(onto[0].w, onto[1].w, onto[2].w, onto[3].w), vec4(place, 1.0));
   facing = normal; paint = colour;
-  // looked up a little before the surface, which casts no shadow on itself
+  // a little before the surface, so that it casts no shadow on itself
   shade = sunwards * vec4(at + normal * texel * 1.5, 1.0);
   gl_Position = onto * vec4(at, 1.0);
 }`;
@@ -45,7 +45,7 @@ void main() {
   float light = shaded * day;
   if (direct > 0.0 && slant > 0.0) light += (1.0 - roof) * slant * direct * lit();
   light = min(light, ${MOST.toFixed(2)});
-  if (abs(normal.z) < 0.5) { // storeys, as far off as they can be told apart
+  if (abs(normal.z) < 0.5) { // storeys, up to a distance at which they are distinct
     float storey = at.z / ${STOREY.toFixed(1)}, wide = fwidth(storey);
     float line = 1.0 - smoothstep(0.5, 1.5, abs(fract(storey + 0.5) - 0.5) / max(wide, 0.02));
     light *= 1.0 - 0.10 * line * (1.0 - smoothstep(0.1, 0.35, wide));
@@ -61,31 +61,31 @@ void main() {}`;
 
 let known = null;
 
-/** {works, isSlow}: whether this browser draws in WebGL2, and without a graphics card. */
-function probed() {
+/** {works, isSlow}: whether this browser draws in WebGL2, and whether without a graphics card. */
+function probe() {
   if (known) return known;
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return (known = { works: false, isSlow: false });
   let name = gl.getParameter(gl.RENDERER);
-  if (name === "WebKit WebGL") { // the one browser that hides it
-    const told = gl.getExtension("WEBGL_debug_renderer_info");
-    if (told) name = gl.getParameter(told.UNMASKED_RENDERER_WEBGL);
+  if (name === "WebKit WebGL") { // only this browser hides the name
+    const info = gl.getExtension("WEBGL_debug_renderer_info");
+    if (info) name = gl.getParameter(info.UNMASKED_RENDERER_WEBGL);
   }
-  gl.getExtension("WEBGL_lose_context")?.loseContext(); // there are not many of them
+  gl.getExtension("WEBGL_lose_context")?.loseContext(); // a browser has few contexts
   return (known = { works: true, isSlow: /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) });
 }
 
-/** Whether this browser draws in WebGL2; where it does not, an `Axonometry` takes its place. */
-export const supported = () => probed().works;
+/** Whether this browser draws in WebGL2; otherwise use an `Axonometry`. */
+export const supported = () => probe().works;
 
 export class Walk {
-  /** `solids`, where there are, stand in place of the height map: the bytes of a scene's triangles
-   * (`evocity.scene.Scene.triangles`), whose walls are straight. */
+  /** `solids` replace the height map, if given: the bytes of a scene's triangles (`evocity.scene.Scene.triangles`),
+   * with straight walls. */
   constructor(canvas, city, solids = null) {
     this.canvas = canvas;
-    // smooth edges take most of the time where there is no graphics card
-    this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !probed().isSlow });
-    if (!this.gl) throw new Error("no WebGL2 here: ask supported() first, and draw an Axonometry");
+    // smooth edges take most of the time without a graphics card
+    this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !probe().isSlow });
+    if (!this.gl) throw new Error("this browser has no WebGL2: check supported() first, and draw an Axonometry");
     this.end = new AbortController();
     const { signal } = this.end;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault(), { signal });
@@ -98,13 +98,13 @@ export class Walk {
     this.show(city, solids);
   }
 
-  /** What is the same of every city. */
+  /** Prepare the parts that all cities share. */
   prepare() {
     const { gl } = this;
     this.painted = program(gl, PLACED, PAINTED);
     this.cast = program(gl, CAST, NOTHING);
-    this.seen = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, this.seen);
+    this.shadowMap = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.shadowMap);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.DEPTH_COMPONENT24, SHADOW, SHADOW);
     for (const [name, value] of [
       [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR],
@@ -113,17 +113,17 @@ export class Walk {
     ]) gl.texParameteri(gl.TEXTURE_2D, name, value);
     this.frame = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.seen, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.shadowMap, 0);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.meshes = [];
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
   }
 
-  /** Another city, from the next `draw` on. */
+  /** Show another city from the next `draw` on. */
   show(city, solids = null) {
     for (const mesh of this.meshes) mesh.forget();
-    [this.city, this.solids, this.sun] = [city, solids, null];
+    [this.city, this.solids, this.sunKey] = [city, solids, null];
     const made = solids ? trianglesOf(city, solids) : prismsOf(city);
     const wide = (city.columns * city.metresPerPixel) / 2, deep = (city.rows * city.metresPerPixel) / 2;
     const { places, count } = made.surfaces;
@@ -138,11 +138,11 @@ export class Walk {
     this.triangles = made.indices.length / 3;
   }
 
-  /** The city as a camera sees it, in the light of {azimuth, height}, as `sunAt` gives it. */
+  /** Draw the city for a camera, in the light of the sun at {azimuth, height}, see `sunAt`. */
   draw(camera, sun = SUN) {
     const { canvas, gl, painted } = this, ratio = window.devicePixelRatio || 1;
     this.last = [camera, sun];
-    if (gl.isContextLost() || !canvas.clientWidth || !canvas.clientHeight) return; // or hidden
+    if (gl.isContextLost() || !canvas.clientWidth || !canvas.clientHeight) return; // or the canvas is hidden
     const wide = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const tall = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== wide || canvas.height !== tall) [canvas.width, canvas.height] = [wide, tall];
@@ -164,8 +164,8 @@ export class Walk {
     gl.uniform1f(painted.at("day"), day);
     gl.uniform1f(painted.at("direct"), smooth(0, 3, sun.height));
     gl.uniform1f(painted.at("steep"), view.steep);
-    gl.bindTexture(gl.TEXTURE_2D, this.seen);
-    if (isWithin) { // what lies around the city lies behind it all
+    gl.bindTexture(gl.TEXTURE_2D, this.shadowMap);
+    if (isWithin) { // the surroundings are behind everything
       gl.depthMask(false);
       this.meshes[1].draw(0);
       gl.depthMask(true);
@@ -173,11 +173,11 @@ export class Walk {
     this.meshes[0].draw(0);
   }
 
-  /** What the sun sees; drawn once a sun. */
+  /** Draw the shadow map, once for each position of the sun. */
   castBy(sun) {
-    const told = `${sun.azimuth} ${sun.height}`;
-    if (this.sun === told) return;
-    this.sun = told;
+    const key = `${sun.azimuth} ${sun.height}`;
+    if (this.sunKey === key) return;
+    this.sunKey = key;
     const { gl, cast, box: [wide, deep, high] } = this;
     const [right, up, towards] = directions(sun.azimuth + 180, Math.min(90, Math.max(0.5, sun.height)));
     this.towardsSun = towards;
@@ -207,19 +207,19 @@ export class Walk {
   }
 
   viewAbout(camera, wide, tall) {
-    const { scale, low } = laid(this.city, camera, wide, tall), ways = directions(camera.azimuth, camera.tilt);
+    const { scale, low } = placement(this.city, camera, wide, tall), ways = directions(camera.azimuth, camera.tilt);
     const half = Math.tan((FIELD * Math.PI) / 360), far = tall / (2 * scale * SMALLER * half);
     const eye = [...camera.centre, 0].map((one, k) => one + far * ways[2][k]);
     const near = Math.max(far / 50, far - this.reach - Math.hypot(...camera.centre));
-    return seenFrom(eye, ways, half, wide / tall, [near, far + 2 * this.reach], 1 - (2 * low) / tall);
+    return projection(eye, ways, half, wide / tall, [near, far + 2 * this.reach], 1 - (2 * low) / tall);
   }
 
   viewWithin(camera, wide, tall) {
     const half = Math.tan((WITHIN * Math.PI) / 360), ways = directions(camera.azimuth, camera.tilt);
-    return seenFrom(camera.position, ways, half, wide / tall, [0.15, 14 * this.reach], 0);
+    return projection(camera.position, ways, half, wide / tall, [0.15, 14 * this.reach], 0);
   }
 
-  /** Give all of it back. The canvas draws nothing else in WebGL afterwards. */
+  /** Free all memory. The canvas draws nothing in WebGL afterwards. */
   dispose() {
     this.end.abort();
     for (const mesh of this.meshes) mesh.forget();
@@ -236,15 +236,15 @@ function smooth(low, high, value) {
   return share * share * (3 - 2 * share);
 }
 
-/** To the right, up, and towards who looks along an azimuth, down by a tilt. */
+/** The directions to the right, up, and towards a viewer who looks along an azimuth and down by a tilt. */
 function directions(azimuth, tilt) {
-  const [sin, cos] = turned(azimuth), [steep, flat] = turned(tilt);
+  const [sin, cos] = sinCos(azimuth), [steep, flat] = sinCos(tilt);
   return [[cos, -sin, 0], [steep * sin, steep * cos, flat], [-flat * sin, -flat * cos, steep]];
 }
 
-/** From metres to the picture; `half` is the tangent of half the field, `shift` moves the picture
+/** The projection from metres to the picture; `half`: the tangent of half the field of view; `shift` moves the picture
  * up, in halves of its height. */
-function seenFrom(eye, [right, up, towards], half, ratio, [near, far], shift) {
+function projection(eye, [right, up, towards], half, ratio, [near, far], shift) {
   const row = (way) => [...way, -dot(way, eye)];
   const [x, y, z] = [row(right), row(up), row(towards)]; // z is below 0 ahead
   const scaled = (one, by) => one.map((value) => value * by);
@@ -265,15 +265,14 @@ function program(gl, vertex, fragment) {
   ["place", "normal", "colour", "beyond"].forEach((name, k) => gl.bindAttribLocation(made, k, name));
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) {
-    const said = gl.getAttachedShaders(made).map((one) => gl.getShaderInfoLog(one));
-    throw new Error(`the walk cannot be drawn here: ${[...said, gl.getProgramInfoLog(made)].join(" ")}`);
+    const logs = gl.getAttachedShaders(made).map((one) => gl.getShaderInfoLog(one));
+    throw new Error(`this browser cannot draw the walk: ${[...logs, gl.getProgramInfoLog(made)].join(" ")}`);
   }
   const places = {};
   return { program: made, at: (name) => (places[name] ??= gl.getUniformLocation(made, name)) };
 }
 
-/** Surfaces where they are drawn from: `draw(0)` with all that is known of them, `draw(1)` their
- * places alone. */
+/** The buffers of surfaces: `draw(0)` draws them with normals and colours, `draw(1)` only their places. */
 function meshOf(gl, { surfaces, indices }) {
   const [bytes, order] = [gl.createBuffer(), gl.createBuffer()];
   const arrays = [0, 1].map((bare) => {

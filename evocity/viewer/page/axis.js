@@ -1,24 +1,23 @@
-import { made, number } from "./made.js";
+import { element, number } from "./elements.js";
 
-/** All that can be done to an axis, without a pointer: what passes, its place, its direction
- * if it `isAxis`.
- * `on`: brush(brush), clear(), move(by), turn(), hide(), close(). Returns what begins with the focus. */
+/** The panel of a column, for use without a pointer: its filter; for an axis (`isAxis`) also its place and direction.
+ * `on`: brush(brush), clear(), move(by), turn(), hide(), close(). Returns the element for the focus. */
 export function axisPanel(parent, column, brush, on) {
   parent.replaceChildren();
-  const head = made(parent, "div", "row");
-  made(head, "b", "", column.name);
+  const head = element(parent, "div", "row");
+  element(head, "b", "", column.name);
   const range = column.isWords ? `${column.words.length} words` :
     `${number(column.low)} … ${number(column.high)} ${column.unit}`.trimEnd();
-  made(head, "span", "faint", [range, column.wanted].filter(Boolean).join("; "));
-  const passing = made(parent, "div", "row");
+  element(head, "span", "faint", [range, column.wanted].filter(Boolean).join("; "));
+  const passing = element(parent, "div", "row");
   const first = column.isWords ? words(passing, column, brush, on) : spans(passing, column, brush, on);
-  const buttons = made(parent, "div", "row");
+  const buttons = element(parent, "div", "row");
   const moves = [
-    ["turn over", on.turn], ["move left", () => on.move(-1)], ["move right", () => on.move(1)], ["hide", on.hide],
+    ["reverse", on.turn], ["move left", () => on.move(-1)], ["move right", () => on.move(1)], ["hide", on.hide],
   ];
-  const actions = [["no filter here", on.clear], ...(on.isAxis ? moves : []), ["close", on.close]];
+  const actions = [["clear this filter", on.clear], ...(on.isAxis ? moves : []), ["close", on.close]];
   for (const [text, act] of actions) {
-    made(buttons, "button", "", text, { type: "button" }).addEventListener("click", act);
+    element(buttons, "button", "", text, { type: "button" }).addEventListener("click", act);
   }
   parent.onkeydown = (event) => {
     if (event.key === "Escape") on.close();
@@ -28,8 +27,8 @@ export function axisPanel(parent, column, brush, on) {
 
 function words(parent, column, brush, on) {
   const boxes = column.words.map((word) => {
-    const label = made(parent, "label");
-    const box = made(label, "input", "", "", { type: "checkbox" });
+    const label = element(parent, "label");
+    const box = element(label, "input", "", "", { type: "checkbox" });
     box.checked = brush.includes(word);
     label.append(word || "none");
     box.addEventListener("change", () => on.brush(column.words.filter((_, k) => boxes[k].checked)));
@@ -38,27 +37,27 @@ function words(parent, column, brush, on) {
   return boxes[0];
 }
 
-/** A pair of numbers for each span, and always one more for another. */
+/** A pair of fields for each span, and one empty pair for another span. */
 function spans(parent, column, brush, on) {
   const pairs = [];
-  const told = () => pairs.flatMap(([from, to]) => {
+  const brushOfFields = () => pairs.flatMap(([from, to]) => {
     if (from.value === "" && to.value === "") return [];
     const low = from.value === "" ? column.low : Number(from.dataset.exact);
     const high = to.value === "" ? column.high : Number(to.dataset.exact);
     return [[Math.min(low, high), Math.max(low, high)]];
   });
   const add = (...ends) => {
-    const label = made(parent, "span", "span"), place = pairs.length + 1;
+    const label = element(parent, "span", "span"), place = pairs.length + 1;
     pairs.push(["from", "to"].map((word, k) => {
-      made(label, "span", "faint", word);
-      const input = made(label, "input", "", "", {
+      element(label, "span", "faint", word);
+      const input = element(label, "input", "", "", {
         type: "number", step: "any", "aria-label": `${column.name} ${word}, span ${place}`,
       });
       input.value = ends.length ? String(Number(ends[k].toPrecision(6))) : "";
-      input.dataset.exact = ends.length ? ends[k] : ""; // a rounded end stays exact until it is written anew
+      input.dataset.exact = ends.length ? ends[k] : ""; // a rounded end stays exact until a user types another
       input.addEventListener("input", () => { input.dataset.exact = input.value; });
       input.addEventListener("change", () => {
-        on.brush(told());
+        on.brush(brushOfFields());
         if (pairs.at(-1).some((one) => one.value !== "")) add();
       });
       return input;

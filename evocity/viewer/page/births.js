@@ -1,9 +1,9 @@
-/** Births as columns: read of a buffer, filtered by brushes, put in order. */
+/** Births as columns, from a buffer: filters by brushes, and orders. */
 
-/** One column: of numbers, or of places in `words`. */
+/** One column: numbers, or indices of `words`. */
 export class Column {
-  constructor(told, values) {
-    Object.assign(this, told);
+  constructor(about, values) {
+    Object.assign(this, about);
     this.values = values;
     let low = Infinity, high = -Infinity;
     for (const value of values) {
@@ -16,51 +16,51 @@ export class Column {
 
   get isWords() { return this.words.length > 0; }
 
-  /** Where a value lies between the ends: 0…1, NaN where there is none. */
+  /** The place of a value between the ends: 0…1, NaN for no value. */
   share(value) {
     if (this.isWords) return (value + 0.5) / this.words.length;
     if (this.high === this.low) return Number.isFinite(value) ? 0.5 : NaN;
     return Number.isFinite(value) ? (value - this.low) / (this.high - this.low) : NaN;
   }
 
-  /** The value at a share, the ends themselves at and beyond 0 and 1. */
+  /** The value at a share; the ends at and beyond 0 and 1. */
   value(share) {
     if (share <= 0) return this.low;
     return share >= 1 ? this.high : this.low + share * (this.high - this.low);
   }
 
-  /** Lower is earlier in the gallery. */
+  /** The rank of a value: a lower rank is earlier in the gallery. */
   rank(value) {
     if (this.target !== null) return Math.abs(value - this.target);
     return this.goal === "max" ? -value : value;
   }
 
-  /** What the order is called. */
-  order(reversed) {
+  /** The name of the order. */
+  orderName(reversed) {
     if (this.isWords) return reversed ? "Z to A" : "A to Z";
     if (this.goal !== null || this.target !== null) return reversed ? "worst first" : "best first";
     return reversed ? "highest first" : "lowest first";
   }
 }
 
-/** The brush of a column, which may have any name, "constructor" too. */
+/** The brush of a column, which may have any name, also "constructor". */
 export const brushOf = (brushes, name) => (Object.hasOwn(brushes, name) ? brushes[name] : []);
 
 export class Births {
-  /** Of what is told of the columns, and a buffer: ids as int32, then a float32 each. */
+  /** From facts of the columns, and a buffer: ids as int32, then each column as float32. */
   constructor(about, buffer) {
     const view = ArrayBuffer.isView(buffer) ? buffer : new Uint8Array(buffer);
     const bytes = view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
     this.about = about;
     this.count = about.count;
     this.ids = new Int32Array(bytes, 0, this.count);
-    this.columns = about.columns.map((told, place) =>
-      new Column(told, new Float32Array(bytes, 4 * this.count * (1 + place), this.count)));
+    this.columns = about.columns.map((column, place) =>
+      new Column(column, new Float32Array(bytes, 4 * this.count * (1 + place), this.count)));
     this.byName = new Map(this.columns.map((one) => [one.name, one]));
     this.orders = new Map();
   }
 
-  /** The row of an id, -1 where there is none. */
+  /** The row of an id, -1 for an unknown id. */
   row(id) {
     let low = 0, high = this.count - 1;
     while (low <= high) {
@@ -73,7 +73,7 @@ export class Births {
   }
 
   /** 1 for each row that passes all brushes. */
-  passing(brushes) {
+  matches(brushes) {
     const kept = new Uint8Array(this.count).fill(1);
     for (const [name, brush] of Object.entries(brushes)) {
       const column = this.byName.get(name);
@@ -91,24 +91,24 @@ export class Births {
     return kept;
   }
 
-  /** All rows in order; those without a value last, of equal ones the first born first. */
-  ordered({ name, reversed }) {
+  /** All rows in order; births without a value come last, among equal ones the lower id first. */
+  rowOrder({ name, reversed }) {
     const key = `${reversed ? "-" : "+"}${name}`;
     if (!this.orders.has(key)) {
       const column = this.byName.get(name) || this.byName.get("id");
-      this.orders.set(key, this.sorted(column, reversed));
+      this.orders.set(key, this.sortRows(column, reversed));
     }
     return this.orders.get(key);
   }
 
-  /** The same by any column, also one of another's. */
-  sorted(column, reversed = false) {
-    return sorted(this.count, (row) => column.rank(column.values[row]), reversed);
+  /** All rows in order by any column. */
+  sortRows(column, reversed = false) {
+    return radixSort(this.count, (row) => column.rank(column.values[row]), reversed);
   }
 }
 
-/** 0…count-1 by float32 keys, stably, by three rounds of 11 bits. */
-function sorted(count, key, reversed) {
+/** Sort 0…count-1 by float32 keys, stably, in three rounds of 11 bits. */
+function radixSort(count, key, reversed) {
   const float = new Float32Array(1), bits = new Uint32Array(float.buffer);
   let keys = new Uint32Array(count), rows = Uint32Array.from({ length: count }, (_, row) => row);
   for (let row = 0; row < count; row++) {

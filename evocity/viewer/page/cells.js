@@ -1,31 +1,30 @@
-import { COLOURS, FONT, made, number, shortened, sized } from "./made.js";
+import { COLOURS, FONT, element, number, shortenText, fitCanvas } from "./elements.js";
 
 const CELL_LEFT = 64, CELL_LOW = 34, CELL_TOP = 6, LARGEST = 96, SMALLEST = 7, PICTURED = 22, TALLEST = 400;
 
-/** The grid of a run of MAP-Elites: in each cell the first, in the order of the gallery, of those
- * that pass and keep all bounds. A button a cell; arrow keys go from one to the next that is filled.
- * `on`: touched(row, whether besides others). */
+/** The grid of a run of MAP-Elites: in each cell the first birth, in the order of the gallery, that passes and keeps all
+ * bounds. Each cell is a button; arrow keys go to the next filled cell. `on`: choose(row, isAdded). */
 export class Cells {
   constructor(parent, tiles, on) {
     [this.tiles, this.on] = [tiles, on];
-    this.root = made(parent, "div", "grid");
-    const row = made(this.root, "div", "row");
-    this.slice = made(made(row, "label", "", "slice "), "select");
+    this.root = element(parent, "div", "grid");
+    const row = element(this.root, "div", "row");
+    this.slice = element(element(row, "label", "", "slice "), "select");
     this.slice.addEventListener("change", () => this.show(this.births, this.rows, this.by));
-    this.told = made(row, "span", "faint");
-    this.inner = made(made(this.root, "div", "cells"), "div", "inner", "", { role: "group", "aria-label": "cells" });
-    this.canvas = made(this.inner, "canvas", "", "", { "aria-hidden": "true" });
+    this.summary = element(row, "span", "faint");
+    this.inner = element(element(this.root, "div", "cells"), "div", "inner", "", { role: "group", "aria-label": "cells" });
+    this.canvas = element(this.inner, "canvas", "", "", { "aria-hidden": "true" });
     this.chosen = new Set();
-    this.active = null; // the cell that Tab leads to
+    this.active = null; // the cell that Tab reaches
     this.filled = new Map();
-    this.inner.addEventListener("keydown", (event) => this.press(event));
+    this.inner.addEventListener("keydown", (event) => this.pressKey(event));
     this.inner.addEventListener("click", (event) => {
       const button = event.target.closest("button");
-      if (button) this.touch(Number(button.dataset.cell), event);
+      if (button) this.press(Number(button.dataset.cell), event);
     });
   }
 
-  /** The cells of `rows`, who pass, in their order; `by` is the column of that order. */
+  /** Show the cells of the passing `rows`, in their order; `by`: the column of the order. */
   show(births, rows, by) {
     const { grid } = births.about;
     if (this.births !== births) this.list(grid);
@@ -45,8 +44,8 @@ export class Cells {
       this.filled.set(place, { row, across: Math.floor(place / grid.counts[1]), up: place % grid.counts[1] });
     }
     const whole = grid.counts.reduce((product, one) => product * one, 1);
-    this.told.textContent = `${count} of ${whole} cells are filled; in each the first by ${by.name.replaceAll("_", " ")} that breaks no bound` +
-      (grid.island ? `; the grid of island ${grid.island}` : "");
+    this.summary.textContent = `${count} of ${whole} cells are filled. Each cell shows, by ${by.name.replaceAll("_", " ")}, the first birth that breaks no bound` +
+      (grid.island ? `, in the grid of island ${grid.island}` : "");
     this.lay();
   }
 
@@ -54,7 +53,7 @@ export class Cells {
     const slices = counts.length > 2 ? counts[2] : 0, was = this.slice.value;
     this.slice.parentNode.hidden = !slices;
     this.slice.replaceChildren(...Array.from({ length: slices }, (_, k) =>
-      made(null, "option", "", `${descriptors[2]} ${number(edges[2][k])} to ${number(edges[2][k + 1])}`, { value: String(k) })));
+      element(null, "option", "", `${descriptors[2]} ${number(edges[2][k])} to ${number(edges[2][k + 1])}`, { value: String(k) })));
     if (was && Number(was) < slices) this.slice.value = was;
   }
 
@@ -69,10 +68,10 @@ export class Cells {
     this.tall = CELL_TOP + down * this.size + CELL_LOW;
     Object.assign(this.inner.style, { width: `${this.wide}px`, height: `${this.tall}px` });
     if (!this.filled.has(this.active)) this.active = this.filled.size ? this.filled.keys().next().value : null;
-    const had = this.inner.contains(document.activeElement), kept = new Map();
+    const hadFocus = this.inner.contains(document.activeElement), kept = new Map();
     for (const button of [...this.inner.querySelectorAll("button")]) kept.set(Number(button.dataset.cell), button);
     for (const [place, { row, across: x, up }] of this.filled) {
-      const button = kept.get(place) || made(this.inner, "button", "cell", "", { type: "button" });
+      const button = kept.get(place) || element(this.inner, "button", "cell", "", { type: "button" });
       kept.delete(place);
       button.dataset.cell = place;
       const [left, top] = this.corner(x, up);
@@ -84,7 +83,7 @@ export class Cells {
       button.title = `birth ${id}: ${this.by.name} ${this.value(row)}`;
     }
     for (const button of kept.values()) button.remove();
-    if (had && !this.inner.contains(document.activeElement) && this.active !== null) this.button(this.active).focus();
+    if (hadFocus && !this.inner.contains(document.activeElement) && this.active !== null) this.button(this.active).focus();
     this.draw();
   }
 
@@ -101,7 +100,7 @@ export class Cells {
 
   draw() {
     if (!this.births || !this.wide) return;
-    const context = sized(this.canvas, this.wide, this.tall), { size } = this, [across, down] = this.grid.counts;
+    const context = fitCanvas(this.canvas, this.wide, this.tall), { size } = this, [across, down] = this.grid.counts;
     context.fillStyle = "#efeae0";
     context.fillRect(CELL_LEFT, CELL_TOP, across * size, down * size);
     const isPictured = size >= PICTURED, side = size * (window.devicePixelRatio || 1) > 120 ? 192 : 96, { ratio } = this.births.about;
@@ -110,7 +109,7 @@ export class Cells {
       const [left, top] = this.corner(x, up), id = this.births.ids[row];
       const tile = isPictured ? this.tiles.get(id, side) : null;
       if (tile) context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, left + (size - wide) / 2, top + (size - tall) / 2, wide, tall);
-      else if (!isPictured) { // the earlier in order, the darker
+      else if (!isPictured) { // darker for earlier births
         context.fillStyle = `rgb(${COLOURS.passing.join(" ")} / ${100 - (75 * rank) / places.length}%)`;
         context.fillRect(left, top, size, size);
       }
@@ -133,7 +132,7 @@ export class Cells {
     for (let y = 0; y <= down; y++) [[0, y], [across, y]].forEach(([a, b], k) => context[k ? "lineTo" : "moveTo"](CELL_LEFT + a * size, CELL_TOP + b * size));
     context.stroke();
     this.drawAxes(context);
-    this.tiles.want(isPictured ? places.map(({ row }) => this.births.ids[row]) : [], side);
+    this.tiles.request(isPictured ? places.map(({ row }) => this.births.ids[row]) : [], side);
   }
 
   drawAxes(context) {
@@ -145,37 +144,37 @@ export class Cells {
       for (let place = 0; place <= count; place += every) {
         const text = number(this.grid.edges[axis][place]);
         context.textAlign = axis ? "right" : "center";
-        if (axis) context.fillText(shortened(context, text, CELL_LEFT - 6), CELL_LEFT - 6, CELL_TOP + (count - place) * size + (place === count ? 8 : 4));
+        if (axis) context.fillText(shortenText(context, text, CELL_LEFT - 6), CELL_LEFT - 6, CELL_TOP + (count - place) * size + (place === count ? 8 : 4));
         else context.fillText(text, CELL_LEFT + place * size, CELL_TOP + down * size + 14);
       }
     }
     context.fillStyle = COLOURS.faint;
     context.textAlign = "left";
-    context.fillText(shortened(context, `${first}  →   ${second}  ↑`, this.wide - CELL_LEFT), CELL_LEFT, this.tall - 4);
+    context.fillText(shortenText(context, `${first}  →   ${second}  ↑`, this.wide - CELL_LEFT), CELL_LEFT, this.tall - 4);
   }
 
-  touch(place, event) {
+  press(place, event) {
     this.active = place;
-    this.on.touched(this.filled.get(place).row, event.ctrlKey || event.metaKey || event.shiftKey);
+    this.on.choose(this.filled.get(place).row, event.ctrlKey || event.metaKey || event.shiftKey);
   }
 
-  /** An arrow leads to the nearest filled cell on that side, those ahead before those aside. */
-  press(event) {
+  /** Go to the nearest filled cell in the direction of an arrow key. */
+  pressKey(event) {
     const by = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
     if (!by || this.active === null) return;
     event.preventDefault();
     event.stopPropagation();
     const from = this.filled.get(this.active);
-    let found = null, least = Infinity;
+    let next = null, least = Infinity;
     for (const [place, { across, up }] of this.filled) {
       const ahead = (across - from.across) * by[0] + (up - from.up) * by[1];
       const aside = Math.abs((across - from.across) * by[1]) + Math.abs((up - from.up) * by[0]);
-      if (ahead > 0 && ahead + 3 * aside < least) [found, least] = [place, ahead + 3 * aside];
+      if (ahead > 0 && ahead + 3 * aside < least) [next, least] = [place, ahead + 3 * aside];
     }
-    if (found === null) return;
+    if (next === null) return;
     this.button(this.active).tabIndex = -1;
-    this.active = found;
-    this.button(found).tabIndex = 0;
-    this.button(found).focus();
+    this.active = next;
+    this.button(next).tabIndex = 0;
+    this.button(next).focus();
   }
 }

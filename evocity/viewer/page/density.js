@@ -1,28 +1,28 @@
-/** Many lines between two axes as what they are together: how many cross each pixel. */
+/** The density of many lines between two axes: how many cross each pixel. */
 
-/** Steps into which an axis is divided. */
+/** Levels of an axis. */
 export const LEVELS = 128;
-/** The level of who has no value. */
+/** The level of births without a value. */
 export const NOWHERE = 255;
 
-/** Uint8: the level of each birth on an axis, from above; `turned`, the least is above. */
+/** Uint8: the level of each birth on an axis, from the top; if it is `turned`, the least is at the top. */
 export function levels(column, turned) {
-  const found = new Uint8Array(column.values.length);
-  for (let row = 0; row < found.length; row++) {
+  const places = new Uint8Array(column.values.length);
+  for (let row = 0; row < places.length; row++) {
     const share = column.share(column.values[row]);
-    found[row] = Number.isNaN(share) ? NOWHERE :
+    places[row] = Number.isNaN(share) ? NOWHERE :
       Math.round((turned ? share : 1 - share) * (LEVELS - 1));
   }
-  return found;
+  return places;
 }
 
-/** Float32 `height` a pixel column of `width`: how many of the rows with `mask` cross each pixel. */
+/** Float32, `height` for each of `width` pixel columns: how many rows of the `mask` cross each pixel. */
 export function crossings(left, right, mask, width, height) {
   const pairs = new Uint32Array(LEVELS * LEVELS);
   for (let row = 0; row < mask.length; row++) {
     if (mask[row] && left[row] !== NOWHERE && right[row] !== NOWHERE) pairs[left[row] * LEVELS + right[row]]++;
   }
-  const found = new Float32Array(width * height);
+  const counts = new Float32Array(width * height);
   const scale = (height - 1) / (LEVELS - 1);
   for (let pair = 0; pair < pairs.length; pair++) {
     const count = pairs[pair];
@@ -31,25 +31,25 @@ export function crossings(left, right, mask, width, height) {
     const step = (to - from) / width;
     if (Math.abs(step) <= 1) {
       let y = from + 0.5 + step / 2;
-      for (let place = 0; place < found.length; place += height) {
-        found[place + (y | 0)] += count;
+      for (let place = 0; place < counts.length; place += height) {
+        counts[place + (y | 0)] += count;
         y += step;
       }
-    } else { // steep: all that it crosses in a pixel column
+    } else { // a steep line crosses several pixels of a column
       let y = from + 0.5;
-      for (let place = 0; place < found.length; place += height) {
+      for (let place = 0; place < counts.length; place += height) {
         const next = y + step;
         const first = Math.max(0, Math.min(y, next) | 0), last = Math.min(height - 1, Math.max(y, next) | 0);
-        for (let k = first; k <= last; k++) found[place + k] += count;
+        for (let k = first; k <= last; k++) counts[place + k] += count;
         y = next;
       }
     }
   }
-  return found;
+  return counts;
 }
 
-/** A picture of crossings in a colour, the more the denser, up to `most` opaque. */
-export function shaded(counts, width, height, [red, green, blue], most) {
+/** A picture of crossings in a colour, denser for more of them, up to an opacity of `most`. */
+export function shade(counts, width, height, [red, green, blue], most) {
   const image = new ImageData(width, height);
   const pixels = new Uint32Array(image.data.buffer); // little-endian: 0xAABBGGRR
   const colour = (blue << 16) | (green << 8) | red;

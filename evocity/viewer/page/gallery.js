@@ -1,33 +1,33 @@
-import { COLOURS, FONT, counted, made, number, shortened, sized } from "./made.js";
+import { COLOURS, FONT, countText, element, number, shortenText, fitCanvas } from "./elements.js";
 
 const AROUND = 8, CAPTION = 18;
-/** Sides of pictures that may be asked for, px. */
+/** Sides of pictures, px. */
 const SMALL = 96, LARGE = 192;
 let galleries = 0;
 
-/** Pictures of births, drawn as they come into view; beneath them a list for keyboard and screen
- * readers. `on`: choose(ids, the last of them), wake(row). */
+/** The gallery: pictures of births, drawn when they come into view, and a list for keyboard and screen readers. `on`:
+ * choose(ids), activate(row). */
 export class Gallery {
   constructor(parent, tiles, on) {
     [this.tiles, this.on] = [tiles, on];
     this.name = `evocity-gallery-${++galleries}`;
-    this.root = made(parent, "div", "tiles", "", {
+    this.root = element(parent, "div", "tiles", "", {
       role: "listbox", tabindex: "0", "aria-multiselectable": "true", "aria-label": "births",
     });
-    this.spacer = made(this.root, "div", "spacer", "", { role: "presentation" });
-    this.canvas = made(this.spacer, "canvas", "", "", { "aria-hidden": "true" });
-    this.options = made(this.spacer, "div", "options", "", { role: "presentation" });
+    this.spacer = element(this.root, "div", "spacer", "", { role: "presentation" });
+    this.canvas = element(this.spacer, "canvas", "", "", { "aria-hidden": "true" });
+    this.options = element(this.spacer, "div", "options", "", { role: "presentation" });
     this.rows = new Uint32Array(0);
     this.chosen = new Set();
-    this.marked = new Set(); // a star each
+    this.marked = new Set(); // births with a star
     this.size = 96;
     this.active = -1; // the place, not the row
-    this.root.addEventListener("scroll", () => this.later());
+    this.root.addEventListener("scroll", () => this.drawSoon());
     this.root.addEventListener("keydown", (event) => this.press(event));
     this.options.addEventListener("click", (event) => this.click(event));
   }
 
-  /** These rows in this order; `by` is the column that stands beneath each. */
+  /** Show rows in their order; `by`: the column below each picture. */
   show(births, rows, by) {
     const was = this.active >= 0 ? births.row(this.births.ids[this.rows[this.active]]) : -1;
     [this.births, this.rows, this.by] = [births, rows, by];
@@ -50,21 +50,21 @@ export class Gallery {
     this.draw();
   }
 
-  later() {
-    if (this.waiting) return;
-    this.waiting = true;
+  drawSoon() {
+    if (this.isWaiting) return;
+    this.isWaiting = true;
     requestAnimationFrame(() => {
-      this.waiting = false;
+      this.isWaiting = false;
       this.draw();
     });
   }
 
-  // -- drawn ---------------------------------------------------------------------------------
+  // -- drawing -------------------------------------------------------------------------------
 
   draw() {
     if (!this.births) return;
     const top = this.root.scrollTop;
-    const context = sized(this.canvas, this.width, this.height);
+    const context = fitCanvas(this.canvas, this.width, this.height);
     const first = Math.max(0, Math.floor((top - AROUND) / this.cellTall)) * this.across;
     const end = Math.min(this.rows.length, (Math.floor((top + this.height) / this.cellTall) + 1) * this.across);
     const side = Math.max(this.wide, this.tall) * (window.devicePixelRatio || 1) > 120 ? LARGE : SMALL;
@@ -72,16 +72,16 @@ export class Gallery {
     for (let place = first; place < end; place++) {
       const row = this.rows[place];
       ids.push(this.births.ids[row]);
-      this.drawOne(context, row, ...this.corner(place, top), side);
+      this.drawBirth(context, row, ...this.corner(place, top), side);
     }
     this.list(first, end);
-    // small ones are there at once where the log holds them; they are drawn until the large ones come
+    // small pictures from the log arrive at once; they stand in for the large ones
     const bare = side === LARGE && this.births.about.thumbnails ? ids.filter((id) => !this.tile(id, side) && !this.tiles.reason(id)) : [];
-    if (bare.length) this.tiles.want(bare, SMALL);
-    else this.tiles.want(ids, side);
+    if (bare.length) this.tiles.request(bare, SMALL);
+    else this.tiles.request(ids, side);
   }
 
-  /** A picture of a birth, of this side if it is there, or of the other. */
+  /** A picture of a birth, with this side if it is loaded, or with the other. */
   tile(id, side) { return this.tiles.get(id, side) || this.tiles.get(id, side === SMALL ? LARGE : SMALL); }
 
   corner(place, top = 0) {
@@ -89,19 +89,19 @@ export class Gallery {
     return [x, AROUND + Math.floor(place / this.across) * this.cellTall - top];
   }
 
-  failed(row) { return this.status !== undefined && this.status.words[this.status.values[row]] !== "ok"; }
+  isFailed(row) { return this.status !== undefined && this.status.words[this.status.values[row]] !== "ok"; }
 
-  breaks(row) { return this.feasible !== undefined && !this.failed(row) && this.feasible.values[row] === 0; }
+  breaksBound(row) { return this.feasible !== undefined && !this.isFailed(row) && this.feasible.values[row] === 0; }
 
-  drawOne(context, row, x, y, side) {
+  drawBirth(context, row, x, y, side) {
     const id = this.births.ids[row], { wide, tall } = this;
     const tile = this.tile(id, side);
     if (tile) {
       context.imageSmoothingEnabled = tile.width > wide;
       context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, x, y, wide, tall);
-    } else this.drawNone(context, row, x, y);
+    } else this.drawPlaceholder(context, row, x, y);
     context.font = `11px ${FONT}`;
-    if (this.breaks(row)) {
+    if (this.breaksBound(row)) {
       const text = wide < 70 ? "✕" : "✕ bounds";
       context.fillStyle = "rgb(250 248 244 / 88%)";
       context.fillRect(x, y, context.measureText(text).width + 8, 16);
@@ -128,12 +128,12 @@ export class Gallery {
     context.font = `11px ${FONT}`;
     context.fillStyle = COLOURS.faint;
     context.textAlign = "right";
-    const value = this.told(row);
-    if (wide - used > 20) context.fillText(shortened(context, value, wide - used), x + wide, y + tall + 14);
+    const value = this.valueText(row);
+    if (wide - used > 20) context.fillText(shortenText(context, value, wide - used), x + wide, y + tall + 14);
   }
 
-  drawNone(context, row, x, y) {
-    const { wide, tall } = this, failed = this.failed(row);
+  drawPlaceholder(context, row, x, y) {
+    const { wide, tall } = this, failed = this.isFailed(row);
     const text = failed ? this.status.words[this.status.values[row]] :
       this.tiles.reason(this.births.ids[row]) ? "no picture" : "";
     context.save();
@@ -157,12 +157,12 @@ export class Gallery {
     context.font = `11px ${FONT}`;
     const lines = failed && text !== "failed" ? ["failed:", text] : [text];
     lines.forEach((line, k) => context.fillText(
-      shortened(context, line, wide - 6), x + wide / 2, y + tall / 2 + 4 + (k - (lines.length - 1) / 2) * 14));
+      shortenText(context, line, wide - 6), x + wide / 2, y + tall / 2 + 4 + (k - (lines.length - 1) / 2) * 14));
     context.restore();
   }
 
-  /** What a birth has of the column by which it is in order. */
-  told(row) {
+  /** The value of a birth in the column of the order. */
+  valueText(row) {
     if (!this.by || this.by.name === "id") return "";
     const value = this.by.values[row];
     return this.by.isWords ? this.by.words[value].replaceAll("_", " ") : number(value);
@@ -170,21 +170,21 @@ export class Gallery {
 
   // -- the list --------------------------------------------------------------------------------
 
-  /** Elements stay as they are while pictures arrive: a press must end where it began. */
+  /** Elements stay when pictures arrive, so that a press ends where it began. */
   list(first, end) {
     const options = this.options.children;
     while (options.length > end - first) this.options.lastChild.remove();
     for (let place = first; place < end; place++) {
       const row = this.rows[place], id = this.births.ids[row], [x, y] = this.corner(place);
-      const told = [String(id), this.told(row) && `${this.by.name} ${this.told(row)}`,
-        this.failed(row) && `failed: ${this.status.words[this.status.values[row]]}`,
-        this.breaks(row) && "breaks a bound", this.marked.has(id) && "picked"];
-      const option = options[place - first] || made(this.options, "div", "", "", { role: "option" });
+      const parts = [String(id), this.valueText(row) && `${this.by.name} ${this.valueText(row)}`,
+        this.isFailed(row) && `failed: ${this.status.words[this.status.values[row]]}`,
+        this.breaksBound(row) && "breaks a bound", this.marked.has(id) && "picked"];
+      const option = options[place - first] || element(this.options, "div", "", "", { role: "option" });
       option.className = place === this.active ? "evocity-option evocity-active" : "evocity-option";
       const attributes = {
         id: `${this.name}-${place}`, "aria-selected": String(this.chosen.has(id)),
         "aria-setsize": String(this.rows.length), "aria-posinset": String(place + 1),
-        "aria-label": told.filter(Boolean).join(", "),
+        "aria-label": parts.filter(Boolean).join(", "),
       };
       for (const [key, value] of Object.entries(attributes)) option.setAttribute(key, value);
       option.dataset.place = place;
@@ -195,41 +195,41 @@ export class Gallery {
     if (this.active >= first && this.active < end) {
       this.root.setAttribute("aria-activedescendant", `${this.name}-${this.active}`);
     } else this.root.removeAttribute("aria-activedescendant");
-    this.root.setAttribute("aria-label", `${counted(this.rows.length)} births`);
+    this.root.setAttribute("aria-label", `${countText(this.rows.length)} births`);
   }
 
   click(event) {
     const option = event.target.closest("[role=option]");
     if (!option) return;
     const place = Number(option.dataset.place);
-    this.root.focus({ preventScroll: true }); // a notebook takes it for its cell
+    this.root.focus({ preventScroll: true }); // a notebook would focus its cell
     const touched = event.pointerType === "touch";
     this.take(place, event.shiftKey, event.ctrlKey || event.metaKey || touched);
   }
 
-  /** Choose the one at a place: alone, or all from the last one, or besides the others. */
-  take(place, isRange, isBesides) {
+  /** Choose the birth at a place: only this one, all from the last one (`isRange`), or with the others (`isAdded`). */
+  take(place, isRange, isAdded) {
     const id = this.births.ids[this.rows[place]];
     if (isRange && this.anchor >= 0) {
       const [low, high] = [Math.min(this.anchor, place), Math.max(this.anchor, place)];
       const ids = Array.from(this.rows.slice(low, high + 1), (row) => this.births.ids[row]);
-      this.on.choose([...new Set([...(isBesides ? this.chosen : []), ...ids])]);
+      this.on.choose([...new Set([...(isAdded ? this.chosen : []), ...ids])]);
     } else {
       this.anchor = place;
-      const others = isBesides ? [...this.chosen].filter((one) => one !== id) : [];
-      this.on.choose(isBesides && this.chosen.has(id) ? others : [...others, id]);
+      const others = isAdded ? [...this.chosen].filter((one) => one !== id) : [];
+      this.on.choose(isAdded && this.chosen.has(id) ? others : [...others, id]);
     }
-    this.wake(place);
+    this.activate(place);
   }
 
-  /** Make the one at a place the active one, and bring it into view. */
-  wake(place) {
+  /** Make the birth at a place the active one, and bring it into view. */
+  activate(place) {
     this.active = place;
     const [, y] = this.corner(place);
     if (y - AROUND < this.root.scrollTop) this.root.scrollTop = y - AROUND;
     else if (y + this.cellTall > this.root.scrollTop + this.height) this.root.scrollTop = y + this.cellTall - this.height;
     this.draw();
-    this.on.wake(this.rows[place]);
+    this.on.activate(this.rows[place]);
   }
 
   press(event) {
@@ -244,12 +244,12 @@ export class Gallery {
       if (event.shiftKey) {
         if (!(this.anchor >= 0)) this.anchor = Math.max(0, this.active);
         this.take(place, true, false);
-      } else this.wake(place);
+      } else this.activate(place);
     } else if ((key === " " || key === "Enter") && this.active >= 0) this.take(this.active, event.shiftKey, true);
     else if (key === "a" && isCommand) this.on.choose(Array.from(this.rows, (row) => this.births.ids[row]));
     else if (key === "Escape") this.on.choose([]);
     else return;
     event.preventDefault();
-    event.stopPropagation(); // the notebook has keys of its own
+    event.stopPropagation(); // the notebook uses these keys too
   }
 }

@@ -1,20 +1,20 @@
 import { brushOf } from "./births.js";
-import { crossings, levels, shaded } from "./density.js";
-import { COLOURS, FONT, made, number, shortened, sized } from "./made.js";
+import { crossings, levels, shade } from "./density.js";
+import { COLOURS, FONT, element, number, shortenText, fitCanvas } from "./elements.js";
 
 const HEIGHT = 232, TOP = 20, LOW = HEIGHT - 20, NARROWEST = 66;
-/** More lines than this are shown by how many cross each pixel; so many chosen ones are drawn. */
+/** Above this number, lines are drawn as a density; chosen lines, at most. */
 const STROKES = 1200, MOST_CHOSEN = 300;
 
-/** Parallel coordinates: an upright axis a column, a line a birth, brushes on the axes. `on`:
- * brushed(brushes, whether the hand has let go), axed(axes), opened(name). */
+/** Parallel coordinates: an upright axis for each column, a line for each birth, brushes on the axes. `on`:
+ * brush(brushes, isFinal), setAxes(axes), open(name). */
 export class Parallel {
   constructor(parent, on) {
     this.on = on;
-    this.root = made(parent, "div", "axes");
-    this.inner = made(this.root, "div", "inner");
-    this.heads = made(this.inner, "div", "heads");
-    this.canvas = made(this.inner, "canvas", "lines", "", { "aria-hidden": "true" });
+    this.root = element(parent, "div", "axes");
+    this.inner = element(this.root, "div", "inner");
+    this.heads = element(this.inner, "div", "heads");
+    this.canvas = element(this.inner, "canvas", "lines", "", { "aria-hidden": "true" });
     this.back = document.createElement("canvas");
     this.gap = document.createElement("canvas");
     this.axes = [];
@@ -25,7 +25,7 @@ export class Parallel {
     this.canvas.addEventListener("pointermove", (event) => this.hover(event));
   }
 
-  /** Other births, or other axes: {name, turned} each. */
+  /** Show other births, or other axes: {name, turned} each. */
   show(births, axes) {
     this.births = births;
     this.axes = axes.filter((one) => births.byName.has(one.name));
@@ -57,17 +57,17 @@ export class Parallel {
     return this.axes[place].turned ? 1 - share : share;
   }
 
-  // -- drawn ---------------------------------------------------------------------------------
+  // -- drawing -------------------------------------------------------------------------------
 
   drawBack() {
     if (!this.births) return;
-    const context = sized(this.back, this.width, HEIGHT);
+    const context = fitCanvas(this.back, this.width, HEIGHT);
     this.drawLines(context, this.everyone, this.births.count, COLOURS.pale, 0.4);
   }
 
   draw(mask, count) {
     [this.mask, this.count] = [mask, count];
-    const context = sized(this.canvas, this.width, HEIGHT);
+    const context = fitCanvas(this.canvas, this.width, HEIGHT);
     context.drawImage(this.back, 0, 0, this.width, HEIGHT);
     if (count < this.births.count) this.fade(context);
     this.drawLines(context, mask, count, COLOURS.passing, 0.95);
@@ -84,7 +84,7 @@ export class Parallel {
     this.columns.forEach((_, place) => this.drawAxis(context, place));
   }
 
-  /** Who does not pass is paler while there is a filter. */
+  /** Fade the births that do not pass the filter. */
   fade(context) {
     context.globalAlpha = 0.45;
     context.fillStyle = COLOURS.paper;
@@ -108,12 +108,12 @@ export class Parallel {
     const gap = this.gap.getContext("2d");
     for (let place = 0; place + 1 < this.columns.length; place++) {
       const counts = crossings(this.levels[place], this.levels[place + 1], mask, wide, tall);
-      gap.putImageData(shaded(counts, wide, tall, colour, most), 0, 0);
+      gap.putImageData(shade(counts, wide, tall, colour, most), 0, 0);
       context.drawImage(this.gap, this.x(place), TOP - 0.5, this.between, tall);
     }
   }
 
-  /** A line each; broken where a birth has no value. */
+  /** Draw a line for each row, with a gap where a birth has no value. */
   stroke(context, rows) {
     const values = this.columns.map((column) => column.values);
     const tops = this.columns.map((_, place) => [this.x(place), place]);
@@ -158,7 +158,7 @@ export class Parallel {
     }
     if (!column.isWords && column.target !== null && column.target >= column.low && column.target <= column.high) {
       const y = this.y(place, column.target);
-      context.fillStyle = COLOURS.ink; // an arrowhead at what is wanted
+      context.fillStyle = COLOURS.ink; // an arrowhead at the target
       context.beginPath();
       context.moveTo(x + 1, y);
       context.lineTo(x + 9, y - 4.5);
@@ -169,7 +169,7 @@ export class Parallel {
 
   drawWords(context, place) {
     const { words } = this.columns[place];
-    const isLast = place > 0 && place + 1 === this.columns.length; // right of it there is no room
+    const isLast = place > 0 && place + 1 === this.columns.length; // there is no room at its right
     const room = this.between - 20, x = this.x(place) + (isLast ? -11 : 11);
     const apart = (LOW - TOP) / words.length, every = Math.ceil(11 / apart);
     context.textAlign = isLast ? "right" : "left";
@@ -178,13 +178,13 @@ export class Parallel {
     context.fillStyle = COLOURS.ink;
     words.forEach((word, k) => {
       if (k % every) return;
-      const text = shortened(context, word.replaceAll("_", " ") || "none", room), y = this.y(place, k) + 4;
+      const text = shortenText(context, word.replaceAll("_", " ") || "none", room), y = this.y(place, k) + 4;
       context.strokeText(text, x, y);
       context.fillText(text, x, y);
     });
   }
 
-  /** Top and low end, px, of what passes on an axis. */
+  /** The top and low end of each brush on an axis, px. */
   spansOf(place) {
     const column = this.columns[place], brush = brushOf(this.brushes, column.name);
     if (!column.isWords) {
@@ -195,39 +195,39 @@ export class Parallel {
     return brush.map((word) => this.y(place, column.words.indexOf(word))).map((y) => [y - half, y + half]);
   }
 
-  // -- heads: what an axis is called; drawn aside they put it elsewhere -------------------------
+  // -- heads: the names of the axes; a drag moves the axis ----------------------------------------
 
   putHeads() {
     this.heads.replaceChildren(...this.columns.map((column, place) => {
-      const head = made(null, "button", "head", "", {
+      const head = element(null, "button", "head", "", {
         type: "button", title: [column.name, column.wanted].filter(Boolean).join(": "),
         "aria-expanded": String(this.open === column.name),
       });
       const unit = column.unit ? `, ${column.unit}` : "";
-      made(head, "span", "name", column.name.replaceAll("_", " ") + unit);
-      made(head, "span", "sign", `${column.sign}${this.axes[place].turned ? " ⇵" : ""}`.trim());
+      element(head, "span", "name", column.name.replaceAll("_", " ") + unit);
+      element(head, "span", "sign", `${column.sign}${this.axes[place].turned ? " ⇵" : ""}`.trim());
       head.style.left = `${this.x(place) - this.between / 2 + 2}px`;
       head.style.width = `${this.between - 4}px`;
-      head.addEventListener("pointerdown", (event) => this.carry(event, head, column.name));
+      head.addEventListener("pointerdown", (event) => this.drag(event, head, column.name));
       head.addEventListener("click", () => {
-        if (!this.carried) this.on.opened(column.name);
+        if (!this.isDragged) this.on.open(column.name);
       });
       return head;
     }));
   }
 
-  carry(event, head, name) {
+  drag(event, head, name) {
     const from = event.clientX, left = parseFloat(head.style.left);
-    this.carried = false;
+    this.isDragged = false;
     head.setPointerCapture(event.pointerId);
     head.onpointermove = (at) => {
-      if (Math.abs(at.clientX - from) > 5) this.carried = true;
-      if (this.carried) head.style.left = `${left + at.clientX - from}px`;
+      if (Math.abs(at.clientX - from) > 5) this.isDragged = true;
+      if (this.isDragged) head.style.left = `${left + at.clientX - from}px`;
     };
     head.onpointerup = head.onpointercancel = (at) => {
       head.onpointermove = head.onpointerup = head.onpointercancel = null;
-      if (!this.carried) return;
-      setTimeout(() => { this.carried = false; }); // after the click, if there is one
+      if (!this.isDragged) return;
+      setTimeout(() => { this.isDragged = false; }); // after a possible click
       const place = Math.floor((left + at.clientX - from + this.between / 2) / this.between);
       this.move(name, place);
     };
@@ -238,7 +238,7 @@ export class Parallel {
     const others = this.axes.filter((one) => one.name !== name);
     const own = this.axes.find((one) => one.name === name);
     others.splice(Math.min(others.length, Math.max(0, place)), 0, own);
-    this.on.axed(others);
+    this.on.setAxes(others);
   }
 
   // -- brushes -------------------------------------------------------------------------------
@@ -257,7 +257,7 @@ export class Parallel {
     this.canvas.style.cursor = !grip ? "default" : { new: "crosshair", move: "grab" }[grip.part] || "ns-resize";
   }
 
-  /** What a hand at a y takes hold of: a brush, one of its ends, or a new one. */
+  /** The part at a y: a brush, one of its ends, or a new brush. */
   grip(place, y) {
     const spans = this.spansOf(place);
     for (let k = 0; k < spans.length; k++) {
@@ -278,32 +278,32 @@ export class Parallel {
     const column = this.columns[place], before = [...brushOf(this.brushes, column.name)];
     const grip = this.grip(place, y), spans = this.spansOf(place);
     let moved = false, brush = before;
-    const send = (ended) => this.on.brushed({ ...this.brushes, [column.name]: brush }, ended);
+    const send = (isFinal) => this.on.brush({ ...this.brushes, [column.name]: brush }, isFinal);
     this.canvas.setPointerCapture(event.pointerId);
     this.canvas.onpointermove = (to) => {
       const now = this.at(to).y;
       if (!moved && Math.abs(now - y) < 3) return;
       moved = true;
-      brush = column.isWords ? this.sweptWords(place, before, y, now) :
-        this.swept(place, before, grip, spans[grip.k], y, now);
+      brush = column.isWords ? this.wordsBetween(place, before, y, now) :
+        this.movedBrush(place, before, grip, spans[grip.k], y, now);
       send(false);
     };
     this.canvas.onpointerup = this.canvas.onpointercancel = () => {
       this.canvas.onpointermove = this.canvas.onpointerup = this.canvas.onpointercancel = null;
-      if (!moved && column.isWords) { // a click takes a word, or lets it go
+      if (!moved && column.isWords) { // a click adds a word, or drops it
         const word = column.words[Math.min(column.words.length - 1, Math.floor(this.share(place, y) * column.words.length))];
         brush = before.includes(word) ? before.filter((one) => one !== word) : [...before, word];
       } else if (!moved && grip.part !== "new") brush = before.filter((_, k) => k !== grip.k);
-      if (!column.isWords) brush = together(brush);
+      if (!column.isWords) brush = joinSpans(brush);
       send(true);
     };
   }
 
-  swept(place, before, { part, k }, span, from, to) {
+  movedBrush(place, before, { part, k }, span, from, to) {
     const [top, low] = part === "new" ? [from, to] :
       [part === "low" ? span[0] : span[0] + to - from, part === "top" ? span[1] : span[1] + to - from];
     let ends = [top, low];
-    if (part === "move") { // as long as before, within the axis
+    if (part === "move") { // of the same length, within the axis
       const shift = Math.max(TOP - span[0], Math.min(LOW - span[1], to - from));
       ends = [span[0] + shift, span[1] + shift];
     }
@@ -313,7 +313,7 @@ export class Parallel {
     return brush;
   }
 
-  sweptWords(place, before, from, to) {
+  wordsBetween(place, before, from, to) {
     const { words } = this.columns[place], [top, low] = [Math.min(from, to), Math.max(from, to)];
     return words.filter((word, k) => {
       const y = this.y(place, k);
@@ -322,13 +322,13 @@ export class Parallel {
   }
 }
 
-/** Spans in order; those that overlap made one. */
-function together(spans) {
-  const found = [];
+/** Sort spans, and join those that overlap. */
+function joinSpans(spans) {
+  const joined = [];
   for (const [low, high] of [...spans].sort((a, b) => a[0] - b[0])) {
-    const last = found[found.length - 1];
+    const last = joined[joined.length - 1];
     if (last && low <= last[1]) last[1] = Math.max(last[1], high);
-    else found.push([low, high]);
+    else joined.push([low, high]);
   }
-  return found;
+  return joined;
 }

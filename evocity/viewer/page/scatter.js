@@ -1,37 +1,36 @@
 import { brushOf } from "./births.js";
-import { COLOURS, FONT, made, number, shortened, sized } from "./made.js";
+import { COLOURS, FONT, element, number, shortenText, fitCanvas } from "./elements.js";
 
 const TALL = 282, EDGE_LEFT = 64, EDGE = 12, EDGE_LOW = 34, NEAR = 9;
-/** More births than this are shown by how many lie on each pixel; so many words stand at an axis. */
+/** Above this number, births are drawn as a density; words at an axis, at most. */
 const DOTS = 4000, MOST_WORDS = 8;
 
-/** Births by two of their columns, a dot each, under the same brushes as all views. `on`:
- * brushed(brushes, whether the hand has let go), placed(x, y), opened(name), touched(row, whether
- * besides others). */
+/** A scatter plot of births by two columns, with the brushes of all views. `on`: brush(brushes, isFinal),
+ * setPair(x, y), open(name), choose(row, isAdded). */
 export class Scatter {
   constructor(parent, on) {
     this.on = on;
-    this.root = made(parent, "div", "scatter");
-    const row = made(this.root, "div", "row");
-    this.selects = ["across", "up"].map((text) => {
-      const select = made(made(row, "label", "", `${text} `), "select");
-      select.addEventListener("change", () => on.placed(...this.selects.map((one) => one.value)));
-      const filter = made(row, "button", "", "filter", { type: "button", "aria-label": `filter what lies ${text}` });
-      filter.addEventListener("click", () => on.opened(select.value));
+    this.root = element(parent, "div", "scatter");
+    const row = element(this.root, "div", "row");
+    this.selects = ["x axis", "y axis"].map((text) => {
+      const select = element(element(row, "label", "", `${text} `), "select");
+      select.addEventListener("change", () => on.setPair(...this.selects.map((one) => one.value)));
+      const filter = element(row, "button", "", "filter", { type: "button", "aria-label": `filter the ${text}` });
+      filter.addEventListener("click", () => on.open(select.value));
       return select;
     });
-    made(row, "span", "faint", "Draw a box to filter; click beside it to clear, on a dot to choose.");
-    this.canvas = made(this.root, "canvas", "dots", "", { "aria-hidden": "true" });
+    element(row, "span", "faint", "Drag a box to filter. Click an empty place to clear the filter, or a dot to choose its birth.");
+    this.canvas = element(this.root, "canvas", "dots", "", { "aria-hidden": "true" });
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     [this.brushes, this.chosen, this.active] = [{}, [], -1];
   }
 
-  /** Other births, or other columns of them, by name. */
+  /** Show other births, or two other columns, by name. */
   show(births, x, y) {
     this.births = births;
     this.columns = [x, y].map((name) => births.byName.get(name));
     this.selects.forEach((select, k) => {
-      select.replaceChildren(...births.columns.map((one) => made(null, "option", "", one.name, { value: one.name })));
+      select.replaceChildren(...births.columns.map((one) => element(null, "option", "", one.name, { value: one.name })));
       select.value = this.columns[k].name;
     });
   }
@@ -44,7 +43,7 @@ export class Scatter {
 
   get width() { return this.root.clientWidth; }
 
-  /** Where a share of an axis lies, and which share lies where, px. */
+  /** The px of a share of an axis, and the shares at a place in px. */
   x(share) { return EDGE_LEFT + share * (this.width - EDGE_LEFT - EDGE); }
   y(share) { return TALL - EDGE_LOW - share * (TALL - EDGE_LOW - EDGE); }
   shares(x, y) {
@@ -60,7 +59,7 @@ export class Scatter {
   draw(mask, count) {
     this.mask = mask;
     if (!this.births || !this.width) return;
-    const context = sized(this.canvas, this.width, TALL);
+    const context = fitCanvas(this.canvas, this.width, TALL);
     this.drawDots(context, mask, 0, COLOURS.pale, this.births.count - count > DOTS);
     this.drawBrushes(context);
     this.drawDots(context, mask, 1, COLOURS.passing, count > DOTS);
@@ -72,7 +71,7 @@ export class Scatter {
     this.drawAxes(context);
   }
 
-  /** Those of whom the mask says `which`: a dot each, or of many how many lie on each pixel. */
+  /** Draw the births where the mask is `which`: as dots, or many as a density. */
   drawDots(context, mask, which, colour, isMany) {
     const [across, up] = this.columns, radius = which ? 2 : 1.5;
     const wide = Math.ceil(this.width), counts = isMany ? new Uint32Array(wide * TALL) : null;
@@ -88,7 +87,7 @@ export class Scatter {
     let most = 1;
     for (const count of counts) if (count > most) most = count;
     const unit = 1 / Math.log1p(most), steps = 24;
-    for (let step = 1; step <= steps; step++) { // as many colours, from rare to often
+    for (let step = 1; step <= steps; step++) { // a colour for each step, from few to many
       context.fillStyle = `rgb(${colour.join(" ")} / ${(which ? 25 : 12) + ((which ? 70 : 40) * step) / steps}%)`;
       for (let k = 0; k < counts.length; k++) {
         if (counts[k] && Math.ceil(Math.log1p(counts[k]) * unit * steps) === step) {
@@ -106,7 +105,7 @@ export class Scatter {
     context.stroke();
   }
 
-  /** Shares of an axis that pass, from the lowest; all of it where nothing is brushed. */
+  /** The shares of an axis that pass; the whole axis without a brush. */
   spans(column) {
     const brush = brushOf(this.brushes, column.name);
     if (!brush.length) return [[0, 1]];
@@ -144,18 +143,18 @@ export class Scatter {
       for (const [share, text] of ticks) {
         context.textAlign = axis ? "right" : column.isWords || share === 0.5 ? "center" : share ? "right" : "left";
         const room = axis ? EDGE_LEFT - 8 : (this.width - EDGE_LEFT) / ticks.length - 6;
-        const told = shortened(context, text, room);
-        if (axis) context.fillText(told, EDGE_LEFT - 6, Math.max(EDGE + 8, this.y(share) + (share ? 4 : 0)));
-        else context.fillText(told, this.x(share), this.y(0) + 14);
+        const label = shortenText(context, text, room);
+        if (axis) context.fillText(label, EDGE_LEFT - 6, Math.max(EDGE + 8, this.y(share) + (share ? 4 : 0)));
+        else context.fillText(label, this.x(share), this.y(0) + 14);
       }
     });
     context.fillStyle = COLOURS.faint;
     context.textAlign = "center";
-    const told = ({ name, unit }) => name.replaceAll("_", " ") + (unit ? `, ${unit}` : "");
-    context.fillText(shortened(context, `${told(this.columns[0])}  →   ${told(this.columns[1])}  ↑`, this.width - EDGE_LEFT), this.x(0.5), TALL - 4);
+    const nameOf = ({ name, unit }) => name.replaceAll("_", " ") + (unit ? `, ${unit}` : "");
+    context.fillText(shortenText(context, `${nameOf(this.columns[0])}  →   ${nameOf(this.columns[1])}  ↑`, this.width - EDGE_LEFT), this.x(0.5), TALL - 4);
   }
 
-  // -- by hand ---------------------------------------------------------------------------------
+  // -- pointer ---------------------------------------------------------------------------------
 
   press(event) {
     if (event.button !== 0 || !this.births) return;
@@ -171,40 +170,40 @@ export class Scatter {
       const to = place(at);
       if (!moved && Math.hypot(to[0] - from[0], to[1] - from[1]) < 4) return;
       moved = true;
-      brushes = this.boxed(this.shares(...from), this.shares(...to));
-      this.on.brushed(brushes, false);
+      brushes = this.brushesOfBox(this.shares(...from), this.shares(...to));
+      this.on.brush(brushes, false);
     };
     this.canvas.onpointerup = this.canvas.onpointercancel = (at) => {
       this.canvas.onpointermove = this.canvas.onpointerup = this.canvas.onpointercancel = null;
       if (moved) {
-        this.on.brushed(brushes, true);
+        this.on.brush(brushes, true);
         return;
       }
       const row = this.nearest(...from);
-      if (row >= 0) this.on.touched(row, at.ctrlKey || at.metaKey || at.shiftKey);
-      else this.on.brushed({ ...this.brushes, [this.columns[0].name]: [], [this.columns[1].name]: [] }, true);
+      if (row >= 0) this.on.choose(row, at.ctrlKey || at.metaKey || at.shiftKey);
+      else this.on.brush({ ...this.brushes, [this.columns[0].name]: [], [this.columns[1].name]: [] }, true);
     };
   }
 
-  /** The brushes with a box between two corners in place of what these two columns had. */
-  boxed(...corners) {
-    const found = { ...this.brushes };
+  /** The brushes, with a box between two corners for these two columns. */
+  brushesOfBox(...corners) {
+    const brushes = { ...this.brushes };
     this.columns.forEach((column, axis) => {
       const [low, high] = corners.map((one) => one[axis]).sort((a, b) => a - b);
-      found[column.name] = column.isWords ? column.words.filter((_, k) => column.share(k) >= low && column.share(k) <= high) :
+      brushes[column.name] = column.isWords ? column.words.filter((_, k) => column.share(k) >= low && column.share(k) <= high) :
         [[column.value(low), column.value(high)]];
     });
-    return found;
+    return brushes;
   }
 
-  /** The row of those that pass whose dot is nearest to a point, -1 where none is near. */
+  /** The passing row with the nearest dot to a point, -1 without one nearby. */
   nearest(x, y) {
-    let found = -1, least = NEAR ** 2;
+    let nearest = -1, least = NEAR ** 2;
     for (let row = 0; row < this.mask.length; row++) {
       if (!this.mask[row]) continue;
       const [left, top] = this.at(row), apart = (left - x) ** 2 + (top - y) ** 2;
-      if (apart < least) [found, least] = [row, apart];
+      if (apart < least) [nearest, least] = [row, apart];
     }
-    return found;
+    return nearest;
   }
 }

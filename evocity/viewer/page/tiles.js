@@ -1,64 +1,64 @@
-/** Small pictures, asked for as they come into view, a sheet at a time. */
+/** Small pictures, loaded when they come into view, a sheet at a time. */
 
-/** So many pictures a request, a window full: births of one generation are read together. So many are kept. */
+/** Pictures in a request: about a window, so that births of one generation are read together. Pictures kept. */
 const AT_ONCE = 72, KEPT = 2000;
 
 export class Tiles {
-  /** `ask(ids, side)`: a promise of {tiles, image, across, width, height, lacking}; `arrived` is
-   * called when there are more. */
-  constructor(ask, arrived) {
-    [this.ask, this.arrived] = [ask, arrived];
-    this.found = new Map();
-    this.lacks = new Map();
-    this.wanted = [];
-    this.asking = false;
+  /** `load(ids, side)`: a promise of {tiles, image, across, width, height, lacking}; `onLoad()` is called after
+   * each sheet. */
+  constructor(load, onLoad) {
+    [this.load, this.onLoad] = [load, onLoad];
+    this.tiles = new Map();
+    this.reasons = new Map();
+    this.queue = [];
+    this.isLoading = false;
   }
 
-  /** {image, x, y, width, height} of a birth, of any side until that one is there; or null. */
+  /** {image, x, y, width, height} of a birth with a side, or null. */
   get(id, side) {
-    const tile = this.found.get(`${side}:${id}`);
-    if (tile) { // the last that are seen are kept
-      this.found.delete(`${side}:${id}`);
-      this.found.set(`${side}:${id}`, tile);
+    const tile = this.tiles.get(`${side}:${id}`);
+    if (tile) { // the latest used ones stay
+      this.tiles.delete(`${side}:${id}`);
+      this.tiles.set(`${side}:${id}`, tile);
     }
     return tile || null;
   }
 
-  /** Why a birth has no picture; nothing while it may have one. */
-  reason(id) { return this.lacks.get(id); }
+  /** Why a birth has no picture, if it has none. */
+  reason(id) { return this.reasons.get(id); }
 
-  /** These ids are in view, and no others. */
-  want(ids, side) {
-    this.wanted = ids.filter((id) => !this.found.has(`${side}:${id}`) && !this.lacks.has(id));
+  /** Load the pictures of these ids, which are in view. */
+  request(ids, side) {
+    this.queue = ids.filter((id) => !this.tiles.has(`${side}:${id}`) && !this.reasons.has(id));
     this.side = side;
     this.next();
   }
 
   forget() {
-    this.found.clear();
-    this.lacks.clear();
-    this.wanted = [];
+    this.tiles.clear();
+    this.reasons.clear();
+    this.queue = [];
   }
 
   async next() {
-    if (this.asking || !this.wanted.length) return;
-    const ids = this.wanted.splice(0, AT_ONCE), side = this.side;
-    this.asking = true;
+    if (this.isLoading || !this.queue.length) return;
+    const ids = this.queue.splice(0, AT_ONCE), side = this.side;
+    this.isLoading = true;
     try {
-      const sheet = await this.ask(ids, side);
+      const sheet = await this.load(ids, side);
       const image = sheet.tiles.length ? await createImageBitmap(sheet.image) : null;
-      sheet.tiles.forEach((id, place) => this.found.set(`${side}:${id}`, {
+      sheet.tiles.forEach((id, place) => this.tiles.set(`${side}:${id}`, {
         image, width: sheet.width, height: sheet.height,
         x: (place % sheet.across) * sheet.width, y: Math.floor(place / sheet.across) * sheet.height,
       }));
-      for (const [id, why] of sheet.lacking) this.lacks.set(id, why);
-      while (this.found.size > KEPT) this.found.delete(this.found.keys().next().value);
+      for (const [id, why] of sheet.lacking) this.reasons.set(id, why);
+      while (this.tiles.size > KEPT) this.tiles.delete(this.tiles.keys().next().value);
     } catch (error) {
-      for (const id of ids) this.lacks.set(id, `no picture: ${error.message}`);
+      for (const id of ids) this.reasons.set(id, `no picture: ${error.message}`);
     }
-    this.asking = false;
-    this.wanted = this.wanted.filter((id) => !this.found.has(`${this.side}:${id}`) && !this.lacks.has(id));
-    this.arrived();
+    this.isLoading = false;
+    this.queue = this.queue.filter((id) => !this.tiles.has(`${this.side}:${id}`) && !this.reasons.has(id));
+    this.onLoad();
     this.next();
   }
 }

@@ -1,15 +1,15 @@
-"""Buildings: told apart by gaps and by steps of height, measured, and drawn as outlines.
+"""Buildings: segmentation by gaps and steps of height, a table, outlines, and flat roofs.
 
-- `apart`: which built pixels are one building: `told_apart`, `zones_of`
-- `table`: what is known of each building: `Buildings`, `measured`
-- `hulls`: the smallest convex shapes about each
-- `outline`: their polygons: `outlines`
-- `settled`: their roofs laid flat
+- `segmentation`: `separate_buildings`, `zones_of`
+- `table`: `Buildings`, one row for each building, and `measured`
+- `hulls`: convex hull, smallest rectangle and smallest circle of each
+- `outline`: polygons of buildings: `outlines`
+- `flat_roofs`: `settled`, each building at its median height
 """
 
-from evocity.views.buildings.apart import CRUMB, STEP, told_apart, zones_of
+from evocity.views.buildings.flat_roofs import settled, settled_zones
 from evocity.views.buildings.outline import outlines
-from evocity.views.buildings.settled import settled, settled_zones
+from evocity.views.buildings.segmentation import CRUMB, STEP, separate_buildings, zones_of
 from evocity.views.buildings.table import Buildings, measured
 
 __all__ = [
@@ -18,8 +18,8 @@ __all__ = [
     "Buildings",
     "measured",
     "outlines",
+    "separate_buildings",
     "settled",
     "settled_zones",
-    "told_apart",
     "zones_of",
 ]

@@ -1,4 +1,4 @@
-"""The outlines of buildings as polygons."""
+"""Outlines of buildings, as polygons along the edges of pixels."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 def outlines(
     labels: np.ndarray, metres_per_pixel: float, corner: tuple[float, float]
 ) -> "tuple[shapely.Polygon, ...]":
-    """Each building of ``labels`` as a polygon along its pixels' edges, courtyards as holes.
+    """Draw each building of ``labels`` as a polygon along its pixels' edges, courtyards as holes.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def outlines(
 
     Returns n valid shapely polygons in the order of the labels: polygon i is building i + 1.
     """
-    # slow to load, and few ask for polygons
+    # slow to load, and few runs need polygons
     import shapely
     from affine import Affine
     from rasterio.features import shapes
@@ -33,5 +33,5 @@ def outlines(
     for shape, label in shapes(labels, labels > 0, connectivity=4, transform=transform):
         shell, *holes = shape["coordinates"]
         polygons[int(label) - 1] = shapely.Polygon(shell, holes)
-    # an outline that meets itself at a corner is a shell and a hole that touch
+    # an outline that touches itself at a corner becomes a shell and a hole that touch
     return tuple(shapely.make_valid(polygons, method="structure", keep_collapsed=False))

@@ -1,8 +1,8 @@
 """Classes of objects: building, furniture, tree, ground-levelled, fountain, shelter, post.
 
-- `objects`: what stands on a map, buildings and lower things, and how each is shaped
-- `table`: which limits make an object of a class, and the class's colour
-- `classes`: all of it: `classified`, `Classes`
+- `objects`: objects lower than buildings, and the features of all objects
+- `table`: limits and colour of each class: `ClassTable`
+- `classes`: the classes of a map: `classified`, `Classes`
 """
 
 from evocity.views.classes.classes import Classes, classified

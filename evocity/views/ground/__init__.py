@@ -1,8 +1,8 @@
-"""Ground: what is not built, and how far it is to the next wall.
+"""Open ground: distance to walls, pieces and courtyards, middle lines of streets.
 
 - `distance`: metres from every pixel to the nearest built one: `distance_to_built`
-- `space`: the pieces of open ground, and which of them are courtyards: `OpenSpace`, `open_space`
-- `lines`: the lines streets run along, and how wide they are: `Streets`, `streets`
+- `space`: pieces of open ground, and courtyards: `OpenSpace`, `open_space`
+- `lines`: middle lines of streets, and their widths: `Streets`, `streets`
 """
 
 from evocity.views.ground.distance import distance_to_built

@@ -1,4 +1,4 @@
-"""Streets: the middle lines of the ground between buildings, and how wide it is there."""
+"""Middle lines of streets: the skeleton of open ground, and its widths."""
 
 from dataclasses import dataclass
 
@@ -7,23 +7,24 @@ import numpy as np
 from evocity.views.ground._kernels import link_lengths, thin, widths_across
 from evocity.views.ground.distance import nearest_built
 
-#: Ground wider than this, metres, is a square, a park or a field, and no street.
+#: Width above which ground is a square, a park or a field, not a street, metres.
 WIDEST = 60.0
-#: Dents of a wall no deeper than this, px, have no line of their own: rasters are full of them.
+#: Depth of a wall's dents up to which they get no line, px: rasters are full of dents.
 DENT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Streets:
-    """The lines streets run along, one pixel wide, in streets, alleys and courtyards alike.
+    """The middle lines of streets, alleys and courtyards, one pixel wide.
 
-    skeleton : bool ``(H, W)``: the middle lines of open ground, less where it is nearer to the
-        map's border than to a wall (the other wall is not on the map) or wider than `WIDEST`.
+    skeleton : bool ``(H, W)``: the middle lines of open ground. Ground has none where it is
+        wider than `WIDEST`, or nearer to the map's border than to a wall: the other wall is not on
+        the map.
     width : float32 ``(H, W)``: metres from wall to wall there, 0 elsewhere.
     widths : float32 ``(k,)``, metres: ``width`` on the k pixels of ``skeleton``, row by row.
-    lengths : float32 ``(k,)``, metres: how much of the lines each of these pixels stands for,
-        half of its links to the next ones.
-    length : metres, their sum.
+    lengths : float32 ``(k,)``, metres: the length of line of each of these pixels, half of its
+        links to the next pixels.
+    length : metres, the sum of lengths.
     """
 
     skeleton: np.ndarray
@@ -34,25 +35,25 @@ class Streets:
 
 
 def streets(built: np.ndarray, metres_per_pixel: float, widest: float = WIDEST) -> Streets:
-    """The skeleton of open ground and its widths.
+    """Compute the skeleton of open ground and its widths.
 
     Parameters
     ----------
     built : bool ``(H, W)``.
     metres_per_pixel : side of a pixel, metres.
-    widest : the widest ground that counts, metres.
+    widest : greatest width of ground that counts, metres.
 
-    The ground is thinned in the order of its distance from walls, its topology kept, down to
-    the pixels that have walls in directions 120° or more apart; then branches into dents of
-    walls (`DENT`) go. So corners and staircases of pixels have none. What is wider than
+    Thinning removes ground in the order of its distance from walls, and keeps its topology. It
+    keeps the pixels that have walls in directions 120° or more apart. Then branches into dents of
+    walls (`DENT`) go. So corners and staircases of pixels have no branches. Ground wider than
     ``widest`` or cut by the border is not thinned: lines end where they reach it. (The order:
     Pudney 1998, Computer Vision and Image Understanding 72:404-413; the angle: Malandain &
     Fernández-Vidal 1998, Image and Vision Computing 16:317-327.)
 
-    Twice the distance to the nearest built pixel would be a pixel too wide where the middle line
-    runs along pixel centres, and right where it runs between them. So the width is 1 px more
-    than the sum of the distances of two opposite neighbours, across the street: exactly w where a
-    street along the rows or columns is w px wide, within a pixel otherwise.
+    Twice the distance to the nearest built pixel is right where the middle line runs between pixel
+    centres. It is a pixel too wide where the line runs along them. So the width is the sum of the
+    distances of two opposite neighbours across the street, and 1 px. It is exact for streets along
+    rows or columns, and right within a pixel otherwise.
 
     3 to 5 ms at 256². All arrays are read-only.
     """

@@ -1,11 +1,11 @@
 """Streets: the graph of open ground's middle lines, with widths, kinds, places and quarters.
 
-- `skeleton`: the lines, their topology that of the ground; places kept open
-- `lines`: the graph they are; passages left out, dead ends pruned, crossings made one
-- `places`: squares, told from streets
-- `kinds`: a table of kinds of streets, and of what is a place: `StreetKinds`
+- `skeleton`: middle lines with the topology of the ground, around open places
+- `lines`: the graph of lines, without narrow passages and short dead ends, with merged crossings
+- `places`: squares and other wide, compact ground
+- `kinds`: a table of kinds of streets, and of the limits of a place: `StreetKinds`
 - `ribbons`: the surfaces of streets
-- `graph`: all of it: `street_graph`, `StreetGraph`
+- `graph`: the street graph of a map: `street_graph`, `StreetGraph`
 """
 
 from evocity.views.streets.graph import LEAST_WIDTH, SPURS, StreetGraph, street_graph

@@ -1,4 +1,4 @@
-"""The streets of a map as a graph: what is asked for, and what comes back."""
+"""The street graph of a map: nodes, edges, widths, kinds, places and quarters."""
 
 import dataclasses
 import os
@@ -11,29 +11,37 @@ import numpy as np
 
 from evocity.errors import MapError, setting
 from evocity.views.buildings import outlines
+from evocity.views.connected_components import pieces
 from evocity.views.ground.distance import nearest_built
-from evocity.views.pieces import pieces
+from evocity.views.limit_tables import read_only
 from evocity.views.streets._kernels import middles, smoothed, straight_on, thickness
 from evocity.views.streets.kinds import StreetKinds, packaged
-from evocity.views.streets.lines import Lines, across, chosen, reaching, whole
-from evocity.views.streets.places import Places, places_of
-from evocity.views.streets.ribbons import ribbons_of
+from evocity.views.streets.lines import (
+    Lines,
+    build_lines,
+    connected_to_frame,
+    edge_values,
+    select_streets,
+)
+from evocity.views.streets.places import Places, make_places
+from evocity.views.streets.ribbons import make_ribbons
 from evocity.views.streets.skeleton import Ground, skeleton
 
 if TYPE_CHECKING:
     import shapely
 
-#: Passages narrower than this, metres, are no streets: gaps between houses, ways into courts.
+#: Least width of a street, metres; narrower passages are gaps between houses and ways to courts.
 LEAST_WIDTH = 8.0
-#: A dead end must be longer than so many times the width of the street it begins at.
+#: Least length of a dead end, in widths of the street where it begins.
 SPURS = 1.0
 
-#: Ground is told to be no wider than this, metres.
+#: Greatest width in `StreetGraph.width_map`, metres.
 WIDEST = 100.0
 
-# A line is smoothed over so many pixels each way (the root of half the rounds).
+# Rounds of smoothing of a line; its root of half is the reach, px, each way.
 _ROUNDS = 18
-# A street goes on over a crossing if it turns by less than 45°, seen so many pixels from it.
+# A street continues over a crossing if it turns by less than 45°; directions are taken so many
+# pixels from the crossing.
 _STRAIGHT, _SEEN = np.cos(np.pi / 4), 8
 
 
@@ -41,21 +49,22 @@ _STRAIGHT, _SEEN = np.cos(np.pi / 4), 8
 class StreetGraph:
     """Streets as a graph, with places and quarters. Arrays are read-only.
 
-    nodes : float64 ``(n, 2)``, x and y of crossings, of ends, and of where streets leave the map.
-    degree : int32 ``(n,)``, how many ends of edges lie there. at_frame : bool ``(n,)``, whether
-    streets leave the map there; never in a closed city.
+    nodes : float64 ``(n, 2)``, x and y of crossings, ends, and exits from the map. degree : int32
+    ``(n,)``, number of ends of edges at each node. at_frame : bool ``(n,)``, whether streets leave
+    the map there; never in a closed city.
 
     edges : m shapely lines, each from node ``ends[k, 0]`` to node ``ends[k, 1]``, smooth, in open
     ground. ends : int32 ``(m, 2)``. length : float64 ``(m,)``, metres. width, least : float64
-    ``(m,)``, metres from wall to wall, its median and its least; beside a place, to the place's
-    middle. street : int32 ``(m,)``, the street that an edge is a part of, from 0: edges that go on
-    straight over a crossing are of one. kind : str ``(m,)``, after the table; ``"place"`` where
-    most of an edge lies in one, ``"water"`` where it lies in water. leaves : bool ``(m,)``, whether
-    an edge reaches the frame. place : int32 ``(m,)``, the place most of it lies in, −1 for none.
+    ``(m,)``, median and least width from wall to wall, metres; along a place, to the place's
+    middle. street : int32 ``(m,)``, the number of an edge's street, from 0: edges that go on
+    straight over a crossing belong to one street. kind : str ``(m,)``, from the table; ``"place"``
+    where most of an edge lies in a place, ``"water"`` where most of it lies in water. leaves : bool
+    ``(m,)``, whether an edge reaches the frame. place : int32 ``(m,)``, the place with most of the
+    edge, −1 for none.
 
-    places : `Places`. quarters : int32 ``(buildings,)``, from 0: the group of houses between
-    streets that each building is of; in the order of their labels. lines : bool ``(H, W)``, the
-    pixels of the edges.
+    places : `Places`. quarters : int32 ``(buildings,)``, from 0: the group of buildings between
+    streets, for each building in the order of their labels. lines : bool ``(H, W)``, the pixels of
+    the edges.
     """
 
     nodes: np.ndarray
@@ -73,28 +82,28 @@ class StreetGraph:
     places: Places
     quarters: np.ndarray
     lines: np.ndarray
-    _made: "_Made" = field(repr=False)
+    _input: "_Input" = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.edges)
 
     @cached_property
     def components(self) -> int:
-        """How many connected parts the graph has, lone nodes too."""
-        return self._made.lines.pieces()[0]
+        """Number of connected components of the graph, lone nodes included."""
+        return self._input.lines.pieces()[0]
 
     @property
     def cycles(self) -> int:
-        """How many independent cycles it has: edges − nodes + components."""
+        """Number of independent cycles: edges − nodes + components."""
         return len(self.edges) - len(self.nodes) + self.components
 
     @cached_property
     def width_map(self) -> np.ndarray:
         """Float32 ``(H, W)``: on open ground, courtyards too, the width in metres of the widest
-        disc in it that covers a pixel, which is that of the street, `WIDEST` at most; NaN
-        elsewhere. Right within a pixel. Where the frame is open, it is no wall. About 10 ms
-        at 256²."""
-        made = self._made
+        disc within it that covers a pixel, at most `WIDEST`; NaN elsewhere. It is the width of the
+        street, right within a pixel. An open frame does not count as a wall. About 10 ms at
+        256²."""
+        made = self._input
         ground, pixel = made.raw(), made.pixel
         most = WIDEST / pixel
         widest = int(np.ceil(most**2 / 4))
@@ -106,16 +115,16 @@ class StreetGraph:
         thickness(ground.open, ground.squares, ground.across, widest, spare, thick)
         np.minimum(thick, most, out=thick)
         thick = np.where(ground.open, thick * np.float32(pixel), np.float32(np.nan))
-        return _read_only(np.ascontiguousarray(thick[1:-1, 1:-1]))
+        return read_only(np.ascontiguousarray(thick[1:-1, 1:-1]))
 
     def ribbons(self, walls=None) -> np.ndarray:
-        """The surfaces of the streets: a polygon or multipolygon for each edge, smooth, as wide as
-        the street is there, cut at walls and at the frame. Where streets meet, they overlap.
+        """Make the surfaces of streets: a smooth polygon or multipolygon for each edge, as wide as
+        the street, cut at walls and at the frame. They overlap where streets meet.
 
         walls : polygons of buildings, such as ``city.walls.polygons``; None for the pixels' edges.
         About 0.2 s at 256².
         """
-        made = self._made
+        made = self._input
         halves = made.ground.across.ravel()[made.lines.path] * (made.pixel / 2)
         shape = made.open_ground.shape
         own = np.ones(shape, bool) if made.site is None else made.site
@@ -125,12 +134,12 @@ class StreetGraph:
         solid = np.array([polygon for some in solid for polygon in some], dtype=object)
         left, top = made.corner
         window = left, top - shape[0] * made.pixel, left + shape[1] * made.pixel, top
-        return ribbons_of(self.edges, halves, made.pixel, solid, window)
+        return make_ribbons(self.edges, halves, made.pixel, solid, window)
 
 
 @dataclass(frozen=True, eq=False)
-class _Made:
-    """What a graph was made of, for what few ask of it."""
+class _Input:
+    """The input of a graph, kept for its lazy properties."""
 
     ground: Ground
     lines: Lines
@@ -163,57 +172,57 @@ def street_graph(
 ) -> StreetGraph:
     """The street graph of open ground.
 
-    Ground is thinned to lines in the middle between walls, in the order of its distance from them,
-    so that its topology stays as it is (`evocity.views.ground.streets`). Where no passage is left
-    out, no spur pruned, and no place told from streets, each piece of ground has one component, and
-    each built component that does not touch the frame one independent cycle. Crossings within one
-    disc of open ground are one node.
+    Thinning reduces ground to lines in the middle between walls, and keeps its topology
+    (`evocity.views.ground.streets`). Without removed passages, pruned dead ends and places, each
+    piece of ground has one component. Each built component that does not touch the frame then has
+    one independent cycle. Crossings within one disc of open ground are one
+    node.
 
     Parameters
     ----------
     open_ground : bool ``(H, W)``. building_labels : int32 ``(H, W)``, 0, or 1…n on n buildings.
     metres_per_pixel : side of a pixel, metres. corner : (x, y) of the north-west corner, metres, x
     to the east, y to the north. site : bool ``(H, W)``, the map's own pixels, None for all.
-    closed : an open city's streets join its surroundings, and run out of the map; those of a closed
-        one do not: its frame is a wall.
-    least_width : edges that are anywhere narrower, metres, are left out. 0 leaves none out.
-    spurs : dead ends no longer than so many times the width of the ground they begin at are left
-        out. 0 leaves none out.
-    places : whether streets run round places, along their walls; else lines lead to their middles.
-    courts : whether ground stays that has no way to the frame, by lines or over places. Streets
-        are not courts.
+    closed : whether the frame is a wall. The streets of an open city run out of the map.
+    least_width : edges narrower at any point, metres, are left out. 0 keeps all.
+    spurs : dead ends no longer than so many times the width of the ground where they begin are left
+        out. 0 keeps all.
+    places : whether streets run round places, along their walls; otherwise lines lead to their
+        middles.
+    courts : whether lines stay that have no way to the frame, by lines or over places.
     kinds : a `StreetKinds`, or the path of its TOML file; None for the table of this package.
     water : bool ``(H, W)``, open ground that is water; None for a map without any.
 
     Raises
     ------
-    MapError : a parameter is no such number or mask, or the table is at fault.
+    MapError : a parameter is not such a number or mask, or the table is wrong.
 
     Sources: homotopic skeleton, widths, places, quarters and kinds, open and closed city, Marsault
-    2002 (§6.2) and 2005 (§3.3, fig. 12), which give no numbers; how, ours. About 20 ms at 256².
+    2002 (§6.2) and 2005 (§3.3, fig. 12), which give no numbers; the method is ours. About 20 ms
+    at 256².
     """
     _check_number("least_width", least_width, "metres, 0 or more")
     _check_number("spurs", spurs, "a number of widths, 0 or more")
     if water is not None and (np.asarray(water).dtype != bool or water.shape != open_ground.shape):
         raise MapError(
             f"water of {np.asarray(water).dtype} and shape {np.shape(water)}",
-            f"booleans of shape {open_ground.shape}, one a pixel of the map",
-            "make it so, for example numbers > 0",
+            f"booleans of shape {open_ground.shape}, one for each pixel of the map",
+            "convert it, for example water = numbers > 0",
         )
     table = packaged() if kinds is None else kinds
     table = table if isinstance(table, StreetKinds) else StreetKinds.read(table)
     pixel = float(metres_per_pixel)
     middle = max(table.place_width / pixel, 2.0) if places else None
     ground = skeleton(open_ground, site, closed, middle, least_width / pixel)
-    lines = chosen(whole(ground), ground, least_width / pixel, spurs, courts)
-    seen = reaching(lines, ground)[1] | courts
-    squares, where = places_of(ground, seen & (ground.hubs[1:] != 1), table, pixel, corner)
-    made = _Made(ground, lines, pixel, corner, open_ground, site, closed)
-    return _told(made, table, building_labels, squares, where, water)
+    lines = select_streets(build_lines(ground), ground, least_width / pixel, spurs, courts)
+    seen = connected_to_frame(lines, ground)[1] | courts
+    squares, where = make_places(ground, seen & (ground.hubs[1:] != 1), table, pixel, corner)
+    made = _Input(ground, lines, pixel, corner, open_ground, site, closed)
+    return _build(made, table, building_labels, squares, where, water)
 
 
-def _told(
-    made: _Made,
+def _build(
+    made: _Input,
     table: StreetKinds,
     building_labels: np.ndarray,
     places: Places,
@@ -223,8 +232,8 @@ def _told(
     import shapely
 
     ground, lines, pixel = made.ground, made.lines, made.pixel
-    outward = _outward(lines, made)
-    made = dataclasses.replace(made, lines=(lines := _with_ends(lines, outward)))
+    outward = _frame_shift(lines, made)
+    made = dataclasses.replace(made, lines=(lines := _repeat_ends(lines, outward)))
     many, count = len(lines.nodes), len(lines.first)
     pixels = np.column_stack(np.divmod(lines.nodes, ground.open.shape[1]))
     nodes, points = np.empty((many, 2)), np.empty((len(lines.path), 2))
@@ -232,20 +241,20 @@ def _told(
     nodes = np.where(outward != 0, pixels + outward, nodes)
     ends = np.stack([nodes[lines.first], nodes[lines.last]], axis=1)
     smoothed(lines.starts, lines.path, ground.squares, ends, _ROUNDS, points)
-    nodes, points = (_placed(some, made) for some in (nodes, points))
+    nodes, points = (_to_metres(pairs, made) for pairs in (nodes, points))
     edge = np.repeat(np.arange(count), np.diff(lines.starts))
     edges = shapely.linestrings(points, indices=edge)
     length = shapely.length(edges)
-    width, least = (some * pixel for some in across(lines, ground.across))
+    width, least = (values * pixel for values in edge_values(lines, ground.across))
     street = np.empty(count, np.int64)
     straight_on(lines.first, lines.last, _headings(points, lines.starts), _STRAIGHT, street)
     street = np.unique(street, return_inverse=True)[1]
-    place = _most(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
+    place = _majority(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
     kind = table.named(width, np.bincount(street, length)[street])
     kind = kind.astype(np.result_type(kind.dtype, "U5"))  # "place" and "water" have room
     kind[place >= 0] = "place"
     if water is not None:
-        kind[across(lines, np.pad(water, 1).astype(np.float32))[0] > 0.5] = "water"
+        kind[edge_values(lines, np.pad(water, 1).astype(np.float32))[0] > 0.5] = "water"
     drawn = np.zeros(ground.open.shape, bool)
     drawn.ravel()[lines.path] = drawn.ravel()[lines.nodes] = True
     drawn = np.ascontiguousarray(drawn[1:-1, 1:-1])
@@ -267,18 +276,19 @@ def _told(
     }
     for array in arrays.values():
         array.setflags(write=False)
-    return StreetGraph(edges=tuple(edges), places=places, _made=made, **arrays)
+    return StreetGraph(edges=tuple(edges), places=places, _input=made, **arrays)
 
 
-def _placed(points: np.ndarray, made: _Made) -> np.ndarray:
-    """x and y of ``points``, (row, column) of the bordered grid."""
+def _to_metres(points: np.ndarray, made: _Input) -> np.ndarray:
+    """Convert ``points``, (row, column) of the bordered grid, to x and y."""
     left, top = made.corner
     x = left + (points[:, 1] - 0.5) * made.pixel
     return np.column_stack([x, top - (points[:, 0] - 0.5) * made.pixel])
 
 
-def _outward(lines: Lines, made: _Made) -> np.ndarray:
-    """(n, 2), px: how far nodes at the frame lie off the middles of their pixels, on its edge."""
+def _frame_shift(lines: Lines, made: _Input) -> np.ndarray:
+    """Compute the shift of nodes at the frame from the middles of their pixels to its edge: (n, 2),
+    px."""
     own = np.ones(made.open_ground.shape, bool) if made.site is None else made.site
     within, columns = np.pad(own, 1).ravel(), made.ground.open.shape[1]
     moved = np.zeros((len(lines.nodes), 2))
@@ -288,9 +298,9 @@ def _outward(lines: Lines, made: _Made) -> np.ndarray:
     return moved
 
 
-def _with_ends(lines: Lines, outward: np.ndarray) -> Lines:
-    """The lines, an end at the frame told twice: in the middle of its pixel, whence no wall is in
-    the way, and on the frame."""
+def _repeat_ends(lines: Lines, outward: np.ndarray) -> Lines:
+    """Repeat the ends of lines at the frame: once in the middle of the pixel, from which no wall is
+    in the way, and once on the frame."""
     moved, times = outward.any(axis=1), np.ones(len(lines.path), np.int64)
     times[lines.starts[:-1]] += moved[lines.first]
     times[lines.starts[1:] - 1] += moved[lines.last]
@@ -299,7 +309,7 @@ def _with_ends(lines: Lines, outward: np.ndarray) -> Lines:
 
 
 def _headings(points: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """(m, 2, 2): unit vectors into each edge, from its first point and from its last."""
+    """Compute unit vectors into each edge, from its first point and from its last: (m, 2, 2)."""
     begin, end = starts[:-1], starts[1:] - 1
     seen = np.minimum(_SEEN, end - begin)
     ways = np.stack(
@@ -308,30 +318,25 @@ def _headings(points: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return ways / np.maximum(np.hypot(ways[..., :1], ways[..., 1:]), 1e-12)
 
 
-def _most(edge: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Int32 (count,): of each edge the value, 0 or more, that over half of its pixels have, or
-    −1."""
-    found = np.full(count, -1, np.int32)
+def _majority(edge: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Find the value, 0 or more, of over half the pixels of each edge: int32 (count,), −1 for
+    none."""
+    majority = np.full(count, -1, np.int32)
     sizes = np.bincount(edge, minlength=count)
     pairs, times = np.unique(np.column_stack([edge, values]), axis=0, return_counts=True)
     most = (2 * times > sizes[pairs[:, 0]]) & (pairs[:, 1] >= 0)
-    found[pairs[most, 0]] = pairs[most, 1]
-    return found
+    majority[pairs[most, 0]] = pairs[most, 1]
+    return majority
 
 
 def _quarters(building_labels: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Int32: of each building the piece between ``lines`` it stands in, from 0."""
+    """Find the piece between ``lines`` of each building: int32, from 0."""
     between, _ = pieces(~lines)
     own = np.zeros(building_labels.max(initial=0) + 1, np.int64)
     own[building_labels] = between
     return np.unique(own[1:], return_inverse=True)[1].astype(np.int32)
 
 
-def _check_number(name: str, value: object, wanted: str) -> None:
+def _check_number(name: str, value: object, expected: str) -> None:
     if not (isinstance(value, Real) and 0 <= value < np.inf):
-        raise MapError(setting(name, value), wanted, f"leave {name} out for the default")
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array
+        raise MapError(setting(name, value), expected, f"leave {name} out for the default")

@@ -1,4 +1,4 @@
-"""Places: open ground that is wide and compact, and no street."""
+"""Places: squares and other open ground that is wide and compact, not a street."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -7,8 +7,8 @@ import numpy as np
 import scipy
 
 from evocity.views.buildings import outlines
+from evocity.views.connected_components import pieces
 from evocity.views.ground.distance import nearest_built
-from evocity.views.pieces import pieces
 from evocity.views.streets.kinds import StreetKinds
 from evocity.views.streets.skeleton import Ground
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class Places:
     """Squares, and other ground as wide and compact.
 
-    polygons : n valid shapely polygons, along pixels' edges and rounded where no wall is,
-    courtyards and what stands on them as holes. area : float64 ``(n,)``, m². width : float64
-    ``(n,)``, metres, of the widest disc that has room.
+    polygons : n valid shapely polygons, along pixels' edges, rounded where no wall is, with
+    buildings and courtyards as holes. area : float64 ``(n,)``, m². width : float64 ``(n,)``,
+    metres, the diameter of the widest disc within each.
     """
 
     polygons: "tuple[shapely.Polygon, ...]"
@@ -33,19 +33,19 @@ class Places:
         return len(self.polygons)
 
 
-def places_of(
+def make_places(
     ground: Ground,
     kept: np.ndarray,
     kinds: StreetKinds,
     pixel: float,
     corner: tuple[float, float],
 ) -> tuple[Places, np.ndarray]:
-    """The places about those of the ``middles`` of a ground that are ``kept``, and int32 ``(H,
-    W)``, the place each pixel is of, from 0, −1 for none.
+    """Make the places around those ``middles`` of a ground that are ``kept``.
 
-    A place is all that discs cover whose centres lie in its middle, each as far as the walls; of
-    two that meet each pixel is of the nearer one. What reaches an open frame is none: nobody sees
-    where it ends.
+    Returns them, and int32 ``(H, W)``, the place of each pixel, from 0, −1 for none. A place is the
+    area of all discs with centres in its middle, each as wide as the walls allow. Where two places
+    meet, each pixel belongs to the nearer one. Ground that reaches an open frame is not a place,
+    because its end is not on the map.
     """
     shape = tuple(side - 2 for side in ground.open.shape)
     middles, count = ground.middles, len(ground.hubs) - 1
@@ -63,7 +63,7 @@ def places_of(
     number = np.zeros(count + 1, np.int32)
     present = np.flatnonzero(kept) + 1
     number[present] = np.arange(1, len(present) + 1)
-    whose = _in_one_piece(number[whose])
+    whose = _largest_pieces(number[whose])
     stairs = np.array(outlines(whose, pixel, corner), dtype=object)
     cores = np.array(outlines(number[middles[1:-1, 1:-1]], pixel, corner), dtype=object)
     rounded = shapely.intersection(stairs, shapely.buffer(cores, kinds.place_width / 2))
@@ -76,15 +76,15 @@ def places_of(
     np.maximum.at(widest, middles.ravel(), 2 * np.sqrt(ground.room.ravel()))
     became = np.where(fits, np.cumsum(fits) - 1, -1)
     where = np.concatenate([[-1], became]).astype(np.int32)[whose]
-    found = tuple(polygons[fits]), area[fits], widest[present][fits] * pixel
-    for array in found[1:]:
+    places = tuple(polygons[fits]), area[fits], widest[present][fits] * pixel
+    for array in places[1:]:
         array.setflags(write=False)
-    return Places(*found), where
+    return Places(*places), where
 
 
-def _in_one_piece(numbers: np.ndarray) -> np.ndarray:
-    """``numbers`` without what a corner of a building cuts off from a place: of each the largest
-    piece that hangs together by pixels' sides."""
+def _largest_pieces(numbers: np.ndarray) -> np.ndarray:
+    """Keep of each of the ``numbers`` the largest piece that connects by pixels' sides: a corner of
+    a building may cut off parts of a place."""
     kept = np.zeros_like(numbers)
     for number, window in enumerate(scipy.ndimage.find_objects(numbers), start=1):
         parts, _ = pieces(numbers[window] == number)
@@ -99,6 +99,6 @@ def _largest(polygon: "shapely.Geometry") -> "shapely.Geometry":
 
 
 def _sides(box: "shapely.Polygon") -> tuple[float, float]:
-    """The shorter and the longer side of a rectangle."""
+    """Measure the shorter and the longer side of a rectangle."""
     (x0, y0), (x1, y1), (x2, y2) = box.exterior.coords[:3]
     return tuple(sorted((np.hypot(x1 - x0, y1 - y0), np.hypot(x2 - x1, y2 - y1))))

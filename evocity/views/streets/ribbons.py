@@ -1,20 +1,20 @@
-"""The surfaces of streets."""
+"""Surfaces of streets: ribbons of discs along the middle lines, cut at walls."""
 
 import numpy as np
 import scipy
 
-# Of the points of a line every so many-th bears a disc; widths are evened over so many.
+# Step between discs along the points of a line; number of points over which widths are smoothed.
 _EVERY, _EVEN = 3, 9
 
 
-def ribbons_of(
+def make_ribbons(
     edges, halves: np.ndarray, pixel: float, solid: np.ndarray, window: tuple[float, ...]
 ) -> np.ndarray:
-    """A polygon or multipolygon a line: what discs cover that go along it.
+    """Make a polygon or multipolygon for each line: the area of discs that move along it.
 
-    edges : m shapely lines. halves : half the width at each of their points, one after another, m.
-    pixel : side of a pixel, m. solid : polygons to be cut out. window : left, bottom, right, top of
-    what is kept, m.
+    edges : m shapely lines. halves : half the width at each of their points, line after line, m.
+    pixel : side of a pixel, m. solid : polygons to cut out. window : left, bottom, right, top of
+    the result, m.
     """
     import shapely
 

@@ -1,13 +1,13 @@
-"""The middle lines of open ground, its topology kept."""
+"""Skeleton of open ground for streets: middle lines with its topology, around open places."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from evocity.views.connected_components import dilate, pieces
 from evocity.views.ground._kernels import thin, widths_across
 from evocity.views.ground.distance import nearest_built
 from evocity.views.ground.lines import DENT
-from evocity.views.pieces import pieces, widened
 from evocity.views.streets._kernels import exits
 
 
@@ -15,13 +15,14 @@ from evocity.views.streets._kernels import exits
 class Ground:
     """Open ground and its middle lines, with a border of a pixel: arrays ``(H + 2, W + 2)``.
 
-    open : bool, the ground. frame : bool, its pixels by which an open city goes on beyond the map
-    or its site. squares : int32, squared distance to the centre of the next wall's pixel, px; room
-    : the same, but that the middle of a place is no wall. beside : int32, what that wall is: 0 a
-    building; 1 the frame, or the middle of a place that reaches it; 2 and more, other places'.
-    middles : int32, the middles of places, labelled from 1. hubs : int32, what each of these is
-    beside a line, 0 first. lines : bool. exits : bool, the pixels by which they leave the map.
-    across : float32, width from wall to wall, px, on all ground.
+    open : bool, the ground. frame : bool, its pixels at the edge, where an open city continues
+    beyond the map or its site. squares : int32, squared distance to the centre of the nearest
+    wall's pixel, px. room : the same, but the middle of a place does not count as a wall. beside :
+    int32, the nearest wall: 0 a building; 1 the frame, or the middle of a place that reaches it; 2
+    and more, the middles of other places. middles : int32, the middles of places, labelled from 1.
+    hubs : int32, the number of each middle in ``beside``, with a 0 first. lines : bool. exits :
+    bool, the pixels where lines leave the map. across : float32, width from wall to wall, px, on
+    all ground.
     """
 
     open: np.ndarray
@@ -45,18 +46,19 @@ def skeleton(
 ) -> Ground:
     """Thin ``ground``, bool ``(H, W)``, to lines in the middle between walls.
 
-    Open: the frame is no wall. On each of its four sides lines run out of every stretch of ground
-    that is half of ``least`` px and more from walls, where it is farthest; a street whose other
-    wall is not on the map keeps off the one that is. Closed: the frame is a wall.
+    In an open city the frame is not a wall. On each of its four sides lines leave the stretches
+    of ground half of ``least`` px or more from walls, each at its farthest pixel. A street whose
+    other wall is not on the map keeps its distance from the wall on the map. In a ``closed`` city
+    the frame is a wall.
 
-    place : px. What lies half of it and more from all walls is the middle of a place, and stands as
-    a wall does: lines run round it. None: nothing is.
+    place : px. Ground at half of it or more from all walls is the middle of a place, and counts as
+    a wall: lines run round it. None makes no places.
     """
     within = np.pad(np.ones(ground.shape, bool) if site is None else site, 1)
     ground = np.pad(ground, 1)
-    frame = np.zeros(ground.shape, bool) if closed else ground & widened(~within)
+    frame = np.zeros(ground.shape, bool) if closed else ground & dilate(~within)
     walls = ~ground if closed else within & ~ground
-    if not walls.any():  # an open city without a wall has no middle but the map's
+    if not walls.any():  # in an open city without walls the frame counts as a wall
         walls, place = ~ground, None
     squares, nearest = nearest_built(walls)
     room, what = squares, (~within).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Which polygons do the walls bound? A valid coverage, whatever the map is like."""
+"""Polygon coverage of walls: valid polygons of all labels, with fallbacks where lines cross."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,17 @@ import numpy as np
 from evocity.views.walls import _kernels
 from evocity.views.walls.arcs import Arcs
 from evocity.views.walls.fitting._kernels import place_nodes
-from evocity.views.walls.fitting.lines import TOLERANCE, Lines, meeting
+from evocity.views.walls.fitting.lines import TOLERANCE, Lines, node_runs
 
-#: No node moves farther from where three labels meet, px, and no corner from where runs part.
+#: Greatest move of a node from the meeting of three labels, and of a corner from the break of two
+#: runs, px.
 _MOST = 2.0
-#: Corners are whole multiples of a millimetre from the map's south-west corner, or of a thousandth
-#: of a pixel where that is less: files that keep no more hold the same valid polygons.
+#: Grid of corners, metres from the map's south-west corner; or a thousandth of a pixel, if that is
+#: less. So files with this precision hold the same valid polygons.
 GRAIN = 1e-3
-#: Buildings of no more pixels are told by their corners: they are no triangles.
+#: Most pixels of a building that must not become a triangle.
 FEW = 4
-#: What an arc is drawn by.
+#: Levels of an arc: fitted lines, simplified edges of pixels, edges of pixels.
 FITTED, SIMPLIFIED, STAIRS = 0, 1, 2
 
 
@@ -24,9 +25,9 @@ FITTED, SIMPLIFIED, STAIRS = 0, 1, 2
 class Coverage:
     """Polygons of labels.
 
-    polygons : objects ``(n,)``, valid shapely polygons that overlap nowhere; what two share, both
-        have alike.
-    labels : int32 ``(n,)``: whose each is.
+    polygons : objects ``(n,)``, valid shapely polygons without overlaps; two polygons have the same
+        points along a shared wall.
+    labels : int32 ``(n,)``: the label of each.
     levels : uint8, of each arc: 0 fitted, 1 simplified by Douglas and Peucker, 2 pixels' edges.
     """
 
@@ -35,14 +36,14 @@ class Coverage:
     levels: np.ndarray
 
 
-def covered(
+def build_coverage(
     arcs: Arcs, lines: Lines, metres_per_pixel: float, corner: tuple[float, float]
 ) -> Coverage:
-    """Polygons of all labels over 0, in metres; ``corner``: (x, y) of the north-west one.
+    """Make polygons of all labels over 0, in metres; ``corner``: (x, y) of the north-west corner.
 
-    Where fitted walls cross, or a polygon is invalid, or unlike its pixels, its arcs fall back to
-    what Douglas and Peucker leave of them, then to the pixels' edges, of which any map's polygons
-    are valid.
+    Arcs fall back where fitted walls cross, or a polygon is invalid or unlike its pixels: first to
+    edges simplified by Douglas and Peucker, then to the pixels' edges. Polygons of pixels' edges
+    are valid on any map.
     """
     import shapely  # slow to load
 
@@ -51,20 +52,20 @@ def covered(
     nodes = _nodes(arcs, lines)
     rings = _Rings(arcs)
     fixed = arcs.beyond
-    # what is closed by less than three lines is a pixel or two
+    # a closed arc of fewer than three lines encloses a pixel or two
     small = arcs.closed & (np.diff(lines.begins) < 3) & (lines.box_of < 0)
     levels = np.where(fixed | small, STAIRS, FITTED).astype(np.uint8)
 
-    def laid():
+    def lay():
         still = np.zeros(len(arcs.nodes), bool)
         stairs = (levels == STAIRS) & ~fixed & ~arcs.closed
         still[arcs.ends[stairs].ravel()] = True
         at = np.where(still[:, None], arcs.nodes, nodes)
-        points, starts = _laid(arcs, lines, at, levels)
-        return _grained(points, metres_per_pixel, len(arcs.labels), corner), starts
+        points, starts = _lay_arcs(arcs, lines, at, levels)
+        return _to_grid(points, metres_per_pixel, len(arcs.labels), corner), starts
 
     while True:
-        points, starts = laid()
+        points, starts = lay()
         odd = rings.odd(points, starts, metres_per_pixel) & (levels < STAIRS)[:, None]
         if odd.any():
             levels[odd[:, 0]] += 1
@@ -74,7 +75,7 @@ def covered(
         bad = ~shapely.is_valid(polygons)
         edges = shapely.coverage_invalid_edges(polygons)
         bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
-        bad |= pinched(polygons)
+        bad |= find_pinched(polygons)
         if not bad.any():
             return Coverage(shapely.remove_repeated_points(polygons), labels, levels)
         wrong = np.unique(labels[bad])
@@ -82,27 +83,28 @@ def covered(
         crossing = _crossing(points, starts, beside) & (levels < STAIRS)
         if not crossing.any():
             crossing = beside & (levels < STAIRS)
-        if not crossing.any():  # about these all is as the pixels are: what touches it gives way
+        if not crossing.any():  # these have pixels' edges already: their neighbours give way
             crossing = levels < STAIRS
-        while crossing.any():  # which is quickly told beside what is valid
+        while crossing.any():  # a test of crossings is quicker than one of validity
             levels[crossing] += 1
-            points, starts = laid()
+            points, starts = lay()
             crossing = _crossing(points, starts, beside) & (levels < STAIRS)
 
 
-def _grained(
+def _to_grid(
     points: np.ndarray, metres_per_pixel: float, rows: int, corner: tuple[float, float]
 ) -> np.ndarray:
-    """Pixels' ``points`` in metres, x to the east, y to the north, on the grid of `GRAIN`."""
+    """Convert ``points`` from pixels to metres, x to the east, y to the north, on the grid of
+    `GRAIN`."""
     grain = min(1.0, metres_per_pixel) * GRAIN
     deep = rows * metres_per_pixel
     local = np.column_stack([points[:, 0], rows - points[:, 1]]) * metres_per_pixel
     return np.round(local / grain) * grain + (corner[0], corner[1] - deep)
 
 
-def pinched(polygons: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: which polygons come to one point twice; as solids they had an edge of four
-    walls."""
+def find_pinched(polygons: np.ndarray) -> np.ndarray:
+    """Select the polygons that pass a point twice: bool ``(n,)``. As solids they would have an edge
+    of four walls."""
     import shapely
 
     plain = shapely.remove_repeated_points(polygons)
@@ -113,15 +115,15 @@ def pinched(polygons: np.ndarray) -> np.ndarray:
     order = np.lexsort((points[:, 1], points[:, 0], owner))
     points, owner = points[order], owner[order]
     twice = (points[1:] == points[:-1]).all(axis=1) & (owner[1:] == owner[:-1])
-    found = np.zeros(len(polygons), bool)
-    found[owner[1:][twice]] = True
+    pinches = np.zeros(len(polygons), bool)
+    pinches[owner[1:][twice]] = True
     holed = np.flatnonzero(shapely.get_num_interior_rings(plain))  # with a corner on a wall
-    found[holed] |= shapely.minimum_clearance(plain[holed]) < 1e-6
-    return found
+    pinches[holed] |= shapely.minimum_clearance(plain[holed]) < 1e-6
+    return pinches
 
 
 def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:
-    """Where the nodes go: float64 ``(m, 2)``."""
+    """Place the nodes: float64 ``(m, 2)``."""
     nodes = arcs.nodes.astype(np.float64)
     height, width = arcs.labels.shape
     sides = np.zeros(len(nodes), np.int8)
@@ -129,18 +131,18 @@ def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:
     sides[beyond[beyond >= 0]] = 3
     x, y = arcs.nodes.T
     along_x, along_y = (y == 0) | (y == height), (x == 0) | (x == width)
-    # on the border of a map that is a rectangle they slide
+    # on the border of a rectangular map nodes slide
     if not arcs.part:
         sides[along_x & ~along_y] = 1
         sides[along_y & ~along_x] = 2
-    which, begins = meeting(arcs, lines.begins)
+    which, begins = node_runs(arcs, lines.begins)
     place_nodes(nodes, which, begins, lines.lines, lines.line, sides, _MOST)
     nodes[:, 0] = np.clip(nodes[:, 0], 0, width)
     nodes[:, 1] = np.clip(nodes[:, 1], 0, height)
     return nodes
 
 
-def _laid(arcs: Arcs, lines: Lines, nodes, levels) -> tuple[np.ndarray, np.ndarray]:
+def _lay_arcs(arcs: Arcs, lines: Lines, nodes, levels) -> tuple[np.ndarray, np.ndarray]:
     points = np.empty((2 * len(arcs.vertices) + 2 * len(arcs), 2))
     starts = np.empty(len(arcs) + 1, np.int64)
     _kernels.lay_arcs(
@@ -167,37 +169,37 @@ def _laid(arcs: Arcs, lines: Lines, nodes, levels) -> tuple[np.ndarray, np.ndarr
 
 
 def _crossing(points: np.ndarray, starts: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """Bool ``(n,)``: which arcs ``among`` these cross another of them, or themselves, but where
-    they end."""
+    """Select the arcs ``among`` these that cross another of them, or themselves, except at their
+    ends: bool ``(n,)``."""
     import shapely
 
     arc = np.repeat(np.arange(len(among)), np.diff(starts))
     begins = np.flatnonzero((arc[:-1] == arc[1:]) & among[arc[:-1]])
-    found = np.zeros(len(among), bool)
+    crossing = np.zeros(len(among), bool)
     if not len(begins):
-        return found
+        return crossing
     ends = np.stack([points[begins], points[begins + 1]], axis=1)
     segments = shapely.linestrings(ends)
     one, other = shapely.STRtree(segments).query(segments, predicate="intersects")
     one, other = one[one < other], other[one < other]
     a, b = ends[one], ends[other]
-    # that share an end, and go apart from there
+    # pairs that share an end and diverge from there
     shared = np.zeros(len(one), bool)
     for i in range(2):
         for j in range(2):
             same = (a[:, i] == b[:, j]).all(axis=1)
             u, v = a[:, 1 - i] - a[:, i], b[:, 1 - j] - b[:, j]
             cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-            apart = (np.abs(cross) > 1e-9) | ((u * v).sum(axis=1) < 0)
-            shared |= same & apart
-    found[arc[begins[one[~shared]]]] = True
-    found[arc[begins[other[~shared]]]] = True
-    return found & among
+            diverge = (np.abs(cross) > 1e-9) | ((u * v).sum(axis=1) < 0)
+            shared |= same & diverge
+    crossing[arc[begins[one[~shared]]]] = True
+    crossing[arc[begins[other[~shared]]]] = True
+    return crossing & among
 
 
 class _Rings:
-    """How half arcs follow each other about each label: 2a as arc a runs, its left label on the
-    left; 2a + 1 backwards."""
+    """The rings of half arcs around each label: half arc 2a is arc a forwards, with its left label
+    on the left; 2a + 1 is arc a backwards."""
 
     def __init__(self, arcs: Arcs):
         count = len(arcs)
@@ -205,7 +207,7 @@ class _Rings:
         begin, end = np.empty((2, 2 * count), np.int64)
         begin[0::2], begin[1::2] = arcs.ends[:, 0], arcs.ends[:, 1]
         end[0::2], end[1::2] = arcs.ends[:, 1], arcs.ends[:, 0]
-        after = np.arange(2 * count)  # what is closed follows itself
+        after = np.arange(2 * count)  # a closed arc follows itself
         halves = np.flatnonzero((begin >= 0) & (label > 0))
         base = int(label.max(initial=0)) + 1
         keys = begin[halves] * base + label[halves]
@@ -218,7 +220,7 @@ class _Rings:
         self._count = int(np.count_nonzero(ring_of >= 0))
         self._labels = np.zeros(rings, np.int32)
         self._labels[ring_of[ring_of >= 0]] = label[ring_of >= 0]
-        # as the pixels have them: shells are left of their arcs, holes right
+        # by the pixels' edges: shells are left of their arcs, holes right
         corners = arcs.vertices.astype(np.float64)
         corners[:, 1] *= -1
         points, at = self._points(corners, arcs.starts)
@@ -232,9 +234,12 @@ class _Rings:
         return out[:size], at[:size]
 
     def odd(self, points, starts, metres_per_pixel: float) -> np.ndarray:
-        """Bool ``(arcs, 2)``: those of rings that turned over, or fell together, and of buildings
-        that are less than half, or more than twice as large as their pixels; and those that are a
-        point, or of buildings of some pixels that are triangles."""
+        """Select arcs that must fall back: bool ``(arcs, 2)``.
+
+        First column: arcs of rings that turned over or collapsed, and of buildings less than half
+        or more than twice as large as their pixels. Second: arcs that are a point, and those of
+        triangles for buildings of a few pixels.
+        """
         out, at = self._points(points, starts)
         areas = _areas(out, at, len(self._labels))
         same = (at[1:] == at[:-1]) & (out[1:] == out[:-1]).all(axis=1)
@@ -245,16 +250,16 @@ class _Rings:
         share /= np.maximum(self._pixels, 1)
         unlike = ((share < 0.5) | (share > 2))[self._labels]
         triangle = self._shell & (corners < 4) & (self._pixels[self._labels] <= FEW)
-        found = np.empty((len(starts) - 1, 2), bool)
+        odd = np.empty((len(starts) - 1, 2), bool)
         for column, of_ring in enumerate((flat | unlike, triangle)):
             of_half = (self._ring_of >= 0) & of_ring[self._ring_of]
-            found[:, column] = of_half.reshape(-1, 2).any(axis=1)
+            odd[:, column] = of_half.reshape(-1, 2).any(axis=1)
         first, last = points[starts[:-1]], points[starts[1:] - 1]
-        found[:, 1] |= (np.diff(starts) == 2) & (first == last).all(axis=1)
-        return found
+        odd[:, 1] |= (np.diff(starts) == 2) & (first == last).all(axis=1)
+        return odd
 
     def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray]:
-        """Polygons, and their labels; of rings that are not `odd`."""
+        """Make polygons, and their labels, of rings that are not `odd`."""
         import shapely
 
         out, at = self._points(points, starts)
@@ -266,31 +271,29 @@ class _Rings:
             order = np.argsort(owner, kind="stable")
             having, first = np.unique(owner[order], return_index=True)
             parts = np.split(rings[holes][order], first[1:])
-            for one, inner in zip(having, parts, strict=True):
-                polygons[one] = shapely.polygons(rings[shells[one]], inner)
+            for k, inner in zip(having, parts, strict=True):
+                polygons[k] = shapely.polygons(rings[shells[k]], inner)
         return polygons, self._labels[shells]
 
     def _owners(self, shells, holes, polygons, rings) -> np.ndarray:
-        """Which of the ``shells`` each of the ``holes`` is in."""
+        """Find the one of the ``shells`` around each of the ``holes``."""
         import shapely
 
         labels, counts = np.unique(self._labels[shells], return_counts=True)
         of_label = np.full(int(labels.max(initial=0)) + 1, -1)
         of_label[self._labels[shells]] = np.arange(len(shells))
         owner = of_label[self._labels[holes]]
-        for label in labels[counts > 1]:  # cut in parts where it met itself
+        for label in labels[counts > 1]:  # in parts where it touched itself
             own = np.flatnonzero(self._labels[shells] == label)
             for hole in np.flatnonzero(self._labels[holes] == label):
                 inside = shapely.Polygon(rings[holes[hole]]).representative_point()
-                areas = [
-                    polygons[one].area if polygons[one].covers(inside) else np.inf for one in own
-                ]
+                areas = [polygons[k].area if polygons[k].covers(inside) else np.inf for k in own]
                 owner[hole] = own[int(np.argmin(areas))]
         return owner
 
 
 def _areas(points: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
-    """Signed area of each ring, over 0 if it runs against the clock."""
+    """Compute the signed area of each ring, above 0 if it runs counter-clockwise."""
     if len(points) < 2:
         return np.zeros(count)
     same = at[1:] == at[:-1]

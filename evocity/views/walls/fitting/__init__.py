@@ -1,4 +1,4 @@
-"""Straight lines in place of staircases.
+"""Fitting of straight lines to the staircases of walls.
 
-- `lines`: the runs of a wall, the lines fitted to them, and where they meet
+- `lines`: straight runs of walls, the lines fitted to them, and the nodes where they meet
 """

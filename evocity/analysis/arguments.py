@@ -1,0 +1,63 @@
+"""Arguments that choose births: ids, individuals, frames, conditions, counts."""
+
+from collections.abc import Iterable
+from numbers import Integral
+
+import numpy as np
+
+from evocity.analysis.births import Births
+from evocity.analysis.condition import Condition
+from evocity.errors import EvocityError, RunError, spell
+
+
+def ids_of(which: object, births: Births) -> np.ndarray:
+    """Return the ids, int64, that ``which`` names: an id, an individual, an entry of `Run.keep`,
+    several of these, or a frame of births. Raises `RunError` for an id of no birth."""
+    which = getattr(which, "individual", which)
+    if isinstance(which, Integral) or hasattr(which, "birth"):
+        which = [which]
+    index = getattr(which, "index", None)
+    listed = which if index is None or callable(index) else index  # of a pandas frame
+    if not isinstance(listed, Iterable) or isinstance(listed, str):
+        raise RunError(
+            f"{births.run.path}: {spell(which)} does not name births",
+            "ids, individuals, or a data frame of births",
+            "give for example run.archive.ids",
+        )
+    listed = [getattr(one, "individual", one) for one in listed]
+    here = births.run.path.resolve()
+    for one in listed:
+        if hasattr(one, "birth") and one.run.path.resolve() != here:
+            raise RunError(
+                f"{births.run.path}: {one} is not an individual of this run",
+                "an individual of this run",
+                "use the run of that individual",
+            )
+    return births.ids[births.rows([getattr(one, "id", one) for one in listed])]
+
+
+def ids_of_any(which: object, births: Births) -> np.ndarray:
+    """Return the ids that ``which`` names, as `ids_of` or by a condition, see `Run.where`."""
+    if isinstance(which, str):
+        return births.ids[mask_of(which, births)]
+    return ids_of(which, births)
+
+
+def mask_of(condition: str, births: Births) -> np.ndarray:
+    """Return which births meet a ``condition``, bool ``(n,)``."""
+    return Condition.read(condition, births.columns).kept(births.column, len(births))
+
+
+def check_count(name: str, count: object, most: int | None = None) -> None:
+    """Raise `EvocityError` unless ``count`` is a whole number from 1 to ``most``, if given."""
+    whole = isinstance(count, Integral) and not isinstance(count, bool)
+    if not whole or count < 1:
+        raise EvocityError(
+            f"{name} = {spell(count)}", "a whole number, 1 or more", "give for example 5"
+        )
+    if most is not None and count > most:
+        raise EvocityError(
+            f"{name} = {count} of {most} births",
+            f"a whole number from 1 to {most}" if most else "births to choose from",
+            "choose a smaller one, or name other births with of=" if most else "name births: of=",
+        )

@@ -1,0 +1,204 @@
+"""Scores and chosen births as files: CSV, a zip with all files of each, a contact sheet."""
+
+import csv
+import math
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from evocity.analysis.births import Births
+from evocity.analysis.goals import Aim
+from evocity.analysis.individual import Individual
+from evocity.analysis.shortlist import ShortlistEntry
+from evocity.analysis.thumbnails import highest_of
+from evocity.errors import RunError, check_word, keyword, reason_of, setting
+from evocity.files import whole_file
+from evocity.pictures.sheet import columns_for, sheet_of
+
+FORMS = ("plain", "design-explorer")
+# Files of each birth in a zip.
+_FILES = ("map.tif", "footprints.gpkg", "picture.png", "genome.parquet", "scene.glb")
+# Maps on one sheet, at most.
+MOST = 400
+# Spreadsheets take a text with one of these first letters for a formula.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def write_csv(
+    births: Births, ids: np.ndarray, path: str | os.PathLike, form: str = "plain"
+) -> None:
+    """Write the scores of the births ``ids`` as CSV, see `Run.to_csv`. Raises `RunError` for
+    another ``form``, and where the file cannot be written; then no file is left."""
+    path = Path(path)
+    check_word("form", form, FORMS, error=RunError)
+    rows = births.rows(ids)
+    if form == "plain":
+        names = births.columns
+        columns = [births.column(name)[rows] for name in ["id", *(n for n in names if n != "id")]]
+        heads = ["id", *(n for n in names if n != "id")]
+        with _written(path) as temporary:
+            _write(temporary, heads, zip(*(one.tolist() for one in columns), strict=True))
+        return
+    pictures = path.with_name(f"{path.stem}-pictures")
+    if os.path.lexists(pictures):
+        raise RunError(
+            f"{pictures} exists already",
+            "a new folder for the pictures of this table",
+            "choose another name, or remove that folder",
+        )
+    individuals = [Individual(births, one) for one in ids.tolist()]
+    with ExitStack() as undo:
+        with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
+            made = Path(hidden) / "pictures"
+            made.mkdir()
+            for one in individuals:
+                one.save(made / f"{one.id}.png")
+            _write(temporary, *_explored(births, individuals, pictures.name))
+            made.rename(pictures)
+            undo.callback(shutil.rmtree, pictures, ignore_errors=True)
+        undo.pop_all()  # the table is written: keep its pictures
+
+
+def _explored(
+    births: Births, individuals: Sequence[Individual], pictures: str
+) -> tuple[list[str], Iterator[list]]:
+    """Heads and rows for Design Explorer: inputs, outputs, a picture."""
+    cities, measures = births.run.header.cities, births.run.header.columns
+    heads = ["in:id", "in:generation", "in:operator", *(f"in:{city}" for city in cities)]
+    heads += [*(f"out:{name}" for name in measures), "img"]
+
+    def row(one: Individual) -> list:
+        shares, scores = one.ancestry(), one.scores
+        values = [one.id, one.generation, one.operator, *(shares.get(c, 0.0) for c in cities)]
+        return [*values, *(scores.get(m, math.nan) for m in measures), f"{pictures}/{one.id}.png"]
+
+    return heads, map(row, individuals)
+
+
+def write_several(
+    individuals: Sequence[Individual],
+    path: str | os.PathLike,
+    at: str | None = None,
+    roles: Mapping[int, str] | None = None,
+) -> None:
+    """Write births into one file, see `Run.save`: all files of each into a .zip, their maps on a
+    contact sheet into a .png. ``at``: see `Individual.save`. ``roles``: id -> why it is kept.
+
+    Raises `RunError` for another ending, and where the file cannot be written; then no file is
+    left.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".zip", ".png"):
+        raise RunError(
+            f"{path.name} cannot hold several births",
+            "a name that ends in .zip, or in .png for a contact sheet",
+            "choose such a name; run[97].save(…) writes a single birth, as .gpkg, .tif and others",
+        )
+    if not individuals:
+        raise RunError(
+            "no births to save", "at least one birth", "choose births, for example run.front()"
+        )
+    each = list(dict.fromkeys(individuals))
+    if suffix == ".zip":
+        _write_zip(each, path, at)
+    else:
+        _write_sheet(each, path, at, roles or {})
+
+
+def roles_of(which: object) -> dict[int, str]:
+    """Return id -> role of the entries of a `Shortlist`; nothing for other births."""
+    several = which if isinstance(which, list | tuple) else [which]
+    return {one.individual.id: one.role for one in several if isinstance(one, ShortlistEntry)}
+
+
+def _write_sheet(
+    individuals: Sequence[Individual], path: Path, at: str | None, roles: Mapping[int, str]
+) -> None:
+    """Their maps side by side with ids, ``roles`` and scores, on the run's scale of heights."""
+    if at is not None:
+        raise RunError(
+            f"{setting('at', at)} does not fit {path.name}, a contact sheet",
+            "an output .zip: only its files have a place on Earth",
+            f"leave {keyword('at')} out",
+        )
+    if len(individuals) > MOST:
+        raise RunError(
+            f"{len(individuals)} births are too many for one sheet",
+            f"at most {MOST} births",
+            "choose fewer births",
+        )
+    births = individuals[0].births
+    cells = []
+    for one in individuals:
+        head, *scores = caption(one.id, births.logged, one.scores)
+        role = [roles.get(one.id, "")] if roles else []
+        cells.append((one.city, [head, *role, *scores]))
+    attribution = births.run.header.attribution
+    columns = columns_for(len(cells))
+    sheet = sheet_of(cells, births.run.name, highest_of(births), attribution, columns)
+    with _written(path) as temporary:
+        sheet.save(temporary, format="PNG")
+
+
+def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -> list[str]:
+    """Return the lines beneath a map on a sheet: its id and all logged measures."""
+    lines = (f"{aim.name} {values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip() for aim in aims)
+    return [f"individual {identifier}", *lines]
+
+
+def _write_zip(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
+    """A folder per birth with its map as GeoTIFF, footprints, a picture, its genome and its scene;
+    the table ``scores.csv``; and the attribution."""
+    births = individuals[0].births
+    with (
+        _written(path) as temporary,
+        tempfile.TemporaryDirectory() as folder,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for one in individuals:
+            for name in _FILES:
+                file = Path(folder) / name
+                one.save(file, at)
+                archive.write(file, f"{one.id}/{name}")
+        ids = np.array([one.id for one in individuals])
+        write_csv(births, ids, Path(folder) / "scores.csv")
+        archive.write(Path(folder) / "scores.csv", "scores.csv")
+        credit = births.run.header.attribution.replace("; ", "\n") or "The source maps state none."
+        archive.writestr("ATTRIBUTION.txt", credit + "\n")
+
+
+def _write(path: Path, heads: Sequence[str], rows: Iterable[Iterable]) -> None:
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(map(_cell, heads))
+        writer.writerows(map(_cell, row) for row in rows)
+
+
+def _cell(value: object) -> object:
+    """A value of a table: empty for no value; a text never begins like a formula."""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(value)
+    if isinstance(value, str) and value.startswith(_FORMULA):
+        return "'" + value
+    return value
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[Path]:
+    """A temporary path, which becomes ``path``."""
+    try:
+        with whole_file(path) as temporary:
+            yield temporary
+    except OSError as error:
+        raise RunError(
+            f"{path} cannot be written: {reason_of(error)}",
+            "a folder that you may write to, with space left",
+            "free space, or choose another place",
+        ) from error

@@ -1,0 +1,132 @@
+"""Checks of outputs, range blocks and zooms before the work of a command; writing of files."""
+
+import contextlib
+import os
+from collections.abc import Collection, Iterator
+from math import gcd
+from pathlib import Path
+
+from evocity.errors import EvocityError, reason_of, setting
+from evocity.files import whole_file
+
+# Suffixes of files of three dimensions, which only `evocity scene` writes.
+_SCENES = (".glb", ".obj", ".wrl", ".x3d")
+
+
+def check_output(path: Path, source: str, suffixes: Collection[str] = ()) -> None:
+    """Raise `EvocityError`, before any work, if the file ``path`` cannot be written.
+
+    source : what the command reads; it is never overwritten.
+    suffixes : endings that ``path`` may have; any if there are none.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        first = "write a .tif, then: evocity scene FILE.tif -o " + path.name
+        raise EvocityError(
+            f"{path.name}: {path.suffix or 'a file without a suffix'} cannot be written here",
+            f"a name that ends in {', '.join(sorted(suffixes))}",
+            first if path.suffix.lower() in _SCENES else "choose another name after -o",
+        )
+    if path.is_dir():
+        raise EvocityError(
+            f"{str(path)!r} is a folder", "a file name", "add the name of a file in that folder"
+        )
+    check_folder(path.parent)
+    with contextlib.suppress(OSError):
+        if path.samefile(source):
+            raise EvocityError(
+                f"{str(path)!r} is both read and written",
+                "an output other than the input",
+                "choose another name after -o",
+            )
+
+
+def check_genome_output(path: Path, *sources: str) -> None:
+    """`check_output` of a genome file. Raises `EvocityError` for the name of a map, too."""
+    from evocity.io import suffixes
+
+    for source in sources:
+        check_output(path, source)
+    if any(path.name.lower().endswith(suffix) for suffix in suffixes()):
+        raise EvocityError(
+            f"{path.name} is the name of a map, not of a genome",
+            "the name of a genome file, such as genome.parquet",
+            "choose a name that ends in .parquet; to write a map, use evocity decode",
+        )
+
+
+def check_folder(folder: Path) -> None:
+    """Raise `EvocityError` unless this user can create files in ``folder``."""
+    if not folder.is_dir():
+        raise EvocityError(
+            f"there is no folder {str(folder)!r}",
+            "a file name in an existing folder",
+            "make that folder first, or choose another name",
+        )
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise EvocityError(
+            f"this user may not write in the folder {str(folder)!r}",
+            "a folder this user may write to",
+            "change the permissions of the folder, or choose another folder",
+        )
+
+
+@contextlib.contextmanager
+def report_write_errors(path: Path) -> Iterator[None]:
+    """Turn errors of the operating system, while ``path`` is written, into `EvocityError`."""
+    try:
+        yield
+    except OSError as error:
+        raise EvocityError(
+            f"{str(path)!r} cannot be written: {reason_of(error)}",
+            "a folder this user may write to, with free space",
+            "check permissions and free space, or choose another place",
+        ) from error
+
+
+@contextlib.contextmanager
+def replace_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path that becomes ``path``, as in `whole_file`; raise `EvocityError`."""
+    with report_write_errors(path), whole_file(path) as temporary:
+        yield temporary
+
+
+def check_block(city, block: int | tuple[int, int] | None) -> None:
+    """Raise `EvocityError` if range blocks do not cover a map; it names options that do."""
+    height, width = city.shape
+    if block is None:
+        return
+    finest, block = (None, block) if isinstance(block, int) else block
+    if block < 2 or not (height % block or width % block):
+        return
+    side = min(height, width) // block * block
+    if finest is None:
+        largest = min(height, width) // 2  # a domain block is at least twice as large
+        fitting = [size for size in range(2, largest + 1) if gcd(height, width) % size == 0]
+        near = min(fitting, key=lambda size: abs(size - block), default=None)
+    else:
+        from evocity.pavement.levels import halved_sides
+
+        roots = [side for side in halved_sides(finest, block) if side > finest]
+        root = next((side for side in roots if gcd(height, width) % side == 0), None)
+        near = None if root is None else f"{finest}-{root}"
+    options = [f"--pixels {side}"] * (side > 0) + [f"--block {near}"] * (near is not None)
+    raise EvocityError(
+        f"{city.name}: {height} × {width} px do not fit range blocks of {block} px",
+        f"sides that are multiples of {block}",
+        f"give {' or '.join(options) or 'another window'}",
+    )
+
+
+def check_zoom(pavement, zoom: float) -> None:
+    """Raise `EvocityError` if a genome of this ``pavement`` decodes at ``zoom`` to a map that is
+    too large."""
+    from evocity.citymap import MAX_PIXELS
+
+    pixels = pavement.height * pavement.width * zoom**2
+    if pixels > MAX_PIXELS:
+        most = (MAX_PIXELS / (pavement.height * pavement.width)) ** 0.5
+        raise EvocityError(
+            f"{setting('zoom', zoom)} makes a map of {pixels / 1e6:.0f} million pixels",
+            f"at most {MAX_PIXELS // 10**6} million",
+            f"choose a zoom below {most:.0f}",
+        )

@@ -1,0 +1,84 @@
+"""Groups of commands; exit codes and messages of errors, in the words of the command line."""
+
+import os
+
+import click
+
+from evocity.cli.shared.options import MAP_OPTIONS
+from evocity.cli.shared.terminal import echo
+from evocity.errors import EvocityError, RecipeError, replace_parameters
+
+# A recipe's faults are printed all at once, up to so many bytes.
+_LONGEST_LIST = 20_000
+
+
+class InputFault(click.ClickException):
+    """The user's input is at fault: a message, no traceback, exit code 2."""
+
+    exit_code = 2
+
+
+class RunFailed(click.ClickException):
+    """The run failed: a message, no traceback, exit code 1."""
+
+    exit_code = 1
+
+
+class Commands(click.Group):
+    """Commands in the order of use; input at fault ends any of them with exit code 2."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context):
+        # OpenBLAS's threads look for work, on all cores, long after a product of a few numbers
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        try:
+            return super().invoke(ctx)
+        except EvocityError as error:
+            command = self.commands[ctx.invoked_subcommand]
+            raise InputFault(message_of(error, command)) from error
+        except KeyboardInterrupt as error:  # or another signal, which knows its exit code
+            echo("\nStopped.", err=True)
+            ctx.exit(getattr(error, "exit_code", 130))
+
+
+def message_of(error: EvocityError, command: click.Command) -> str:
+    """The message of an ``error`` in the words of a ``command``.
+
+    It names the command's options in place of the library's parameters. Each part is one line,
+    whatever a measure of the user's own raised; the faults of a recipe have a line each.
+    """
+    parts = [_name_options(str(part), command) for part in error.args]
+    if isinstance(error, RecipeError):
+        return RecipeError(*parts).list_faults(_LONGEST_LIST)
+    return str(EvocityError(*(" ".join(part.split()) for part in parts)))
+
+
+def _name_options(text: str, command: click.Command) -> str:
+    """``text`` with the parameters marked in it as a user of the ``command`` types them."""
+    options = {p.name: p for p in command.params if isinstance(p, click.Option)}
+    by_recipe = any(p.name == "recipe" for p in command.params)  # its keys say how maps are read
+
+    def type_parameter(name: str, joint: str, value: str) -> str:
+        if name in options:
+            if not joint:  # Python's None
+                return "all" if name == "reach" else "nothing"
+            return _type_option(options[name], value)
+        if by_recipe and name in MAP_OPTIONS:
+            section = "[map]" if name in ("pixels", "metres_per_pixel") else "[[parents]]"
+            value = value.replace("(", "[").replace(")", "]")
+            return f"{name} = {value} in {section}" if value else f"{name} in {section}"
+        return f"{name if joint else ''}{joint}{value}"
+
+    return replace_parameters(text, type_parameter)
+
+
+def _type_option(option: click.Option, value: str) -> str:
+    """``option`` with a ``value`` of Python's, as a user types them: 4.8 45.7, or 16,20."""
+    name = max(option.opts, key=len)
+    values = [part.strip() for part in value.strip("()[]").split(",") if part.strip()]
+    if option.is_flag or not values:
+        return name
+    joint = " " if option.nargs > 1 else "-" if option.type.name == "sides" else ","
+    return f"{name} {joint.join(values)}"

@@ -1,0 +1,339 @@
+"""Inputs named on the command line: maps, genomes, runs and their individuals, measures."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+
+import evocity
+from evocity.cli.shared.checks import check_block
+from evocity.cli.shared.terminal import echo, note_reading, progress_bar, warn
+from evocity.errors import EvocityError, FitnessError, keyword, near_miss, setting, spell
+
+# -- kinds of inputs ---------------------------------------------------------------------------
+
+
+def is_genome(source: str) -> bool:
+    """Whether a file is a genome: Parquet by its name or by its first bytes."""
+    path = Path(source)
+    if path.suffix.lower() == ".parquet":
+        return True
+    with contextlib.suppress(OSError, ValueError):
+        if path.is_file():
+            with open(path, "rb") as file:
+                return file.read(4) == b"PAR1"
+    return False
+
+
+def is_run(source: str) -> bool:
+    """Whether ``source`` is the folder of a run."""
+    with contextlib.suppress(OSError, ValueError):
+        return (Path(source) / "provenance.json").is_file()
+    return False
+
+
+def is_code(source: str) -> bool:
+    """Whether the command decodes ``source``, a genome or a run, and does not read it as a map."""
+    return is_genome(source) or is_run(source)
+
+
+def _is_map(source: str) -> bool:
+    from evocity.io import suffixes
+
+    name = source.lower()
+    return source in evocity.cities() or any(name.endswith(suffix) for suffix in suffixes())
+
+
+def _refuse_missing(source: str) -> None:
+    """Raise `EvocityError` if ``source`` does not exist, and could be a run's folder by its name:
+    there is a folder before it, or a run with a similar name."""
+    path = Path(source)
+    if path.suffix or os.path.lexists(source) or source in evocity.cities():
+        return
+    runs = [str(file.parent) for file in path.parent.glob("*/provenance.json")]
+    if path.parent == Path() and not near_miss(source, runs):
+        return
+    raise EvocityError(
+        f"nothing is at {spell(source)}"
+        + ("" if path.parent.is_dir() else f": there is no folder {spell(str(path.parent))}"),
+        "the folder of a run, the file of a map or a genome, or the name of a bundled city",
+        near_miss(source, runs) or "check the path; `evocity cities` lists the bundled ones",
+    )
+
+
+def refuse_reading(what: str, reading: Mapping[str, object]) -> None:
+    """Raise `EvocityError` for options of reading a map with ``what``, which is not a map."""
+    if reading:
+        given = ", ".join("--" + key.replace("_", "-") for key in reading)
+        raise EvocityError(
+            f"{given} has no use with {what}",
+            "no options for reading maps: a genome has its own size and heights",
+            f"leave {given} out, or encode the map again with this option",
+        )
+
+
+# -- maps and genomes --------------------------------------------------------------------------
+
+
+def city_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
+    """The map in a map file, of a bundled name, or the one a genome decodes to.
+
+    reading : options of `evocity.read_map`; a genome, from a file or a run, takes none.
+    """
+    if identifier is None and not is_code(source):
+        _refuse_missing(source)
+        city = evocity.read_map(source, **reading)
+        note_reading(city, reading)
+        return city
+    refuse_reading(f"the {'genome' if is_genome(source) else 'run'} {source}", reading)
+    return decode_genome(genome_of(source, identifier), source, identifier)
+
+
+def genome_of(source: str, identifier: int | None):
+    """The genome in a file, or of the individual ``identifier`` of a run folder."""
+    if is_run(source) or (identifier is not None and Path(source).is_dir()):
+        return _individual(source, identifier)
+    _refuse_missing(source)
+    if identifier is not None:
+        there = os.path.lexists(source) or source in evocity.cities()
+        raise EvocityError(
+            f"--id {identifier} with {source}, which "
+            + ("is not a run folder" if there else "does not exist"),
+            "--id with the folder of a run",
+            "leave --id out, or name the run's folder" if there else "check the run's name",
+        )
+    if not is_genome(source) and (_is_map(source) or Path(source).is_dir()):
+        is_folder = Path(source).is_dir()
+        raise EvocityError(
+            f"{source} is {'a folder, but not the folder of a run' if is_folder else 'a map'}",
+            "a genome file, or a run folder with --id",
+            "name a genome file in it, or another folder"
+            if is_folder
+            else f"make a genome of the map: evocity encode {source} -o GENOME.parquet",
+        )
+    from evocity.kinds.form_files import is_form, read_form
+
+    return read_form(source) if is_form(source) else evocity.read_genome(source)
+
+
+def _individual(folder: str, identifier: int | None):
+    run = evocity.open_run(folder)
+    last = run.generations[-1:]
+    if identifier is not None:
+        return run.genome(identifier)
+    front = [row["id"] for g in last for row in run.members(g).to_pylist() if row["rank"] == 0]
+    example = f"; for example --id {front[0]}, of the last front" if front else ""
+    raise EvocityError(
+        f"{folder} is a run, with many genomes",
+        "--id N, the number of one individual",
+        f"find the number under the pictures of {Path(folder) / 'report.html'}, or in "
+        f"`evocity status {folder}`{example}",
+    )
+
+
+def fabric_in(genome, source: str):
+    """The fabric in a ``genome`` from ``source``. Raises `EvocityError` where there is none."""
+    from evocity.genome import Genome
+
+    fabric = genome if isinstance(genome, Genome) else getattr(genome, "whole", None)
+    if fabric is None:
+        raise EvocityError(
+            f"{source} is a {genome.kind}, which has no range blocks",
+            "a genome of a city",
+            "leave the option out; evocity show draws the picture",
+        )
+    return fabric
+
+
+def decode_genome(genome, source: str, identifier: int | None, zoom: float = 1.0):
+    """The map that a ``genome`` from ``source`` stands for, with a name that says so.
+
+    Raises `EvocityError` for a ``zoom`` of a shape or a site, which have one size.
+    """
+    if getattr(genome, "kind", "fabric") == "fabric":
+        name = source if identifier is None else f"{source} --id {identifier}"
+        city = warn_unconverged(evocity.decode(genome, zoom=zoom), name).city
+        name = city.name
+    else:
+        if zoom != 1:
+            raise EvocityError(
+                f"{setting('zoom', zoom)} does not fit a {genome.kind}",
+                "a fabric, which decodes at any size",
+                f"leave {keyword('zoom')} out",
+            )
+        city = genome.city
+        name = city.name or genome.kind
+    return city.replace(city.heights, name=name_decoded(name, genome, source, identifier))
+
+
+def name_decoded(name: str, genome, source: str, identifier: int | None) -> str:
+    """The name of a decoded map in pictures and tables. It has the operator of a bred ``genome``,
+    since a child of one parent has its cities."""
+    if identifier is None:
+        operator = str(genome.made.get("operator", "encode"))
+        bred = "" if operator == "encode" else f", {operator}"
+        return f"{name}{bred}, decoded"
+    return f"{Path(source).resolve().name}, individual {identifier}"
+
+
+def warn_unconverged(decoding, source: str):
+    """Return the ``decoding``; warn if its last step still changed the map."""
+    if not decoding.converged:
+        warn(
+            f"{source} did not converge in {decoding.iterations} steps: "
+            f"the last one moved a pixel by {decoding.change:.3g} m"
+        )
+    return decoding
+
+
+def place_at(run: str, at: str) -> dict:
+    """Where on Earth the source city ``at`` of a ``run`` lies, for ``replace``. Raises
+    `EvocityError` if ``run`` is not one, or has no such city."""
+    if not is_run(run):
+        raise EvocityError(
+            f"{setting('at', at)} does not fit {run}, which is not a run folder",
+            "the folder of a run, whose source cities lie on Earth",
+            f"leave {keyword('at')} out",
+        )
+    from evocity.analysis.georeference import place_of
+
+    return place_of(evocity.open_run(run), at)
+
+
+# -- measures and their cases ------------------------------------------------------------------
+
+
+def measures_of(word: str) -> list:
+    """The measures that ``word`` names: one; all numbers of a function that returns several; or
+    those of a Python file, which is executed, or of a table of building types. Raises
+    `FitnessError`."""
+    fitness = evocity.fitness
+    if word.endswith((".py", ".toml")):
+        return fitness.load_file(word)
+    try:
+        return fitness.named(word)
+    except FitnessError as error:
+        if Path(f"{word}.py").is_file():
+            raise FitnessError(error.found, error.expected, f"did you mean {word}.py?") from error
+        raise
+
+
+def case_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
+    """The `Case` to measure: the map as `city_of` returns it, and the genome of a genome.
+
+    An individual of a run also has its parents, and the run's source cities, for comparison. A
+    source city is its own parent.
+    """
+    from evocity.fitness.check import Case
+
+    city = city_of(source, reading) if identifier is None and not is_code(source) else None
+    if city is not None:
+        return Case(city)
+    refuse_reading(f"the {'genome' if is_genome(source) else 'run'} {source}", reading)
+    genome = genome_of(source, identifier)
+    city = decode_genome(genome, source, identifier)
+    if identifier is None:
+        return Case(city, genome)
+    run = evocity.open_run(source)
+    sources = [parent.city for parent in run.sources()]
+    reference = evocity.fitness.Reference.sources(sources)
+    parents = run.parents(run.individuals([identifier]))[0]
+    return Case(city, genome, parents, reference=reference, sources=sources)
+
+
+# -- parents of a child ------------------------------------------------------------------------
+
+
+def individuals_of(sources: Sequence[str], identifiers: Sequence[int]) -> list[int | None]:
+    """The individual of each of ``sources``, None unless it is a run; --id names them in order.
+    Raises `EvocityError` for another number of them."""
+    runs = sum(is_run(source) for source in sources)
+    if identifiers and len(identifiers) != runs:
+        raise EvocityError(
+            f"--id is given {len(identifiers)} × for {runs} run folders",
+            "--id N once for each run folder, in their order",
+            "give --id as often as there are run folders; without any, leave it out",
+        )
+    numbers = iter(identifiers)
+    return [next(numbers, None) if is_run(source) else None for source in sources]
+
+
+def parents_of(
+    sources: Sequence[str],
+    identifiers: Sequence[int],
+    reading: Mapping[str, object],
+    coding: Mapping[str, object],
+) -> list:
+    """The genomes that ``sources`` stand for.
+
+    identifiers : the individual of each run folder among them, in order.
+    reading, coding : how maps are read (`evocity.read_map`) and coded (`evocity.encode`). Raises
+        `EvocityError` for either if no source is a map.
+    """
+    individuals = individuals_of(sources, identifiers)
+    genomes = {
+        place: genome_of(source, individuals[place])
+        for place, source in enumerate(sources)
+        if is_code(source)
+    }
+    if len(genomes) == len(sources):
+        refuse_reading("only genomes", {**reading, **coding})
+    for genome in list(genomes.values())[:1]:
+        coding = {**_coding_of(genome), **coding}
+    for place, source in enumerate(sources):
+        if place not in genomes:
+            genomes[place] = _encode_map(source, reading, coding)
+    return [genomes[place] for place in range(len(sources))]
+
+
+def _coding_of(genome) -> dict[str, object]:
+    """How maps are coded to breed with ``genome``: in its range blocks, its roofs as they are."""
+    p = genome.pavement
+    sides = p.block if p.uniform else (p.finest, p.coarsest)
+    return {"block": sides, "settle": genome.settle}
+
+
+def _encode_map(source: str, reading: Mapping[str, object], coding: Mapping[str, object]):
+    """The genome of a map."""
+    if Path(source).is_dir():
+        raise EvocityError(
+            f"{source} is a folder, but not the folder of a run",
+            "a genome file, a map, a bundled name, or a run folder with --id",
+            "name a file in it, or another folder",
+        )
+    city = evocity.read_map(source, **reading)
+    note_reading(city, reading)
+    check_block(city, coding.get("block"))
+    with progress_bar(f"coding {city.name}") as progress:
+        return evocity.encode(city, progress=progress, **coding).genome
+
+
+# -- trust in a run ----------------------------------------------------------------------------
+
+
+def confirm_trust(run: Path, trust: bool) -> bool:
+    """Whether to execute what the ``run`` brings: ``trust``, or the user's answer, where there is a
+    terminal and something to ask for."""
+    if trust or not _at_terminal():
+        return trust
+    from evocity.search.preparation.trust import list_untrusted
+
+    brought = []
+    with contextlib.suppress(EvocityError, LookupError, TypeError, AttributeError):  # raised later
+        brought = list_untrusted(evocity.open_run(run))
+    if not brought:
+        return False
+    echo(
+        f"{run} was not started on this machine, and would execute its own files or commands:",
+        err=True,
+    )
+    for text in brought:
+        echo(f"  {text}", err=True)
+    return click.confirm("Do you know and trust all of these?", err=True)
+
+
+def _at_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()

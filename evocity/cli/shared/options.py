@@ -1,0 +1,306 @@
+"""Options of commands: a short way to declare one, and those that several commands share."""
+
+import functools
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import click
+
+from evocity.errors import EvocityError, GenomeError
+
+WHOLE = click.IntRange(min=0)
+POSITIVE = click.IntRange(min=1)
+FILE = click.Path(path_type=Path)
+
+# Largest side of a map, pixels.
+_MAX_SIDE = 32767
+_NOT_GIVEN = click.core.ParameterSource.DEFAULT
+
+
+def option(usage: str, text: str, kind=None, default=None, **settings) -> Callable:
+    """Declare an option.
+
+    usage : how it is typed, as in ``"--center LON LAT"``: its names; its parameter, in small
+        letters, if that has another name; its metavar, a word for each value. "..." at the end:
+        it may come several times, which its help says.
+    text : its help, a fragment. Text in [brackets] after it is shown as the default, else "none".
+    kind, default : its type, and its value unless it is given.
+    settings : what else `click.option` takes.
+    """
+    words = usage.removesuffix("...").split()
+    names = [word for word in words if word[0] == "-" or (word.isidentifier() and word.islower())]
+    values = words[len(names) :]
+    shown = True if default is not None else not settings.get("required") and "none"
+    if text.endswith("]"):
+        text, shown = text[:-1].split(". [", 1)
+        text += "."
+    if usage.endswith("..."):
+        settings["multiple"] = True
+        text += " Repeatable."
+    if default is not None:
+        settings["default"] = default
+    settings.setdefault("show_default", shown)
+    if values:
+        settings |= {"metavar": " ".join(values), "nargs": len(values)}
+    return click.option(*names, type=kind, help=text, **settings)
+
+
+def flag(names: str, text: str) -> Callable:
+    """Declare an option without a value."""
+    return click.option(*names.split(), is_flag=True, help=text)
+
+
+# -- types -------------------------------------------------------------------------------------
+
+
+class Parsed(click.ParamType):
+    """A type that ``parse`` reads from text; ``right`` describes the text it reads."""
+
+    def __init__(self, name: str, parse: Callable[[str], object], right: str):
+        self.name, self._parse, self._right = name, parse, right
+
+    def convert(self, value, param, ctx) -> object:
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._parse(value)
+        except GenomeError as error:
+            self.fail(f"{value!r}; expected: {error.expected}, {error.remedy}", param, ctx)
+        except ValueError:
+            self.fail(f"{value!r} is not {self._right}", param, ctx)
+
+
+def _read_numbers(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(","))
+
+
+def _read_sizes(text: str) -> tuple[int, ...]:
+    """Sizes and ranges of sizes: 16,20 or 9-32."""
+    sizes = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        first, last = int(first), int(last if dash else first)
+        if not 0 < first <= last <= _MAX_SIDE:
+            raise ValueError(text)
+        sizes += range(first, last + 1)
+    return tuple(sizes)
+
+
+def _read_sides(text: str) -> int | tuple[int, int]:
+    from evocity.pavement import read_sides
+
+    return read_sides(text)
+
+
+def _read_heights(text: str) -> float | str:
+    """Metres, or the name of a file."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _read_reach(text: str) -> int | None:
+    """Pixels; None for the whole map."""
+    return None if text == "all" else int(text)
+
+
+NUMBERS = Parsed("list", _read_numbers, "a list of whole numbers such as 2 or 2,3")
+SIZES = Parsed("sizes", _read_sizes, "a list of pixels such as 20 or 16,20 or 9-32")
+SIDES = Parsed("sides", _read_sides, "a side such as 4, or a range such as 2-16")
+HEIGHTS = Parsed("heights", _read_heights, "metres or a file")
+REACH = Parsed("reach", _read_reach, "a whole number of pixels or all")
+
+
+# -- maps --------------------------------------------------------------------------------------
+
+_WINDOW = "[the file's own window, or the middle of the buildings]"
+
+#: The options of `evocity.read_map`, by the name of its parameter.
+MAP_OPTIONS = {
+    "pixels": option(
+        "--pixels",
+        "Side of the square window, pixels. [256 for footprints, a raster's own size]",
+        int,
+    ),
+    "metres_per_pixel": option(
+        "--metres-per-pixel",
+        "Side of a pixel, metres. [2.0 for footprints, a GeoTIFF's own; PNG and NPY need it]",
+        float,
+    ),
+    "center": option(
+        "--center LON LAT", f"Centre of the window, degrees, longitude first. {_WINDOW}", float
+    ),
+    "layer": option("--layer", "Layer of a GeoPackage. [the buildings, if one layer has them]"),
+    "default_height": option(
+        "--default-height", "Height of buildings without a height in the file, metres. [6.0]", float
+    ),
+    "height_scale": option(
+        "--height-scale",
+        "Metres per grey level or unit of a raster. [1 for GeoTIFF and NPY; PNG needs it]",
+        float,
+    ),
+    "attribution": option(
+        "--attribution TEXT",
+        "Attribution that the file's licence requires; all outputs keep it. Bundled districts have "
+        "their own. [from the file]",
+    ),
+}
+
+pixels_option = option("--pixels", "Side of the square map, pixels.", int, 256)
+metres_option = option("--metres-per-pixel", "Side of a pixel, metres.", float, 2.0)
+centers_option = option(
+    "--center LON LAT...",
+    f"Centre of a window, degrees: once per MAP, or once per MAP that is a file. {_WINDOW}",
+    float,
+)
+
+
+def add_options(command: Callable, options: Mapping[str, Callable], gather: Callable) -> Callable:
+    """Add ``options``, by the names of their parameters, to a ``command``; ``gather`` turns a
+    mapping of their values into keywords of the command."""
+
+    @functools.wraps(command)
+    def gathered(**given):
+        return command(**gather({key: given.pop(key) for key in options}), **given)
+
+    for declare in reversed(options.values()):
+        gathered = declare(gathered)
+    return gathered
+
+
+def map_options(command: Callable) -> Callable:
+    """Add the options of `evocity.read_map`; those given arrive as the mapping ``reading``."""
+
+    def gather(values: Mapping) -> dict:
+        return {"reading": {k: v for k, v in values.items() if v is not None}}
+
+    return add_options(command, MAP_OPTIONS, gather)
+
+
+def file_options(command: Callable) -> Callable:
+    """Add the options that several map files may share; None where they are not given."""
+    keys = ("layer", "default_height", "height_scale")
+    return add_options(command, {key: MAP_OPTIONS[key] for key in keys}, dict)
+
+
+_CODING_OPTIONS = {
+    "block": option(
+        "--block SIDE|FINEST-LARGEST",
+        "Sides of the range blocks of coded maps, pixels. [as a genome among them, else 2-16]",
+        SIDES,
+    ),
+    "domains": option(
+        "--domains N[,N…]",
+        "Sides of the domain blocks of coded maps, in range blocks. [2]",
+        NUMBERS,
+    ),
+    "reach": option(
+        "--reach PIXELS|all",
+        "Largest distance of a domain block from its range block. [24]",
+        REACH,
+    ),
+}
+
+
+def parent_options(command: Callable) -> Callable:
+    """Add the options by which maps are read and coded; those given arrive as the mappings
+    ``reading`` and ``coding``."""
+
+    def gather(values: Mapping) -> dict:
+        source = click.get_current_context().get_parameter_source
+        return {"coding": {k: v for k, v in values.items() if source(k) is not _NOT_GIVEN}}
+
+    return map_options(add_options(command, _CODING_OPTIONS, gather))
+
+
+# -- outputs -----------------------------------------------------------------------------------
+
+
+def output_option(metavar: str, text: str, *, required: bool = True, default: str = "") -> Callable:
+    """``-o``: the file to write; an existing one is overwritten. The help shows ``default``."""
+    text = f"{text}; overwritten if it exists." + f" [{default}]" * bool(default)
+    return option(f"-o --output {metavar}", text, FILE, required=required)
+
+
+json_option = flag(
+    "--json as_json", "Print only a JSON document; numbers that are not finite are null."
+)
+
+
+# -- genomes and runs --------------------------------------------------------------------------
+
+seed_option = option("--seed", "Seed of the random draws.", WHOLE, 0)
+count_option = option(
+    "--count",
+    "Calls to count: of the pixel, of its most called domain block, or of the domain block of its "
+    "range block. [pixels]",
+    click.Choice(["pixels", "domains", "ranges"]),
+)
+_PLACE = "[where all source cities lie, else nowhere on Earth]"
+at_option = option(
+    "--at CITY", f"Source city of the run; the output gets its place on Earth. {_PLACE}"
+)
+
+_INDIVIDUAL = "Number of an individual of a run folder, as in the report and in `status`"
+
+
+def one_id(identifiers: tuple) -> int | None:
+    """The only value of ``--id``, or None. Raises `EvocityError` for several."""
+    if len(identifiers) > 1:
+        raise EvocityError(
+            " ".join(f"--id {number}" for number in identifiers),
+            "--id once",
+            "name one individual; call the command again for the next",
+        )
+    return identifiers[0] if identifiers else None
+
+
+def _declare_id(kind, required: bool) -> Callable:
+    """``--id``, once."""
+
+    def only(context, parameter, identifiers: tuple) -> int | None:
+        return one_id(identifiers)
+
+    only_once = {"multiple": True, "callback": only, "required": required}
+    return option("--id identifier N", f"{_INDIVIDUAL}.", kind, **only_once)
+
+
+id_option = _declare_id(int, required=False)
+required_id_option = _declare_id(WHOLE, required=True)
+
+
+def ids_option(use: str) -> Callable:
+    """``--id`` of a command that takes several; ``use`` ends its help."""
+    return option("--id identifiers N...", f"{_INDIVIDUAL}; {use}.", int)
+
+
+def settings_option(default: str) -> Callable:
+    """``--set``; ``default`` says whose parameters stand unless they are set."""
+    text = (
+        "Parameter and its value in TOML; lists without outer brackets: 2,3 or [64,64],[256,256]."
+    )
+    return option("--set settings KEY=VALUE...", f"{text} [{default}]")
+
+
+accept_changes_option = flag(
+    "--accept-changes", "Accept changed files of measures, maps or other inputs."
+)
+trust_option = flag(
+    "--trust",
+    "Execute the measures and commands that a run from another machine brings, without asking.",
+)
+until_option = option(
+    "--until HH:MM",
+    "Time of day, or date with time (2026-11-25T07:00), at which the run ends; none: no end time. "
+    "[the recipe's]",
+)
+
+
+def cluster_option(default: str) -> Callable:
+    """``--cluster``; ``default`` says which one is used unless it is given."""
+    return option(
+        "--cluster ADDRESS",
+        "Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; none: no cluster. "
+        f"Each Dask worker then has --workers processes. [{default}]",
+    )

@@ -1,0 +1,122 @@
+"""`evocity pick`, `evocity reweight`, `evocity stop`: commands to a run."""
+
+from pathlib import Path
+
+import click
+
+from evocity.cli.shared.options import flag, option
+from evocity.cli.shared.terminal import echo
+from evocity.errors import EvocityError, spell
+
+_RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity pick runs/tonight 97 103
+  evocity pick runs/tonight 211 --share 0.8
+  evocity pick runs/tonight --clear"""
+)
+@_RUN
+@click.argument("ids", metavar="[ID]...", nargs=-1, type=click.IntRange(min=0))
+@option(
+    "--share",
+    "Share of births whose first parent is a pick, above 0 and at most 1. "
+    "[unchanged, else [search] picks of the recipe, 0.5]",
+    float,
+)
+@flag("--clear", "Drop the picks with these IDs; without an ID, drop all picks.")
+def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> None:
+    """Also breed from the individuals ID of RUN, even if the algorithm would not choose them.
+
+    The picks become parents from the next generation on, until you clear them. In a stopped or
+    finished run, picks become parents when you resume the run. Earlier picks stay. The log records
+    every pick, so a resumed run breeds the same births.
+    """
+    from evocity.search.record import commands
+
+    if clear and share is not None:
+        raise EvocityError(
+            "--share cannot be combined with --clear",
+            "one of the two options",
+            "leave one of them out",
+        )
+    if not ids and not clear:
+        raise EvocityError(
+            "no ID is given to pick",
+            "one or more ids of births, or --clear",
+            f"take ids from the front: evocity status {run}",
+        )
+    if clear:
+        command = commands.Unpick(ids=ids)
+        going = commands.send(run, command)
+    else:
+        going = commands.pick(run, ids, share)
+        command = commands.Pick(ids=ids, share=share)
+    _print(command.words, run, going)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  evocity reweight runs/tonight quarter_fusion=2 height_scaling=3
+  evocity reweight runs/tonight crumbs=0.5"""
+)
+@_RUN
+@click.argument("weights", metavar="NAME=WEIGHT...", nargs=-1, required=True)
+def reweight(run: Path, weights: tuple[str, ...]) -> None:
+    """Change the weights of operators of RUN, or of measures in a sum.
+
+    NAME is an operator in the recipe, or a measure that has a weight or an objective in the recipe.
+    The WEIGHT of an operator may be 0. The new weights apply to all living individuals from the
+    next generation on. In a stopped or finished run, the new weights apply when you resume the run.
+    The log records every change.
+    """
+    from pydantic import ValidationError
+
+    from evocity.search.record import commands
+
+    given = dict(map(_weight, weights))
+    try:
+        command = commands.Reweight(weights=given)
+    except ValidationError:
+        raise _weight_error(" ".join(weights)) from None
+    _print(command.words, run, commands.send(run, command))
+
+
+@click.command(epilog="\b\nExample:\n  evocity stop runs/tonight")
+@_RUN
+def stop(run: Path) -> None:
+    """Stop RUN after its current generation.
+
+    The process that breeds the run writes the report, and ends as if the run were finished. Later,
+    `evocity resume` continues the run, with the same births as without a stop.
+    """
+    from evocity.search.record import commands
+
+    commands.send(run, commands.Stop())
+    echo(f"{run} stops after this generation; go on with: evocity resume {run}")
+
+
+def _weight(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        return name.strip(), float(value if equals else "")
+    except ValueError:
+        raise _weight_error(text) from None
+
+
+def _weight_error(text: str) -> EvocityError:
+    return EvocityError(
+        spell(text),
+        "NAME=WEIGHT, a weight from 0 to 1e6",
+        "write for example quarter_fusion=2",
+    )
+
+
+def _print(text: str, run: Path, going: bool) -> None:
+    when = "from the next generation on"
+    if not going:
+        when = f"once it goes on: evocity resume {run} (--generations for more)"
+    echo(f"{text}; {when}")

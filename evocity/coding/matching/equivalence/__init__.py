@@ -1,0 +1,1 @@
+"""Compiled equivalence of blocks: kinds of domain blocks, shapes of range blocks, Z-order."""

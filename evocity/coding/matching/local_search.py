@@ -1,0 +1,139 @@
+"""Search among the domain blocks within reach of each range block, in rows of windows."""
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+
+from evocity.coding.matching.d4 import d4_codes
+from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools
+from evocity.coding.matching.matches import Search, list_places
+from evocity.coding.parameters import Coding
+
+#: Gains kept in one batch; this limits the range blocks of a batch.
+_GAINS = 1 << 19
+#: The least number of rows of domain blocks that share a kept gain.
+_BAND = 16
+#: The most bands of a window.
+_MOST_STRIPS = 32
+
+
+def chunk_size(reach: int) -> int:
+    """Compute the number of range blocks of a batch."""
+    side = 2 * reach + 1
+    return max(64, _GAINS // (side * min(-(-side // _BAND), _MOST_STRIPS)))
+
+
+def best_nearby(search: Search, corners, pool: DomainPool, part: slice, tolerance: float = 0.0):
+    """Raise ``search.best`` of a chunk of range blocks by the domain blocks of ``pool`` in reach.
+
+    Returns (which of the chunk, y, x on the map) of all domain blocks within the ``tolerance`` (a
+    share of the range block's energy) and rounding of that best.
+    """
+    from evocity.coding.matching._kernels import window_kernels
+
+    lane_maxima, list_nearby = window_kernels(search.block)
+    corners = tuple(corner[part] for corner in corners)
+    window = _windows(pool.top, *pool.shape, corners, search.reach)
+    band, lanes = _bands(window, _BAND)
+    if not lanes.size:
+        return np.empty((3, 0), np.int64)
+    cap = min(np.float32(search.cap), UNCAPPED)
+    lane_maxima(
+        pool.planes, pool.norms, search.codes[part], window, cap, band,
+        lanes, search.best[part],
+    )  # fmt: skip
+    which, y, x = list_places(
+        list_nearby, 3, pool.planes, pool.norms, search.codes[part], window, cap, lanes,
+        band, search.near(part, tolerance),
+    )  # fmt: skip
+    return which, y + pool.top, x
+
+
+def _bands(window: np.ndarray, band: int | None = None) -> tuple[int, np.ndarray]:
+    """Compute how many rows of a ``window`` share a gain (``band`` or a few more; None for all),
+    and allocate these gains: zeros for `lane_maxima`, empty where every window is."""
+    from evocity.coding.matching._kernels import GROUP
+
+    tall = int((window[:, 1] - window[:, 0]).max(initial=0))
+    wide = int((window[:, 3] - window[:, 2]).max(initial=0))
+    if min(tall, wide) <= 0:
+        return 1, np.zeros((0, len(window), 0), np.float32)
+    strips = 1 if band is None else min(max(1, tall // band), _MOST_STRIPS)
+    band = -(-tall // strips)
+    return band, np.zeros((strips, len(window), wide + -wide % GROUP), np.float32)
+
+
+def best_correlations(
+    heights: np.ndarray,
+    block: int = 4,
+    domains: Sequence[int] = (2,),
+    reach: int | None = 12,
+    flat: float = 0.1,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute ρ² between each range block of the pavement and its best domain block, with σ free.
+
+    Domain blocks have side D = B·``domains``, at every pixel position within ``reach`` px. H and W
+    must be multiples of ``block``.
+
+    Returns ρ², float32 ``(n,)`` in 0…1, and the uniform range blocks, bool ``(n,)``. The heights of
+    a uniform range block span at most ``flat`` metres, and its ρ² is 0.
+    """
+    from evocity.coding.matching._kernels import window_kernels
+
+    height, width = heights.shape
+    rows, columns = height // block, width // block
+    cut = heights.reshape(rows, block, columns, block)
+    uniform = (_extremes(cut, np.maximum) - _extremes(cut, np.minimum)).ravel() <= flat
+    (busy,) = np.nonzero(~uniform)
+    blocks = cut.swapaxes(1, 2).reshape(rows * columns, block * block)[busy]
+    codes = d4_codes(blocks.astype(np.float32, copy=False))
+    corners = (busy // columns * block, busy % columns * block)
+    gain = np.zeros(busy.size, np.float32)
+    lane_maxima, _ = window_kernels(block)
+    for pool in domain_pools(heights, block, domains, flat, exact=False):
+        window = _windows(pool.top, *pool.shape, corners, reach)
+        step = chunk_size(reach or max(height, width))
+        for part in (slice(k, k + step) for k in range(0, busy.size, step)):
+            band, lanes = _bands(window[part])
+            if lanes.size:
+                lane_maxima(
+                    pool.planes, pool.norms, codes[part], window[part], UNCAPPED, band,
+                    lanes, gain[part],
+                )  # fmt: skip
+    rho2 = np.zeros(rows * columns, np.float32)
+    rho2[busy] = np.clip(gain / np.einsum("nk,nk->n", codes, codes), 0, 1)
+    return rho2, uniform
+
+
+def _extremes(cut: np.ndarray, extreme: np.ufunc) -> np.ndarray:
+    """Reduce each block of a map cut (rows, B, columns, B) by ``extreme``, in few steps along
+    memory: numpy is slow along short axes."""
+    block = cut.shape[1]
+    lines = reduce(extreme, (cut[:, i] for i in range(block)))
+    return reduce(extreme, (lines[..., j] for j in range(block)))
+
+
+def pairs_compared(shape: tuple[int, int], block: int, corners, coding: Coding) -> int:
+    """Count the range block × domain position × isometry pairs of a search."""
+    total = 0
+    for multiple in coding.domains:
+        rows, columns = (side - multiple * block + 1 for side in shape)
+        window = _windows(0, rows, columns, corners, coding.reach)
+        total += int(np.prod(window[:, 1::2] - window[:, ::2], axis=1).sum())
+    return 8 * total
+
+
+def _windows(top: int, rows: int, columns: int, corners, reach: int | None) -> np.ndarray:
+    """Compute (top, bottom, left, right) of the domain positions of each range block, in a pool of
+    ``rows`` × ``columns`` positions from row ``top`` on."""
+    y, x = (np.asarray(corner, np.int64) for corner in corners)
+    window = np.empty((y.size, 4), np.int64)
+    if reach is None:
+        window[:] = (0, rows, 0, columns)
+    else:
+        window[:, 0], window[:, 1] = y - top - reach, y - top + reach + 1
+        window[:, 2], window[:, 3] = x - reach, x + reach + 1
+        ends = np.array([rows, rows, columns, columns])
+        np.minimum(np.maximum(window, 0, out=window), ends, out=window)  # np.clip is slow on few
+    return window

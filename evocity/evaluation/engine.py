@@ -1,0 +1,75 @@
+"""Engines: the interface of all that breed and evaluate, and the one in the calling process."""
+
+import contextlib
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from evocity.evaluation.evaluator import Evaluator, Outcome, Setup
+
+#: The arguments of jobs, as a tuple or its frame; None where there is no job yet.
+Jobs = Iterator[tuple | bytes | None]
+
+
+class Engine(ABC):
+    """Carries out jobs. A job that fails costs only itself. The order and the bits of the outcomes
+    depend neither on the kind of engine nor on its size."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """How many jobs it works on at once."""
+
+    @property
+    @abstractmethod
+    def described(self) -> Mapping[str, Any]:
+        """Its entry in events and `provenance.json`: ``engine``, its kind, ``workers``, the number
+        of worker processes, and more for some kinds."""
+
+    def run(self, method: str, jobs: Sequence[tuple | bytes]) -> list[Outcome]:
+        """Return the outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``.
+
+        Raises `RunError` if the engine cannot carry out any job.
+        """
+        outcomes = dict(self.stream(method, iter(jobs)))
+        return [outcomes[number] for number in range(len(jobs))]
+
+    @abstractmethod
+    def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
+        """Yield the outcomes of ``Evaluator.method(*job)`` as they come, each with the number of
+        its job, the count of ``jobs`` before it.
+
+        It draws jobs when it has room for them. After None it draws again at the next outcome, so a
+        job must be at work then. Only one stream runs at a time, and no `run`. If it is closed
+        before its end, its jobs are dropped.
+
+        Raises `RunError` if the engine cannot carry out any job.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all that it started. Safe to call twice."""
+
+
+class Here(Engine):
+    """Runs every job in the calling process, one after the other: for notebooks and debuggers. It
+    has neither deadlines nor memory limits."""
+
+    size = 1
+    described: Mapping[str, Any] = {"engine": "in process", "workers": 0}
+
+    def __init__(self, setup: Setup):
+        self._evaluator = Evaluator(setup)
+
+    def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
+        """As `Engine.stream`."""
+        for number, job in enumerate(jobs):
+            if job is None:
+                raise RuntimeError("no job is given while no job is at work")
+            with contextlib.redirect_stdout(sys.stderr):
+                outcome = getattr(self._evaluator, method)(*job)
+            yield number, outcome
+
+    def close(self) -> None:
+        """Do nothing: it started nothing."""

@@ -1,0 +1,161 @@
+"""Processes on Linux: children, memory, signals and orphans; other systems report nothing here."""
+
+import contextlib
+import ctypes
+import os
+import signal
+import sys
+import time
+from collections.abc import Collection
+from functools import cache
+
+LINUX = sys.platform.startswith("linux")
+
+#: Options of prctl(2).
+_PDEATHSIG, _CHILD_SUBREAPER = 1, 36
+#: Seconds that killed processes may take to end.
+_SWEEP = 2.0
+
+
+@cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def die_with_parent(parent: int) -> None:
+    """Make the system kill this process when the process ``parent`` ends."""
+    _libc().prctl(_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
+
+
+def adopt_orphans() -> None:
+    """Make this process, and not init, the parent of descendants whose parents end."""
+    _libc().prctl(_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def children(pid: int) -> list[int]:
+    """List the ids of the children of a process, also of those that ended and are not reaped."""
+    ids: list[int] = []
+    try:
+        for thread in os.listdir(f"/proc/{pid}/task"):
+            with (
+                contextlib.suppress(ProcessLookupError),
+                open(f"/proc/{pid}/task/{thread}/children") as file,
+            ):
+                ids += map(int, file.read().split())
+    except FileNotFoundError:  # the process is gone, or the kernel was built without this file
+        if os.path.isdir(f"/proc/{pid}"):
+            others = map(int, filter(str.isdigit, os.listdir("/proc")))
+            return [other for other in others if _stat(other)[1:2] == [b"%d" % pid]]
+    except OSError:
+        pass
+    return ids
+
+
+def _stat(pid: int) -> list[bytes]:
+    """Read the state, the parent and more of a process; nothing if there is none."""
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/stat", "rb") as file:
+        return file.read().rpartition(b")")[2].split()  # the name in brackets may hold anything
+    return []
+
+
+def descendants(pid: int) -> list[int]:
+    """List the ids of the children of a process, of their children, and so on."""
+    ids, following = [], [pid]
+    while following:
+        following = [one for parent in following for one in children(parent) if one not in ids]
+        ids += following
+    return ids
+
+
+def kill(pid: int) -> None:
+    """Send SIGKILL to a process, if it exists."""
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def kill_group(pid: int) -> None:
+    """Send SIGKILL to the process group that ``pid`` leads, if there is one."""
+    with contextlib.suppress(OSError):
+        if pid > 1 and pid != os.getpgrp():
+            os.killpg(pid, signal.SIGKILL)
+
+
+def sweep(spared: Collection[int]) -> None:
+    """Kill the children of this process, except those ``spared``, with all their descendants, and
+    wait for them, at most two seconds. If this process adopts orphans, it also kills the children
+    of a killed child."""
+    me, end = os.getpid(), time.monotonic() + _SWEEP
+    while True:
+        left = [one for one in children(me) if one not in spared]
+        if not left:
+            return
+        for pid in left:
+            for one in (pid, *descendants(pid)):
+                kill(one)
+        for pid in left:
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, os.WNOHANG)
+        if time.monotonic() > end:
+            return
+        time.sleep(0.001)
+
+
+def is_stopped(pid: int) -> bool:
+    """Whether a signal has stopped a process, so that it cannot answer; False if unknown."""
+    return _stat(pid)[:1] == [b"T"]
+
+
+def has_children() -> bool:
+    """Whether this process has children, ended or not, by one system call."""
+    if not hasattr(os, "waitid"):
+        return False
+    try:
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+    except ChildProcessError:
+        return False
+    return True
+
+
+def _pages(pid: int | str, field: int) -> int:
+    with contextlib.suppress(OSError, ValueError, IndexError), open(f"/proc/{pid}/statm") as file:
+        return int(file.read().split()[field]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
+
+
+def resident_memory(pid: int) -> int:
+    """Return the bytes of memory that a process has; 0 if unknown."""
+    return _pages(pid, 1)
+
+
+def writable_memory() -> int:
+    """Return the bytes that this process may write, about as RLIMIT_DATA counts; 0 if unknown."""
+    return _pages("self", 5)
+
+
+def _proportional_memory(pid: int) -> int:
+    """Return the bytes of memory of a process, with its share of shared memory; slow to read."""
+    with contextlib.suppress(OSError, ValueError), open(f"/proc/{pid}/smaps_rollup") as file:
+        for line in file:
+            if line.startswith("Pss:"):
+                return int(line.split()[1]) * 1024
+    return 0
+
+
+def added_memory(pid: int, before: int, allowed: int) -> int:
+    """Return the bytes of memory that a process and its descendants have added to those it had
+    ``before``. If they seem more than ``allowed``, shared memory counts only once."""
+    family = [pid, *descendants(pid)]
+    added = sum(map(resident_memory, family)) - before
+    if added > allowed and len(family) > 1:
+        added = sum(map(_proportional_memory, family)) - before
+    return added
+
+
+def describe_exit_code(code: int | None) -> str:
+    """Write an exit code with the name of its signal: -9 (SIGKILL)."""
+    if code is not None and code < 0 and sys.platform != "win32":
+        with contextlib.suppress(ValueError):
+            return f"{code} ({signal.Signals(-code).name})"
+    return str(code)

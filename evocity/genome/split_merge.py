@@ -1,0 +1,278 @@
+"""Splits and merges of lifs that keep the decoded map, and genomes laid from pieces of others.
+
+A lifs, seen on a square part of its range block, is a lifs over the part of the domain block that
+the isometry brings there. So a range block can be split. Four range blocks that continue each
+other, in domain block and in provenance, can be merged. Either keeps the decoded map (ours; the
+papers leave partitions that follow the city open: Marsault 2002 §6.1, 2005 §4.1-4.2).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.errors import GenomeError, spell
+from evocity.genome._kernels import lay_pieces, merge_siblings, part_places
+from evocity.genome.genome import Genome, descended, sides_text
+from evocity.genome.nucleotides import DOMAIN, FIELDS, packed, unpacked
+from evocity.isometries import AFFINE, COMPOSITION, INVERSE
+from evocity.pavement import Pavement, touched
+
+#: The fields that a part of a lifs copies: all but the places of domain block and origin.
+_CARRIED = tuple(name for name in FIELDS if name not in (*DOMAIN, "source"))
+
+
+def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
+    """Split every range block above ``side`` px into four, and repeat down to that side. The
+    decoded map stays the same.
+
+    The domain block is split too. So its corner can lie farther from the range block's corner than
+    the ``reach`` of the search.
+
+    Parameters
+    ----------
+    side : largest side that remains, px, 2 or more.
+    where : bool ``(H, W)``. Only range blocks that contain a true pixel are split; None splits all.
+
+    Raises
+    ------
+    GenomeError : halving leads to an odd side or below 2 px, or ``where`` has another size than the
+        map.
+    """
+    p = genome.pavement
+    if not isinstance(side, int | np.integer) or isinstance(side, bool) or side < 2:
+        raise GenomeError(
+            f"side = {spell(side)}", "a side in px, 2 or more", "choose a side, for example 2"
+        )
+    if where is not None and (np.shape(where) != (p.height, p.width)):
+        raise GenomeError(
+            f"where has the shape {np.shape(where)}",
+            f"booleans of shape ({p.height}, {p.width}), one per pixel of the map",
+            "give a mask of the map's size, or leave where out",
+        )
+    top, left, sides = *p.corners, p.side
+    where = where if where is None else np.asarray(where, bool)
+    while (wide := sides > side).any():
+        if where is not None:
+            wide &= touched(where, top, left, sides)
+            if not wide.any():
+                break
+        if (sides[wide] % 2).any() or (sides[wide] < 4).any():
+            raise GenomeError(
+                f"range blocks of {int(sides[wide].max())} px cannot be split to {side} px",
+                f"range blocks whose sides give {side} px by halving",
+                "choose a side that the range blocks reach by halving",
+            )
+        half = sides[wide] // 2
+        parts = [(top[~wide], left[~wide], sides[~wide])]
+        parts += [
+            (top[wide] + a * half, left[wide] + b * half, half) for a in (0, 1) for b in (0, 1)
+        ]
+        top, left, sides = map(np.concatenate, zip(*parts, strict=True))
+    if sides.size == p.side.size:
+        return genome
+    order = np.argsort(top * p.width + left)
+    return refined(genome, Pavement(p.height, p.width, sides[order]))
+
+
+def refined(genome: Genome, pavement: Pavement) -> Genome:
+    """Put the same code on a pavement with smaller range blocks. Raises `GenomeError` unless each
+    new range block lies in one range block of the genome."""
+    p = genome.pavement
+    if pavement == p:
+        return genome
+    fits = (p.height, p.width) == (pavement.height, pavement.width)
+    if fits:
+        top, left = pavement.corners
+        lifs = p.index[top, left]
+        down, along = top - p.corners[0][lifs], left - p.corners[1][lifs]
+        fits = (np.maximum(down, along) + pavement.side <= p.side[lifs]).all()
+    if not fits:
+        raise GenomeError(
+            f"{pavement!r} does not fit a genome on {p!r}",
+            "range blocks that subdivide the genome's own range blocks",
+            "make the pavement with evocity.pavement.common_refinement",
+        )
+    return genome.replace(pavement=pavement, **_part(genome, lifs, down, along, pavement.side))
+
+
+def merged(genome: Genome, most: int | None = None) -> Genome:
+    """Merge lifs as far as the decoded map stays the same.
+
+    Four range blocks become one of twice the side if their domain blocks also form one square.
+    Their places in the source city must form one square too. This repeats until nothing merges.
+
+    most : largest side to merge to, px; None for the genome's largest side. A merged range block
+        lies at a multiple of its side, as in a quadtree.
+    """
+    p = genome.pavement
+    most = p.coarsest if most is None else int(most)
+    if p.finest * 2 > most:
+        return genome
+    top, left, side = p.corners[0].copy(), p.corners[1].copy(), p.side.copy()
+    row, column = unpacked(genome.source)
+    numbers = np.stack(
+        [*(getattr(genome, name) for name in DOMAIN), genome.iso, row, column, genome.turn]
+    ).astype(np.int64)
+    same = np.stack(
+        [
+            *(getattr(genome, name).view(np.int32) for name in ("sigma", "beta", "part")),
+            genome.parent.astype(np.int32),
+            genome.other.astype(np.int32),
+        ]
+    )
+    alive = np.ones(side.size, bool)
+    if not merge_siblings(top, left, side, p.index, most, same, numbers, AFFINE, alive):
+        return genome
+    columns = {name: getattr(genome, name)[alive] for name in _CARRIED}
+    columns |= dict(zip(DOMAIN, numbers[:4, alive], strict=True))
+    columns["source"] = packed(*numbers[5:7, alive])
+    return genome.replace(pavement=Pavement(p.height, p.width, side[alive]), **columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Contents of the cells of a grid. Each cell shows a cell of one of several genomes, under an
+    isometry.
+
+    cell : side of a cell, px.
+    whose : number of the genome that each cell shows, ``(R, C)``.
+    row, column : row and column of the shown cell in that genome, ``(R, C)``.
+    iso : isometry of the shown cell, ``(R, C)``.
+    """
+
+    cell: int
+    whose: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    iso: np.ndarray
+
+    @classmethod
+    def in_place(cls, whose: np.ndarray, cell: int) -> "Pieces":
+        """Make pieces that show each cell at its own place; ``whose`` ``(R, C)`` is the genome of
+        each cell."""
+        row, column = np.indices(np.shape(whose))
+        return cls(cell, np.asarray(whose), row, column, np.zeros(np.shape(whose), np.uint8))
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A genome laid from `Pieces`, and for each lifs its genome and its number in that, ``(n,)``
+    each."""
+
+    genome: Genome
+    whose: np.ndarray
+    lifs: np.ndarray
+
+
+def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) -> Layout:
+    """Make a genome from ``pieces`` of ``genomes``. Its range blocks are the largest squares that
+    each show a part of one lifs. So a range block is split only where a border of pieces crosses
+    it.
+
+    Domain blocks stay in place, and the isometry of the piece is combined with the isometry of the
+    lifs. If ``carried`` is true, a domain block instead keeps its place relative to its range block
+    and turns with it. A domain block that would leave the map moves inside.
+
+    The map has the size of the grid of pieces. The new genome has the place on Earth of the first
+    genome. It has the cities, attribution, bound on σ and ``settle`` of all. Raises `GenomeError`
+    if halving range blocks does not lead to a border of pieces.
+    """
+    cell, (rows, columns) = pieces.cell, pieces.whose.shape
+    height, width = rows * cell, columns * cell
+    pavements = [genome.pavement for genome in genomes]
+    starts = np.cumsum([0, *map(len, pavements)])
+    top, left = map(np.concatenate, zip(*(p.corners for p in pavements), strict=True))
+    side = np.concatenate([p.side for p in pavements])
+    index = np.zeros(
+        (len(pavements), *np.max([p.index.shape for p in pavements], axis=0)), np.int32
+    )
+    for numbers, p in zip(index, pavements, strict=True):
+        numbers[: p.height, : p.width] = p.index
+    grids = [
+        np.ascontiguousarray(grid, np.int64)
+        for grid in (pieces.whose, pieces.row, pieces.column, pieces.iso)
+    ]
+    root = max(p.coarsest for p in pavements)
+    room = 2 * max(map(len, pavements)) * max(1, height * width // index[0].size) + 1024
+    while True:
+        squares = np.empty((8, room), np.int64)
+        count = lay_pieces(
+            *grids, cell, root, height, width, starts, index, top, left, side, AFFINE, squares
+        )
+        if count <= room:
+            break
+        room = count
+    if count < 0:
+        raise GenomeError(
+            "range blocks of " + " and ".join(map(sides_text, pavements)) + " px in one map",
+            "sides that halve to one another, 4 and 2, not 6 and 4, each at a multiple of itself",
+            "encode the maps with the same sides",
+        )
+    squares = squares[:, :count]
+    squares = squares[:, np.argsort(squares[0] * width + squares[1])]
+    pavement = _reuse_pavement(height, width, squares[2], pavements)
+    whose, lifs, iso = squares[3], squares[4], squares[7].astype(np.uint8)
+    pointers, common = descended(genomes)
+    columns = {}
+    for g, (genome, pointer) in enumerate(zip(genomes, pointers, strict=True)):
+        (mine,) = np.nonzero(whose == g)
+        if not mine.size:
+            continue
+        part = _part(genome, lifs[mine], *squares[[5, 6, 2]][:, mine])
+        part |= {name: values[lifs[mine]] for name, values in pointer.items()}
+        for name, values in part.items():
+            columns.setdefault(name, np.zeros(count, values.dtype))[mine] = values
+    if iso.any() or carried:
+        columns |= _turn_columns(columns, squares, pavement, pavements, iso, carried)
+    child = genomes[0].replace(pavement=pavement, **columns, **common)
+    return Layout(child, whose, lifs)
+
+
+def _reuse_pavement(
+    height: int, width: int, side: np.ndarray, known: Sequence[Pavement]
+) -> Pavement:
+    """Return the pavement of these sides, an equal one of the ``known`` before a new one."""
+    for p in known:
+        if (p.height, p.width) == (height, width) and np.array_equal(p.side, side):
+            return p
+    return Pavement(height, width, side)
+
+
+def _part(genome: Genome, lifs, down, along, side) -> dict[str, np.ndarray]:
+    """Compute the fields of lifs for the squares of ``side`` px at (down, along) in the range
+    blocks ``lifs``; they lay what the whole range blocks lay there."""
+    fields = {name: getattr(genome, name)[lifs] for name in _CARRIED}
+    places = {"source": np.empty(lifs.size, np.int32)}
+    places |= {name: np.empty(lifs.size, np.int16) for name in ("y", "x", "dy", "dx")}
+    whole = [getattr(genome, name) for name in ("iso", "turn", *places)]
+    part_places(lifs, down, along, side, genome.pavement.side, *whole, AFFINE, *places.values())
+    return fields | places
+
+
+def _turn_columns(columns, squares, pavement: Pavement, pavements, iso, carried: bool) -> dict:
+    """Compute the ``columns`` that change where pieces turn, or carry their domain blocks."""
+    has = columns["dx"] > 0
+    turned = {"turn": COMPOSITION[iso, columns["turn"]]}  # first the piece's own turn, then iso
+    composed = COMPOSITION[iso, columns["iso"]]
+    if not carried:
+        return turned | {"iso": np.where(has, composed, columns["iso"])}
+    whose, lifs, side = squares[3], squares[4], squares[2]
+    a = AFFINE[iso].T
+    starts = np.cumsum([0, *map(len, pavements)])
+    own = [np.concatenate([p.corners[k] for p in pavements])[starts[whose] + lifs] for k in (0, 1)]
+    # from the source's pixel that the target's north-west one shows, to the domain's two ends
+    from_y, from_x = (own[k] + squares[5 + k] + a[k] * (side - 1) for k in (0, 1))
+    tall, wide = columns["dy"].astype(np.int64), columns["dx"].astype(np.int64)
+    near_y, near_x = columns["y"] - from_y, columns["x"] - from_x
+    far_y, far_x = near_y + tall - 1, near_x + wide - 1
+    y = squares[0] + np.minimum(near_y * a[2] + near_x * a[3], far_y * a[2] + far_x * a[3])
+    x = squares[1] + np.minimum(near_y * a[4] + near_x * a[5], far_y * a[4] + far_x * a[5])
+    swapped = a[2] == 0
+    # on a map that is not square, an extent may fit along one side only
+    dy = np.minimum(np.where(swapped, wide, tall), pavement.height)
+    dx = np.minimum(np.where(swapped, tall, wide), pavement.width)
+    turned["iso"] = np.where(has, COMPOSITION[composed, INVERSE[iso]], 0)
+    for name, corner, extent, end in (("y", y, dy, pavement.height), ("x", x, dx, pavement.width)):
+        turned[name] = np.where(has, np.clip(corner, 0, end - extent), 0).astype(np.int16)
+    return turned | {"dy": dy.astype(np.int16), "dx": dx.astype(np.int16)}

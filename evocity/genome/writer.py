@@ -1,0 +1,104 @@
+"""Writer of genome files: Parquet with a row for each lifs, and a description in its metadata."""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evocity.columns import column_of
+from evocity.errors import GenomeError, reason_of
+from evocity.files import whole_file
+from evocity.genome.nucleotides import FIELDS, NEWER, unpacked
+from evocity.pavement import Pavement
+
+#: The readable versions of the file's schema; a change that a reader must know of adds one. A
+#: genome is written in the oldest version that holds it. 2 adds a column `CONDENSED`; 3 adds
+#: columns `LEAVES` and `NEWER`, places for sources, and ``settle``.
+SCHEMA_VERSIONS = (1, 2, 3)
+#: The column of the condensation, see `Condensation.column`.
+CONDENSED = "condensation"
+#: The columns of each range block's place, from version 3 on.
+LEAVES = ("top", "left", "side")
+
+
+def write_genome(genome, path: str | os.PathLike) -> None:
+    """Write a `Genome`, see `Genome.write`."""
+    columns, about = _describe(genome)
+    arrays = {
+        name: column_of(column) if isinstance(column, np.ndarray) else column
+        for name, column in columns.items()
+    }
+    write_described(pa.table(arrays), "evocity.genome", about, path)
+
+
+def write_described(table: pa.Table, key: str, about: Mapping, path: str | os.PathLike) -> None:
+    """Write the ``table`` of a chromosome, with its description ``about`` as JSON under a ``key``
+    of the schema's metadata. Raises `GenomeError` if writing fails."""
+    metadata = {key: json.dumps(about, default=str)}
+    try:
+        with whole_file(path) as temporary:
+            pq.write_table(table.replace_schema_metadata(metadata), temporary, compression="zstd")
+    except OSError as error:
+        raise GenomeError(
+            f"{path} cannot be written: {reason_of(error)}",
+            "a file name in a folder that exists, with room on the disk",
+            "make the folder, or choose another place",
+        ) from error
+
+
+def _describe(genome) -> tuple[dict, dict]:
+    """Collect columns and description of a genome, in the oldest schema version that holds it."""
+    p = genome.pavement
+    columns = {name: getattr(genome, name) for name in FIELDS}
+    about = {
+        "schema_version": 1 if genome.condensation is None else 2,
+        "height": p.height,
+        "width": p.width,
+        "block": p.block if p.uniform else None,
+        "metres_per_pixel": genome.metres_per_pixel,
+        "cities": list(genome.cities),
+        "sigma_max": None if np.isinf(genome.sigma_max) else genome.sigma_max,
+        "attribution": genome.attribution,
+        "origin": genome.origin,
+        "crs": genome.crs,
+        "made": _finite(genome.made),
+    }
+    plain = not (genome.settle or genome.turn.any() or (genome.part < 1).any())
+    numbers = lifs_at(p, genome.source) if plain else None
+    if numbers is None:
+        top, left = p.corners
+        about |= {"schema_version": 3, "settle": genome.settle}
+        del about["block"]
+        columns |= dict(zip(LEAVES, (top, left, p.side), strict=True))
+    else:
+        columns["source"] = numbers
+        for name in NEWER:
+            del columns[name]
+    if genome.condensation is not None:
+        columns[CONDENSED] = genome.condensation.column(p)
+    return columns, about
+
+
+def lifs_at(pavement: Pavement, source: np.ndarray) -> np.ndarray | None:
+    """Number the lifs of a uniform ``pavement`` at the places ``source``, as versions before 3 do;
+    None if a place is not the corner of a lifs."""
+    if not pavement.uniform:
+        return None
+    (row, high), (column, wide) = (np.divmod(place, pavement.block) for place in unpacked(source))
+    legal = not (high.any() or wide.any())
+    if not legal or (row >= pavement.rows).any() or (column >= pavement.columns).any():
+        return None
+    return row * pavement.columns + column
+
+
+def _finite(value):
+    """Replace infinity and NaN, which JSON lacks, by text."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

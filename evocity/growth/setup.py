@@ -1,0 +1,292 @@
+"""The function `grow`: checks of its parameters, defaults, set-up of the plane."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from evocity.coding.decode import decode
+from evocity.errors import OperatorError, setting
+from evocity.genome import Genome
+from evocity.growth.fabric import FARTHEST, Growth, is_whole
+from evocity.growth.lattice import (
+    LEAST_LARGEST,
+    MAX_CELL,
+    MAX_GROUP,
+    MIN_CELL,
+    MIN_GROUP,
+    TILE,
+    Lattice,
+)
+from evocity.growth.plane import Plane
+from evocity.growth.shares import Share, Shares
+from evocity.operators.parameters import check_generator
+
+#: The default side of a cell, metres.
+CELL = 8.0
+
+
+def grow(
+    genome: Genome | Sequence[Genome],
+    height: int | None = None,
+    width: int | None = None,
+    rng: np.random.Generator | None = None,
+    *,
+    corner: tuple[int, int] | None = None,
+    share: Share | None = None,
+    share_over: tuple[int, int, int, int] | None = None,
+    cell: int | None = None,
+    side_min: float | None = None,
+    side_max: float | None = None,
+    tolerance: float = 6.0,
+    candidates: int = 600,
+    turned: bool = True,
+    size_min: int | None = None,
+    size_max: int | None = None,
+) -> Growth:
+    """Grow an endless fabric around a genome's map, from groups of its own cells.
+
+    The original stays, and the fabric grows around it on request (Marsault 2005 §4.2). A group is a
+    rectangle of cells of the original's decoded map, under one of the 8 isometries. Its rim
+    overlaps its surroundings. Some candidates for each group are drawn, and those that differ least
+    from their surroundings are kept. The overlap is then cut along the least step, which mostly
+    follows streets (a least cut of the cells: Kwatra et al. 2003, Graphcut textures).
+
+    A candidate is admissible if it differs from its surroundings by at most ``tolerance`` metres on
+    average along its outline, as in `PavementFusion`. Among admissible candidates, a small step and
+    rarely used cells win, so that all of the original takes part. A candidate that continues the
+    source of a neighbour comes after all others. No candidate repeats a window of 64 × 64 px within
+    its tile, unless the original repeats it too.
+
+    The first number of the generator and the place determine the content of every place. Tiles of
+    some 128 px grow in phases, and each depends only on its neighbourhood
+    (`evocity.growth.lattice`). The arguments ``height``, ``width`` and ``corner`` select the
+    rectangle to be written, and do not change the fabric.
+
+    Parameters
+    ----------
+    genome : original, or several originals of one pixel size, with 6 × 6 cells or more each. The
+        first appears in the fabric; groups come from all, by their ``share``.
+    height, width : size of the rectangle to be written, px. None for the size of the first
+        original.
+    rng : generator whose first number becomes the seed of all random draws.
+    corner : (row, column), in cells, of the first original's north-west cell in that rectangle.
+        None for the middle, or the middle of the west edge if there are several originals.
+    share : shares of the originals. None makes a ramp across the rectangle, from the first original
+        in the west to the last in the east. A number 0 to 1 is the constant share of the second of
+        two originals. A sequence has a number for each original. An array ``(h, w)`` covers the
+        rectangle, and its edges continue beyond; there may be an array for each original. A pure
+        function gives the share from the pixel's (row, column).
+    share_over : (top, left, height, width) of the rectangle under the ramp or the array, px. Rows
+        and columns count from the rectangle to be written. None for the rectangle to be written.
+    cell : side of the squares that groups consist of, px, 2 to 11. It must divide the originals'
+        sides. None chooses about 8 m, and a multiple of uniform range blocks if possible.
+    side_min, side_max : smallest and largest side of the groups with their rims, metres, rounded to
+        cells. The smallest side is 3 cells or more, the largest 5 cells or more. Both are at most
+        56 px, and less than the originals' sides. None chooses the largest side that leaves a
+        choice, and half of it.
+    tolerance : largest mean difference S along the outline of a group, metres.
+    candidates : number of candidates for each group, 1 or more.
+    turned : whether groups turn and mirror. Without turning, streets keep their directions.
+    size_min, size_max : deprecated; ``side_min`` and ``side_max`` in range blocks, for uniform
+        pavements.
+
+    Raises
+    ------
+    OperatorError : a parameter is out of its range; GenomeError : the code diverges.
+    """
+    originals = _originals(genome)
+    _check_call(rng, tolerance, candidates)
+    cell = _cell(originals, cell)
+    bounds = {"side_min": side_min, "side_max": side_max, "size_min": size_min}
+    sides = _sides(originals, cell, {**bounds, "size_max": size_max})
+    p = originals[0].pavement
+    shape = (p.height if height is None else height), (p.width if width is None else width)
+    place = _place(p, shape, corner, cell, len(originals))
+    lattice = Lattice(p.height // cell, p.width // cell, TILE // cell, *sides)
+    shares = Shares(len(originals), share, *_over(share_over, shape, place))
+    metres = [side * cell * originals[0].metres_per_pixel for side in sides]
+    seed = int(rng.integers(0, 1 << 63))
+    how = {
+        "tolerance": float(tolerance),
+        "candidates": int(candidates),
+        "turned": bool(turned),
+    }
+    heights = [decode(original).city.heights for original in originals]
+    plane = Plane(heights, cell, lattice, shares, seed, **how)
+    made = {
+        "operator": "growth",
+        "seed": seed,
+        "corner": [at // cell for at in place],
+        "cell": cell,
+        "side_min": metres[0],
+        "side_max": metres[1],
+        **how,
+    }
+    if len(originals) > 1:
+        made["share"] = shares.label
+    return Growth(originals, plane, shape, place, made).at(0, 0, *shape)
+
+
+def _originals(genome) -> tuple[Genome, ...]:
+    several = (genome,) if isinstance(genome, Genome) else genome
+    if not isinstance(several, Sequence) or not several or isinstance(several, str):
+        several = (genome,)
+    wrong = [item for item in several if not isinstance(item, Genome)]
+    if wrong:
+        raise OperatorError(
+            f"growth: a {type(wrong[0]).__name__} cannot grow",
+            "a Genome, or several",
+            "encode a map first: evocity.encode(city).genome",
+        )
+    pixels = sorted({genome.metres_per_pixel for genome in several})
+    if len(pixels) > 1:
+        raise OperatorError(
+            "growth: genomes have different pixels, "
+            f"{' and '.join(f'{side:g}' for side in pixels)} m",
+            "genomes with the same size of pixels",
+            "read the maps again with the same metres_per_pixel",
+        )
+    return tuple(several)
+
+
+def _check_call(rng, tolerance, candidates) -> None:
+    check_generator("growth", rng)
+    if not (isinstance(tolerance, int | float) and tolerance >= 0):  # NaN fails too
+        raise OperatorError(
+            f"growth: {setting('tolerance', tolerance)}",
+            "0 m or more",
+            "leave tolerance out to use 6 m",
+        )
+    if not is_whole(candidates) or not 1 <= candidates <= 1 << 20:
+        raise OperatorError(
+            f"growth: {setting('candidates', candidates)}",
+            "a whole number, 1 to 1048576",
+            "leave candidates out to use 600",
+        )
+
+
+def _cell(originals: Sequence[Genome], cell) -> int:
+    """Compute the side of a cell, px, or raise `OperatorError`."""
+    maps = [(original.pavement.height, original.pavement.width) for original in originals]
+    common, shortest = math.gcd(*sum(maps, ())), min(map(min, maps))
+    fit = [
+        side
+        for side in range(MIN_CELL, MAX_CELL + 1)
+        if common % side == 0 and shortest // side > LEAST_LARGEST
+    ]
+    if cell is None and fit:
+        ideal = CELL / originals[0].metres_per_pixel
+        blocks = _blocks_of(originals)
+        whole = [side for side in fit if all(block and side % block == 0 for block in blocks)]
+        return min(whole or fit, key=lambda side: abs(math.log(side / ideal)))
+    if is_whole(cell) and cell in fit:
+        return int(cell)
+    found = " and ".join(f"{height} × {width}" for height, width in maps)
+    found = (
+        f"maps of {found} px" if cell is None else f"{setting('cell', cell)}, maps of {found} px"
+    )
+    expected = f"a divisor of the sides, one of {', '.join(map(str, fit))} px"
+    remedy = "choose one of these, or leave cell out"
+    if not fit:
+        least = LEAST_LARGEST + 1
+        expected = f"at least {least} × {least} whole cells of {MIN_CELL} to {MAX_CELL} px"
+        remedy = "crop the maps, or read them larger"
+    raise OperatorError(f"growth: {found}", expected, remedy)
+
+
+def _blocks_of(originals: Sequence[Genome]) -> set[int | None]:
+    """Collect the sides of range blocks, px; None for leaves of several sides."""
+    pavements = (original.pavement for original in originals)
+    return {p.block if p.uniform else None for p in pavements}
+
+
+def _sides(originals, cell: int, parameters: dict) -> tuple[int, int]:
+    """Compute the sides of the groups, in cells, or raise `OperatorError`."""
+    pavements = [original.pavement for original in originals]
+    shortest = min(min(p.height, p.width) // cell for p in pavements)
+    most = min(MAX_GROUP // cell, shortest - 1)
+    metre = 1 / (cell * originals[0].metres_per_pixel)
+    bounds, given = {}, {}
+    for name in ("min", "max"):
+        side, size = parameters[f"side_{name}"], parameters[f"size_{name}"]
+        if side is not None and size is not None:
+            raise OperatorError(
+                f"growth: {setting(f'side_{name}', side)} and {setting(f'size_{name}', size)}",
+                "only one of the two; they are the same bound, in metres and in range blocks",
+                f"leave size_{name} out",
+            )
+        if side is not None:
+            given[f"side_{name}"] = side
+            real = isinstance(side, int | float) and not isinstance(side, bool)
+            bounds[name] = round(side * metre) if real and math.isfinite(side) else -1
+        elif size is not None:
+            given[f"size_{name}"] = size
+            bounds[name] = _in_cells(originals, f"size_{name}", size, cell)
+    default = min(most, max(shortest // 2, LEAST_LARGEST))
+    largest = bounds.get("max", max(default, bounds.get("min", 0)))
+    smallest = bounds.get("min", max(MIN_GROUP, largest // 2 + 1))
+    if MIN_GROUP <= smallest <= largest <= most and largest >= LEAST_LARGEST:
+        return smallest, largest
+    in_metres = [f"{side / metre:g}" for side in (MIN_GROUP, most, LEAST_LARGEST)]
+    raise OperatorError(
+        "growth: " + ", ".join(setting(key, value) for key, value in given.items()),
+        f"{in_metres[0]} to {in_metres[1]} m, {MIN_GROUP} to {most} cells of {cell} px, "
+        f"the smaller at most the larger, the larger {in_metres[2]} m or more",
+        "change these sides, or leave them out",
+    )
+
+
+def _in_cells(originals, name: str, size, cell: int) -> int:
+    """Convert a size in range blocks to cells."""
+    blocks = _blocks_of(originals)
+    block = blocks.pop()
+    if blocks or block is None:
+        raise OperatorError(
+            f"growth: {setting(name, size)} does not apply to range blocks of several sides",
+            f"{name.replace('size', 'side')}, in metres",
+            f"leave {name} out",
+        )
+    if not is_whole(size):
+        return -1
+    return round(size * block / cell)
+
+
+def _over(over, shape, place) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Compute the size of the rectangle under a share, and the first original's corner in it."""
+    if over is None:
+        return shape, place
+    if (
+        not isinstance(over, Sequence)
+        or len(over) != 4
+        or not all(is_whole(part) and abs(part) <= FARTHEST for part in over)
+        or min(over[2:]) < 1
+    ):
+        raise OperatorError(
+            f"growth: {setting('share_over', over)}",
+            "(top, left, height, width) in pixels, whole numbers, height and width 1 or more",
+            "leave share_over out to use the map that is written",
+        )
+    return tuple(over[2:]), (place[0] - over[0], place[1] - over[1])
+
+
+def _place(p, shape, corner, cell: int, count: int) -> tuple[int, int]:
+    """Compute (row, column) of the first original's north-west pixel in the rectangle."""
+    if corner is None:
+        free = (
+            side - length if is_whole(side) else 0
+            for side, length in zip(shape, (p.height, p.width), strict=True)
+        )
+        row, column = (side // cell // 2 for side in free)
+        return row * cell, column * cell if count == 1 else 0
+    if (
+        not isinstance(corner, Sequence)
+        or len(corner) != 2
+        or not all(is_whole(at) and abs(at) < 1 << 40 for at in corner)
+    ):
+        raise OperatorError(
+            f"growth: {setting('corner', corner)}",
+            f"(row, column) in cells of {cell} px, whole numbers",
+            "leave corner out to start in the middle",
+        )
+    return int(corner[0]) * cell, int(corner[1]) * cell

@@ -1,0 +1,357 @@
+"""`read_map`: chooses the reader by the suffix, and the window; and the table of readers."""
+
+import dataclasses
+import numbers
+import os
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
+from evocity.errors import MapError, keyword, reason_of, setting
+from evocity.io import bundled_cities
+from evocity.io.rasterization import rasterize_footprints
+from evocity.io.reader_types import Footprints, Grid, Reader, Request, content_of
+from evocity.io.resampling import map_of_grid
+from evocity.plugins import load_plugins, origin_of
+
+_PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
+
+
+class _LazyReader:
+    # A reader of a module of this room, which is loaded, with its library, at the first use.
+
+    def __init__(self, module: str, name: str):
+        self._home = f"evocity.io.{module}", name
+
+    @property
+    def _read(self) -> Callable[[Path, Request], Footprints | Grid]:
+        module, name = self._home
+        return getattr(import_module(module), name)
+
+    @property
+    def __doc__(self) -> str | None:
+        return self._read.__doc__
+
+    def __call__(self, path: Path, request: Request) -> Footprints | Grid:
+        return self._read(path, request)
+
+
+_read_layers, _read_osm = _LazyReader("vector", "read_layers"), _LazyReader("osm", "read_osm")
+_JSON = Reader(_LazyReader("geojson", "read_json"), "JSON", _PLAIN)
+_PBF = Reader(_read_osm, "OSM PBF", _PLAIN)
+_TIFF = Reader(_LazyReader("raster", "read_geotiff"), "TIFF", _SCALED)
+
+#: The table of readers. Packages add rows by entry points of the group ``evocity.readers``:
+#: the name is the suffix, the object a `Reader` or a function
+#: ``(path, request) -> Footprints | Grid``.
+READERS: dict[str, Reader] = {
+    ".geojson": _JSON,
+    ".json": _JSON,
+    ".city.json": _JSON,
+    ".cityjson": _JSON,
+    ".gpkg": Reader(_read_layers, "SQLite (GeoPackage)", _LAYERED),
+    ".shp": Reader(_read_layers, "Shapefile", _LAYERED),
+    ".osm": Reader(_read_osm, "OSM XML", _PLAIN),
+    ".osm.gz": Reader(_read_osm, "gzip", _PLAIN),
+    ".osm.bz2": Reader(_read_osm, "bzip2", _PLAIN),
+    ".osm.pbf": _PBF,
+    ".pbf": _PBF,
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".png": Reader(_LazyReader("raster", "read_png"), "PNG", _SCALED),
+    ".npy": Reader(_LazyReader("raster", "read_npy"), "NPY", _SCALED),
+}
+
+
+#: Letters of an attribution, at most.
+MOST_CREDIT = 1000
+
+_PARQUET = (
+    "of GeoParquet, export GeoPackage or GeoJSON; of a genome, `evocity decode` makes a map first"
+)
+
+#: Remedies for files that are often mistaken for maps.
+_REMEDIES = {
+    ".parquet": _PARQUET,
+    ".geoparquet": _PARQUET,
+    ".toml": "run a recipe with `evocity run`",
+}
+
+
+def read_map(
+    source: str | os.PathLike,
+    *,
+    pixels: int | None = None,
+    metres_per_pixel: float | None = None,
+    center: tuple[float, float] | None = None,
+    layer: str | None = None,
+    default_height: float = 6.0,
+    height_scale: float | None = None,
+    name: str | None = None,
+    attribution: str | None = None,
+) -> CityMap:
+    """Read a map from a file, or read one of the districts that `cities` lists.
+
+    Parameters
+    ----------
+    source : path, or name of a bundled district. The suffix chooses the reader (`READERS`):
+        GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
+    pixels : side of the square window, px. Default: 256 for footprints, the raster's own extent for
+        rasters.
+    metres_per_pixel : side of a pixel, metres. Default: 2.0 for footprints, the file's own value
+        for a GeoTIFF. PNG and NPY require it.
+    center : centre of the window, ``(longitude, latitude)``. Default: the ``window`` member of a
+        GeoJSON file. Without this member, it is the middle of the buildings' bounds, or of the
+        raster.
+    layer : layer of a GeoPackage that holds the buildings, if several layers may hold them.
+    default_height : height of a building to which no rule applies, metres (see
+        `evocity.io.heights`).
+    height_scale : metres per grey level (required for PNG), or per unit (GeoTIFF, NPY).
+    name : name of the map. Default: the name of the district, or of the file.
+    attribution : line that the licence of the source demands, at most 1000 characters, in place of
+        the file's own line. A bundled district keeps its own line.
+
+    Returns
+    -------
+    CityMap : map in true metres. Footprints are projected to the metric projection that the file
+        names, or else to a transverse Mercator about the centre. A raster keeps its pixels if they
+        are square, in true metres, and of the requested size.
+
+    Raises
+    ------
+    MapError : the file cannot be read, the window has no buildings, or the window lies beyond the
+        raster.
+    """
+    request = Request(
+        pixels=_check_count(pixels),
+        metres_per_pixel=_check_positive("metres_per_pixel", metres_per_pixel),
+        center=_check_place(center),
+        layer=layer,
+        default_height=_check_positive("default_height", default_height),
+        height_scale=_check_positive("height_scale", height_scale),
+        name=name,
+    )
+    data, stem = data_of(source, request)
+    if attribution is not None and not _locate(source)[1]:
+        data = dataclasses.replace(data, attribution=_check_line("attribution", attribution))
+    if isinstance(data, Footprints):
+        return rasterize_footprints(data, request, name or stem)
+    return map_of_grid(data, request, name or data.name or stem)
+
+
+def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:
+    """Read the footprints or grid of a file or district, and its name without suffix. Raises
+    `MapError` as `read_map`."""
+    path, attribution = _locate(source)
+    suffix, reader = _reader_of(path)
+    _check_options(path, suffix, reader, request)
+    _check_content(path, reader)
+    data = reader.read(path, request)
+    if attribution:
+        data = dataclasses.replace(data, attribution=attribution)
+    return data, path.name[: -len(suffix)]
+
+
+def name_of(source: str | os.PathLike) -> str:
+    """Find the default name of a map: the name in a GeoTIFF, or else the file's name without
+    suffix. Raises `MapError` as `read_map` does."""
+    path, _ = _locate(source)
+    suffix, reader = _reader_of(path)
+    own = data_of(source, Request())[0].name if reader is _TIFF else None
+    return own or path.name[: -len(suffix)]
+
+
+def options_of(source: str | os.PathLike) -> frozenset[str]:
+    """Tell which of ``layer`` and ``height_scale`` the reader of a file takes."""
+    return _reader_of(_locate(source)[0])[1].takes
+
+
+def suffixes() -> list[str]:
+    """List the suffixes of all readers, including those of installed packages."""
+    return sorted({*READERS, *_from_plugins()[0]})
+
+
+def readers() -> dict[str, tuple[Reader, str]]:
+    """Return all readers by suffix. Each has its origin: "evocity", or the package and version of a
+    plugin."""
+    ours = {suffix: (reader, "evocity") for suffix, reader in READERS.items()}
+    found, _, origins = _from_plugins()
+    return ours | {suffix: (found[suffix], origins[suffix]) for suffix in found}
+
+
+def plugin_warnings() -> tuple[str, ...]:
+    """Return a warning for each entry point of the group ``evocity.readers`` that failed to
+    load."""
+    return _from_plugins()[1]
+
+
+@cache
+def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...], dict[str, str]]:
+    """Load the readers of other packages by suffix, with warnings of failures and their origins."""
+    found: dict[str, Reader] = {}
+    origins: dict[str, str] = {}
+
+    def take(entry: EntryPoint) -> None:
+        suffix, reader = entry.name.lower(), entry.load()
+        if not isinstance(reader, Reader) and not callable(reader):
+            raise TypeError(f"it is a {type(reader).__name__}, not a reader or a function")
+        if suffix in READERS or suffix in found:
+            raise ValueError(f"a second reader of {suffix}")
+        found[suffix] = reader if isinstance(reader, Reader) else Reader(reader)
+        origins[suffix] = origin_of(entry)
+
+    return found, load_plugins("evocity.readers", take), origins
+
+
+def _check_line(name: str, text: object) -> str:
+    """Return a ``text``, stripped; raises `MapError` for other values and long texts."""
+    if not isinstance(text, str) or not text.strip() or len(text) > MOST_CREDIT:
+        raise MapError(
+            setting(name, text),
+            f"a text of 1 to {MOST_CREDIT} letters",
+            f"leave {keyword(name)} out to use the file's own",
+        )
+    return text.strip()
+
+
+def _locate(source: str | os.PathLike) -> tuple[Path, str]:
+    text = os.fspath(source)
+    if text in bundled_cities.cities():
+        return bundled_cities.path_of(text), bundled_cities.attribution_of(text)
+    path = Path(text)
+    try:
+        if path.is_dir():
+            if (path / "provenance.json").is_file():
+                raise MapError(
+                    f"{text!r} is a run folder",
+                    "a map file",
+                    "write the map of an individual first: evocity decode RUN --id N -o MAP.tif",
+                )
+            raise MapError(
+                f"{text!r} is a folder",
+                "a file",
+                f"name a file in the folder:  {_join(suffixes())}",
+            )
+        if not path.is_file():
+            if not path.suffix and path.parent == Path():
+                bundled_cities.path_of(text)  # raises, and lists the districts
+            raise MapError(
+                f"no file {text!r}"
+                + ("" if path.parent.is_dir() else f": there is no folder {str(path.parent)!r}"),
+                "an existing file, or the name of a bundled city",
+                "check the path; `evocity cities` lists the bundled cities",
+            )
+    except (OSError, ValueError) as error:
+        raise _unreadable(text, error) from error
+    return path, ""
+
+
+def _reader_of(path: Path) -> tuple[str, Reader]:
+    """Return the longest suffix of the file's name that has a reader, and the reader."""
+    lower = path.name.lower()
+    fitting = [suffix for suffix in suffixes() if lower.endswith(suffix) and lower != suffix]
+    if not fitting:
+        raise MapError(
+            "; ".join(
+                [
+                    f"{path.name}: no reader for {path.suffix or 'a file without a suffix'}",
+                    *plugin_warnings(),
+                ]
+            ),
+            f"a file that ends in {_join(suffixes())}",
+            _REMEDIES.get(
+                path.suffix.lower(),
+                "convert it to one of these; GeoJSON and GeoTIFF are the easiest to check",
+            ),
+        )
+    suffix = max(fitting, key=len)
+    return suffix, READERS.get(suffix) or _from_plugins()[0][suffix]
+
+
+def _check_options(path: Path, suffix: str, reader: Reader, request: Request) -> None:
+    for option in ("layer", "height_scale"):
+        if getattr(request, option) is not None and option not in reader.takes:
+            takers = [s for s in READERS if option in READERS[s].takes]
+            raise MapError(
+                f"{path.name}: {keyword(option)} does not apply to {suffix}",
+                f"{keyword(option)} only with {_join(takers)}",
+                f"leave {keyword(option)} out",
+            )
+
+
+def _check_content(path: Path, reader: Reader) -> None:
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise _unreadable(str(path), error) from error
+    if not head:
+        raise MapError(
+            f"{path.name} is empty", "a file with a map", "download or export the file again"
+        )
+    content = content_of(head)
+    if reader.content is not None and content != reader.content:
+        raise MapError(
+            f"{path.name} holds {content if content != 'unknown' else 'something else'}",
+            f"{reader.content}, as its name says",
+            "rename the file to the suffix of its content, or export it again",
+        )
+
+
+def _unreadable(text: str, error: Exception) -> MapError:
+    reason = reason_of(error)
+    return MapError(
+        f"{text!r} cannot be opened: {reason}",
+        "a file that you may read",
+        "check the path and the permissions",
+    )
+
+
+def _join(items: list[str]) -> str:
+    return ", ".join(sorted(items))
+
+
+def _check_count(pixels: object) -> int | None:
+    if pixels is None:
+        return None
+    whole = isinstance(pixels, numbers.Integral) and not isinstance(pixels, bool)
+    if not whole or not 1 <= pixels <= MAX_SIDE:
+        raise MapError(
+            setting("pixels", pixels),
+            f"a whole number from 1 to {MAX_SIDE}",
+            f"give the side of the square window in pixels, for example {keyword('pixels', 256)}",
+        )
+    return int(pixels)
+
+
+def _check_positive(option: str, value: object) -> float | None:
+    if value is None and option != "default_height":
+        return None
+    number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    low, high = PIXEL_SIDES  # heights lie within these too
+    if not number or not low <= value <= high:
+        raise MapError(
+            setting(option, value),
+            f"a positive number of metres, {low:g} to {high:g}",
+            f"correct {keyword(option)}, or leave it out",
+        )
+    return float(value)
+
+
+def _check_place(center: object) -> tuple[float, float] | None:
+    if center is None:
+        return None
+    try:
+        lon, lat = (float(value) for value in center)
+        if abs(lon) <= 180 and abs(lat) < 90:
+            return lon, lat
+    except (TypeError, ValueError):
+        pass
+    raise MapError(
+        setting("center", center),
+        "(longitude, latitude) in degrees, longitude first, within ±180 and ±90",
+        "give the place as two numbers, for example " + keyword("center", (4.8344, 45.7685)),
+    )

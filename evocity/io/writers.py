@@ -1,0 +1,261 @@
+"""Writers of maps, fields and shares: rasters, pictures and footprints, chosen by suffix."""
+
+import contextlib
+import functools
+import os
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, PngImagePlugin
+
+from evocity.citymap import CityMap, Walls
+from evocity.errors import MapError, keyword
+from evocity.files import whole_file
+from evocity.io.raster_bands import WindowSource, bands
+from evocity.pictures.field import Field, Shares
+from evocity.pictures.leaves import CLOSEST, Leaves, render_leaves
+from evocity.pictures.picture import render, render_field, render_shares
+
+# The least side of the map in a picture, pixels.
+_PICTURE_SIDE = 768
+
+
+def write_map(
+    city: CityMap,
+    path: str | os.PathLike,
+    *,
+    raw: bool = False,
+    streets: bool = False,
+    walls: Walls | None = None,
+    columns: Mapping[str, np.ndarray] | None = None,
+) -> None:
+    """Write a map; the suffix of ``path`` chooses the format.
+
+    ``.tif``: float32 heights with reference system, pixel size and attribution. Reading the file
+    gives the same heights bit for bit. ``.png``: a picture with the attribution and a colour scale
+    in metres. ``.npy``: only the array, metres.
+
+    ``.gpkg``, ``.geojson``: footprints, one polygon for each building of `CityMap.buildings`.
+    Courtyards are holes. The columns are ``id`` (the building's label there), ``height`` (m, the
+    mean of its pixels) and ``area`` (m²). The file also holds the attribution.
+
+    The polygons have the straight walls of `CityMap.walls`, and form a valid coverage. With
+    ``raw``, they follow the edges of the pixels (`CityMap.outline`). Reading such a file with the
+    same ``pixels`` and ``metres_per_pixel`` restores the pixels; each has the height of its
+    building.
+
+    A GeoPackage has one layer, ``buildings``, in the map's reference system. For a map without a
+    place on Earth, coordinates are metres from its south-west corner; GIS then show an undefined
+    Cartesian system. GeoJSON is in longitude and latitude (RFC 7946).
+
+    ``streets``, only in ``.gpkg``: whether to write `CityMap.street_graph` too. It becomes the
+    layers ``street_edges`` (with the nodes u and v, length, width and kind), ``street_nodes`` and
+    ``places``. Each building then has its ``quarter``.
+
+    ``walls``, only in ``.gpkg``: straight walls from `CityMap.walled` in place of `CityMap.walls`.
+    ``columns``: further columns of the polygons, by name.
+
+    Raises
+    ------
+    MapError : the suffix is unknown, the folder is missing, or the file cannot be written. Or
+        ``streets`` is given for another format. Or GeoJSON is asked for a map without a place on
+        Earth, or across the 180th meridian. After an error no partial file remains, and a previous
+        file stays.
+    """
+    writers = WRITERS | RAW_WRITERS if raw else WRITERS
+    if raw and walls is not None:
+        raise MapError(
+            "raw outlines and walls= are both given",
+            "only one of the two",
+            f"leave {keyword('raw')} out",
+        )
+    if streets or walls is not None:
+        suffix, what = Path(path).suffix.lower(), "streets" if streets else "walls="
+        if suffix in writers and suffix != ".gpkg":
+            raise MapError(
+                f"{Path(path).name}: {what} cannot go into a {suffix} file",
+                "a .gpkg, which has several layers",
+                f"write a .gpkg, or leave {what} out",
+            )
+        write = functools.partial(writers[".gpkg"], streets=streets, walls=walls, columns=columns)
+        writers = writers | {".gpkg": write}
+    _write(city, path, writers)
+
+
+def write_field(field: Field, path: str | os.PathLike) -> None:
+    """Write values on the grid of a city; the suffix of ``path`` chooses the format.
+
+    ``.tif``: float32 values with title, unit, reference system and attribution. ``.png``: a picture
+    with a colour scale. ``.npy``: only the array. Raises the errors of `write_map`.
+    """
+    _write(field, path, FIELD_WRITERS)
+
+
+def write_shares(shares: Shares, path: str | os.PathLike) -> None:
+    """Write the shares of several parts in each pixel of a city; the suffix of ``path`` chooses the
+    format.
+
+    ``.png``: a picture with one hue for each part. ``.npy``: only the array ``(H, W, n)``. Raises
+    the errors of `write_map`.
+    """
+    _write(shares, path, SHARES_WRITERS)
+
+
+def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
+    """Write a picture of a map with the borders of its range blocks, ``.png``. Raises the errors of
+    `write_map`."""
+    _write(leaves, path, LEAVES_WRITERS)
+
+
+def write_windows(
+    what: WindowSource,
+    path: str | os.PathLike,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a map of any size, a band of rows at a time. The suffix of ``path`` chooses the format.
+
+    ``.tif``: a tiled GeoTIFF as from `write_map`, or a BigTIFF if needed. ``.npy``: only the array.
+    The function ``progress`` is called with (done, total) rows. Raises the errors of `write_map`.
+    """
+    writers = {
+        suffix: functools.partial(write, progress=progress)
+        for suffix, write in WINDOW_WRITERS.items()
+    }
+    _write(what, path, writers)
+
+
+def _write(what: object, path: str | os.PathLike, writers: dict[str, Callable]) -> None:
+    path = Path(path)
+    write = writers.get(path.suffix.lower())
+    if write is None:
+        raise MapError(
+            f"{path.name}: no writer for {path.suffix or 'a file without a suffix'}",
+            f"a name that ends in {', '.join(sorted(writers))}",
+            "choose .tif to go on working with the values, .png to look at them"
+            + (", .gpkg for footprints in a GIS" if ".gpkg" in writers else ""),
+        )
+    check_place(path)
+    with open_output(path) as temporary:
+        write(what, temporary)
+
+
+def check_place(path: Path) -> None:
+    """Raise `MapError` unless ``path`` is a file name in a folder that exists."""
+    if not path.parent.is_dir() or path.is_dir():
+        raise MapError(
+            f"{str(path)!r}: " + ("it is a folder" if path.is_dir() else "there is no such folder"),
+            "a file name in an existing folder",
+            f"make the folder {str(path.parent)!r} first, or choose another name",
+        )
+
+
+@contextlib.contextmanager
+def open_output(path: Path) -> Iterator[Path]:
+    """Give a temporary path that becomes ``path`` once it is written; `MapError` on failure."""
+    try:
+        with whole_file(path) as temporary:
+            yield temporary
+    except OSError as error:
+        raise MapError(
+            f"{str(path)!r} cannot be written: {error}",
+            "a folder that you may write to, on a disk with free space",
+            "check permissions and free space, or choose another place",
+        ) from error
+
+
+def _lazy(module: str, name: str, **options) -> Callable:
+    """Make a writer of a module of this room that loads, with its library, at the first call."""
+
+    def write(what: object, path: Path, **more) -> None:
+        getattr(import_module(f"evocity.io.{module}"), name)(what, path, **options | more)
+
+    return write
+
+
+def _write_array(values: Callable[[Any], np.ndarray]) -> Callable:
+    """Make a writer of NPY, of the array that ``values`` takes from the argument."""
+
+    def write(what: object, path: Path) -> None:
+        np.save(path, values(what).astype(np.float32, copy=False), allow_pickle=False)
+
+    return write
+
+
+def _write_windows_npy(what: WindowSource, path: Path, progress) -> None:
+    header = {"descr": "<f4", "fortran_order": False, "shape": tuple(what.shape)}
+    with open(path, "wb") as file:
+        np.lib.format.write_array_header_2_0(file, header)
+        for _, heights in bands(what, progress):
+            file.write(heights.astype("<f4", copy=False).tobytes())
+
+
+def _write_png(city: CityMap, path: Path) -> None:
+    save_picture(render(city, zoom=_picture_zoom(city)), city, city.name, path)
+
+
+def _write_titled_png(draw: Callable, what: Field | Shares | Leaves, path: Path) -> None:
+    city = what.city
+    least = CLOSEST if isinstance(what, Leaves) else 1
+    picture = draw(what, zoom=max(least, _picture_zoom(city)))
+    save_picture(picture, city, f"{city.name}: {what.title}", path)
+
+
+def _picture_zoom(city: CityMap) -> int:
+    return max(1, -(-_PICTURE_SIDE // max(city.shape)))
+
+
+def save_picture(picture: Image.Image, city: CityMap, title: str, path: Path) -> None:
+    """Write a ``picture`` of a city as PNG, with its title and the attribution."""
+    about = PngImagePlugin.PngInfo()
+    about.add_itxt("Title", title)
+    about.add_itxt("Copyright", city.attribution)
+    about.add_itxt("Software", "evocity")
+    picture.save(path, format="PNG", pnginfo=about)
+
+
+_write_geotiff = _lazy("tiff", "write_geotiff")
+_write_field_geotiff = _lazy("tiff", "write_field_geotiff")
+_write_windows_geotiff = _lazy("tiff", "write_windows_geotiff")
+
+#: Writers of maps, by suffix.
+WRITERS = {
+    ".tif": _write_geotiff,
+    ".tiff": _write_geotiff,
+    ".png": _write_png,
+    ".npy": _write_array(lambda city: city.heights),
+    ".gpkg": _lazy("footprint_files", "write_geopackage"),
+    ".geojson": _lazy("footprint_files", "write_geojson"),
+}
+
+#: Writers of footprints along the pixels' edges.
+RAW_WRITERS = {
+    ".gpkg": _lazy("footprint_files", "write_geopackage", raw=True),
+    ".geojson": _lazy("footprint_files", "write_geojson", raw=True),
+}
+
+#: Writers of maps by windows.
+WINDOW_WRITERS = {
+    ".tif": _write_windows_geotiff,
+    ".tiff": _write_windows_geotiff,
+    ".npy": _write_windows_npy,
+}
+
+#: Writers of fields.
+FIELD_WRITERS = {
+    ".tif": _write_field_geotiff,
+    ".tiff": _write_field_geotiff,
+    ".png": functools.partial(_write_titled_png, render_field),
+    ".npy": _write_array(lambda field: field.values),
+}
+
+#: Writers of shares.
+SHARES_WRITERS = {
+    ".png": functools.partial(_write_titled_png, render_shares),
+    ".npy": _write_array(lambda shares: shares.weights),
+}
+
+#: Writers of range blocks.
+LEAVES_WRITERS = {".png": functools.partial(_write_titled_png, render_leaves)}

@@ -1,0 +1,45 @@
+"""Lazy imports: a room loads each of its names with the name's module, at first use.
+
+A whole room brings all libraries of its modules: the names of the bundled districts would wait for
+the libraries that read rasters. The room's stub, ``__init__.pyi``, says which module defines which
+name; type checkers read it too.
+"""
+
+import ast
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+
+
+def lazy_names(
+    room: str, file: str, homes: Mapping[str, str] | None = None
+) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
+    """Make the ``__getattr__``, ``__dir__`` and ``__all__`` of a ``room``.
+
+    file : the room's ``__init__``.
+    homes : the module of each name; those that the room's stub imports, if it is None. No name may
+        be that of a module in the room: the loaded module would replace it.
+    """
+    homes = _homes(room, Path(file).with_suffix(".pyi")) if homes is None else homes
+    names = sorted(homes)
+
+    def load(name: str):
+        if name not in homes:
+            raise AttributeError(f"module {room!r} has no attribute {name!r}")
+        value = getattr(import_module(homes[name]), name)
+        setattr(sys.modules[room], name, value)
+        return value
+
+    return load, lambda: names, names
+
+
+def _homes(room: str, stub: Path) -> dict[str, str]:
+    lines = ast.parse(stub.read_text(encoding="utf-8")).body
+    homes: dict[str, str] = {}
+    for node in lines:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            home = f"{room}.{node.module}" if node.level else node.module
+            if home.startswith("evocity."):
+                homes |= {alias.name: home for alias in node.names}
+    return homes

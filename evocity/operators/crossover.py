@@ -1,0 +1,136 @@
+"""Base of operators of fabric: checks of the parents, drafts of children, collage repair."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from evocity.coding.decoding_cache import decoded
+from evocity.condensation import merged as merged_layers
+from evocity.errors import OperatorError
+from evocity.genome import Genome, Pieces, laid, merged
+from evocity.operators.parameters import (
+    Check,
+    check_generator,
+    check_parameters,
+    check_parents,
+    repair_checks,
+)
+from evocity.operators.repair import collage_repair
+from evocity.pavement import Pavement
+
+
+def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) -> None:
+    """Raise `OperatorError` unless the parents suit ``operator``, share map size and pixel size,
+    and ``rng`` is a generator."""
+    name = operator.name
+    check_generator(name, rng)
+    check_parents(name, parents, operator.parents, "genomes")
+    strange = [type(parent).__name__ for parent in parents if not isinstance(parent, Genome)]
+    if strange:
+        raise OperatorError(
+            f"{name}: the parents have the type {', '.join(strange)}",
+            "genomes",
+            "encode the maps first: evocity.encode(city).genome",
+        )
+    grids = dict.fromkeys(
+        (parent.pavement.height, parent.pavement.width, parent.metres_per_pixel)
+        for parent in parents
+    )
+    if len(grids) > 1:
+        sizes = (f"{height} × {width} px, {pixel:g} m" for height, width, pixel in grids)
+        raise OperatorError(
+            f"{name}: the parents have different grids, {' and '.join(sizes)}",
+            "parents with the same number and size of pixels",
+            "read the maps with the same pixels and metres_per_pixel",
+        )
+
+
+def assemble(parents: Sequence[Genome], owner: np.ndarray, grid: Pavement) -> Genome:
+    """Make a child that has in cell i of the ``grid`` the content of ``parents[owner[i]]`` there;
+    owner is ``(n,)``. Range blocks split where the owner changes within."""
+    owner = owner.reshape(grid.rows, grid.columns)
+    return laid(parents, Pieces.in_place(owner, grid.block)).genome
+
+
+def raw_heights(genome: Genome) -> np.ndarray:
+    """Decode a genome without settled roofs: float32 ``(H, W)``, metres. Breeding cuts and lays
+    these heights, so that a child of one parent decodes to what that parent does."""
+    return np.maximum(decoded(genome).attractor, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """Draft of a child before collage repair.
+
+    genome : crossed lifs of the child.
+    intended : map that the operator intends, float32 ``(H, W)``, metres.
+    made : description of the birth for the genome's ``made``, without the operator's name.
+    most : largest side to which adjacent range blocks merge if they continue each other, px. None
+        for the largest side of the parents.
+    """
+
+    genome: Genome
+    intended: np.ndarray
+    made: Mapping
+    most: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drafting:
+    """Operator that drafts its child and then repairs it, unless ``repair`` is None.
+
+    A subclass is a frozen dataclass with ``name``, ``parents`` and its own parameters. Its method
+    ``_checks()`` returns their checks (see `check_parameters`). Its method ``_draft(parents, rng)``
+    returns a `Draft`.
+
+    Parameters
+    ----------
+    repair : largest difference of a block from the intended map after decoding (root mean square,
+        metres). Blocks that differ more are matched again: a search gives them new lifs. None
+        repairs nothing, as in the papers, so the fabric crumbles as there.
+    reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
+    """
+
+    #: Whether repair lowers range blocks where ground would become built.
+    clears: ClassVar[bool] = False
+    repair: float | None = 0.5
+    reach: int | None = 24
+    domains: Sequence[int] = (2,)
+
+    def __post_init__(self):
+        check_parameters(self, {**self._checks(), **repair_checks()})
+
+    def _checks(self) -> dict[str, Check]:
+        return {}
+
+    def __call__(self, parents: Sequence[Genome], rng: np.random.Generator) -> Genome:
+        """Breed a child of ``parents``; its ``made`` tells how it came about.
+
+        Raises `OperatorError` if the parents do not suit the operator or one another.
+        """
+        draft = self.draft(parents, rng)
+        most = draft.most or max(parent.pavement.coarsest for parent in parents)
+        child, made = merged(draft.genome, most), {"operator": self.name, **draft.made}
+        if self.repair is not None:
+            search = {"reach": self.reach, "domains": self.domains}
+            child, made["repaired"] = collage_repair(
+                child, draft.intended, threshold=self.repair, **search, clear=self.clears
+            )
+            child = merged(child, most)
+        return child.replace(made=made)
+
+    def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        """Draft the child of a call: its genome before repair, and its intended map.
+
+        Both contain the parents' condensations. Where several cover, the first wins.
+        """
+        check_call(self, parents, rng)
+        layer = merged_layers(parent.condensation for parent in parents)
+        if layer is None:
+            return self._draft(parents, rng)
+        # all parents get the layer first, so outlines and buildings are those of the child
+        draft = self._draft([parent.replace(condensation=layer) for parent in parents], rng)
+        child = draft.genome.replace(condensation=layer)
+        return replace(draft, genome=child, intended=layer.laid(draft.intended))

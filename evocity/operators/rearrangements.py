@@ -1,0 +1,247 @@
+"""Operators that rearrange one parent: gene copy, gene exchange, block exchange, relocation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from evocity.genome import Genome
+from evocity.operators.crossover import Draft, Drafting
+from evocity.operators.grid import in_cells, side_checks, span_checks
+from evocity.operators.groups import (
+    Rearrangement,
+    cells,
+    corners,
+    macro_block,
+    macro_block_sides,
+    rule_checks,
+    square,
+)
+from evocity.operators.parameters import SHARE, Check
+
+_MODES, _SHAPES = ("move", "copy"), ("square", "buildings")
+_COUNT: Check = (lambda count: 1 <= count <= 1000, "1…1000")
+#: The default sides of macro-blocks, metres: least and largest.
+_EXCHANGE_SPAN, _RELOCATION_SPAN = (16.0, 64.0), (32.0, 128.0)
+
+
+@dataclass(frozen=True)
+class _GeneMoves(Drafting):
+    rate: float = 0.05
+    group_side: float | None = None
+    tolerance: float | None = 6.0
+    change: float = 1.0
+    choice: int = 8
+    group: int | None = None
+
+    parents = (1, 1)
+
+    def _checks(self) -> dict[str, Check]:
+        return {"rate": SHARE, **side_checks(self, "group"), **rule_checks()}
+
+    def _groups(self, parents, rng) -> tuple[Rearrangement, np.ndarray, np.ndarray]:
+        """Lay a grid of groups on the parent: rearrangement, places ``(m, 2)``, cells of one."""
+        moves = Rearrangement(parents[0], self.name)
+        places, side = cells(moves.grid, in_cells(self, "group", 32.0, moves.grid, parents), rng)
+        return moves, places, square(side)
+
+
+@dataclass(frozen=True)
+class GeneCopy(_GeneMoves):
+    """Copy genes to other places (Marsault 2002 §4.1).
+
+    Lifs are copied in square groups, so that a change is as large as a building. Genes stay
+    unchanged: a copy calls the same domain block as its model.
+
+    A model is admissible if it fits its new surroundings. Along its outline, it differs from the
+    fabric that its copy replaces by at most ``tolerance`` metres on average. Within, it differs by
+    more than ``change`` metres.
+
+    Parameters
+    ----------
+    rate : share of the groups that a copy replaces, 0…1. A group without an admissible model stays;
+        ``made["copied"]`` holds the number of copies.
+    group_side : side of a group, metres; None for 32.
+    group : the same side in range blocks, for uniform pavements; 1 copies single lifs. Deprecated.
+    tolerance : largest mean difference along the outline, metres; None for any.
+    change : mean difference that a copy must exceed within its group, metres. 0 excludes copies
+        that change nothing.
+    choice : number of admissible models to draw. The model with the least difference along the
+        outline is copied.
+    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
+        with the groups copied.
+    """
+
+    name = "gene_copy"
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        moves, ends, group = self._groups(parents, rng)
+        copied = 0
+        for end in ends[rng.random(len(ends)) < self.rate]:
+            starts = corners(moves.grid, group, rng)
+            model = moves.find_move(group, starts, end, self)
+            if model is not None:
+                moves.copy(group, starts[model], end)
+                copied += 1
+        return moves.draft({"copied": copied})
+
+
+@dataclass(frozen=True)
+class GeneExchange(_GeneMoves):
+    """Exchange genes in pairs (Marsault 2002 §4.1).
+
+    Lifs are exchanged in square groups, so that a change is as large as a building. Each group
+    takes part at most once. Genes stay unchanged, so they call the same domain blocks as before.
+
+    Two groups are admissible if each fits its new surroundings. Along its outline, each differs
+    from the fabric that it replaces by at most ``tolerance`` metres on average. Within, it differs
+    by more than ``change`` metres.
+
+    Parameters
+    ----------
+    rate : share of the groups that change places, 0…1. A group without an admissible partner stays;
+        ``made["exchanged"]`` holds the number of groups that changed places.
+    group_side : side of a group, metres; None for 32.
+    group : the same side in range blocks, for uniform pavements; 1 exchanges single lifs.
+        Deprecated.
+    tolerance, change, choice : as in `GeneCopy`, for partners in place of models.
+    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
+        with the groups exchanged.
+    """
+
+    name = "gene_exchange"
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        moves, places, group = self._groups(parents, rng)
+        leads = rng.random(len(places)) < self.rate / 2
+        free = ~leads
+        for lead in places[leads]:
+            partners = rng.permutation(np.flatnonzero(free))
+            move = moves.find_move(group, lead, places[partners], self, exchanged=True)
+            if move is not None:
+                free[partners[move]] = False
+                moves.exchange(group, lead, places[partners[move]])
+        exchanged = 2 * np.count_nonzero(~(free | leads))
+        return moves.draft({"exchanged": int(exchanged)})
+
+
+@dataclass(frozen=True)
+class BlockExchange(Drafting):
+    """Exchange two macro-blocks of one size, gene by gene (Marsault 2002 §4.1).
+
+    Two macro-blocks are admissible if they do not overlap and each fits its new surroundings. Along
+    its outline, each differs from the fabric that it replaces by at most ``tolerance`` metres on
+    average. Within, it differs by more than ``change`` metres. Genes stay unchanged, so they call
+    the same domain blocks as before. (`Relocation` moves domain blocks too.)
+
+    Parameters
+    ----------
+    side_min, side_max : smallest and largest side of the macro-blocks, metres; sides are drawn
+        evenly between them. None for 16 and 64.
+    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
+        Deprecated.
+    count : number of exchanges. A macro-block without an admissible partner is drawn again, at most
+        63 times. The genome's ``made["exchanged"]`` holds the number of exchanges made.
+    tolerance : largest mean difference along the outlines, metres; None for any.
+    change : mean difference that an exchange must exceed within the macro-blocks, metres. 0
+        excludes exchanges that change nothing.
+    choice : number of admissible partners to draw. The partner with the least difference along the
+        outlines is taken.
+    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
+        with the macro-blocks exchanged.
+    """
+
+    side_min: float | None = None
+    side_max: float | None = None
+    count: int = 4
+    tolerance: float | None = 6.0
+    change: float = 2.0
+    choice: int = 60
+    size_min: int | None = None
+    size_max: int | None = None
+
+    name = "block_exchange"
+    parents = (1, 1)
+
+    def _checks(self) -> dict[str, Check]:
+        return {**span_checks(self, _EXCHANGE_SPAN[0]), "count": _COUNT, **rule_checks()}
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        moves = Rearrangement(parents[0], self.name)
+        sizes = macro_block_sides(self, moves.grid, parents, *_EXCHANGE_SPAN)
+        draw = partial(macro_block, moves.grid, *sizes, rng)
+        return moves.draft({"exchanged": moves.rearrange(draw, self.count, rng, self)})
+
+
+@dataclass(frozen=True)
+class Relocation(Drafting):
+    """Move or copy groups of lifs to other places (Marsault 2005 §4.2).
+
+    A place is admissible if it does not overlap the group's own place. Along its outline, the group
+    differs from the fabric that it replaces by at most ``tolerance`` metres on average. Within, it
+    differs by more than ``change`` metres. Domain blocks wholly inside the group move and turn with
+    it; others stay.
+
+    Parameters
+    ----------
+    mode : "move" or "copy". "move" exchanges the two places: the replaced fabric moves to the
+        group's old place. Domain blocks inside either place move too, even if lifs elsewhere call
+        them. "copy" leaves the group at its old place too, and the replaced fabric is lost.
+    shape : "square" takes macro-blocks. "buildings" extends each macro-block over every building
+        that it would cut, and over the courts that these enclose, up to ``side_max``².
+    side_min, side_max : smallest and largest side of the macro-blocks, metres; sides are drawn
+        evenly between them. None for 32 and 128.
+    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
+        Deprecated.
+    count : number of groups to relocate. A group without an admissible place is drawn again, at
+        most 63 times. The genome's ``made["relocated"]`` holds the number of groups relocated.
+    tolerance : largest mean difference along the outline, metres, at both places if they are
+        exchanged. None for any.
+    change : mean difference that a move must exceed within the group, metres. 0 excludes moves that
+        change nothing.
+    choice : number of admissible places to draw. The place with the least difference along the
+        outline is taken.
+    isometries : whether groups turn and mirror. Each place then has a drawn isometry of the 8. In
+        an exchange, the replaced fabric is turned back.
+    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
+        with the groups at their new places.
+    """
+
+    mode: str = "move"
+    shape: str = "buildings"
+    side_min: float | None = None
+    side_max: float | None = None
+    count: int = 2
+    tolerance: float | None = 6.0
+    change: float = 2.0
+    choice: int = 60
+    isometries: bool = False
+    size_min: int | None = None
+    size_max: int | None = None
+
+    name = "relocation"
+    parents = (1, 1)
+
+    def _checks(self) -> dict[str, Check]:
+        return {
+            "mode": (lambda mode: mode in _MODES, " or ".join(_MODES)),
+            "shape": (lambda shape: shape in _SHAPES, " or ".join(_SHAPES)),
+            **span_checks(self, _RELOCATION_SPAN[0]),
+            "count": _COUNT,
+            **rule_checks(),
+        }
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        moves = Rearrangement(parents[0], self.name)
+        sizes = macro_block_sides(self, moves.grid, parents, *_RELOCATION_SPAN)
+
+        def draw() -> tuple[np.ndarray, np.ndarray]:
+            group, corner = macro_block(moves.grid, *sizes, rng)
+            if self.shape == "square":
+                return group, corner
+            return moves.grow_group(group, corner, sizes[1] ** 2)
+
+        how = {"copied": self.mode == "copy", "carried": True, "turned": self.isometries}
+        relocated = moves.rearrange(draw, self.count, rng, self, **how)
+        return moves.draft({"mode": self.mode, "shape": self.shape, "relocated": relocated})

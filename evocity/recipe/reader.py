@@ -1,0 +1,117 @@
+"""Reading recipes: from a TOML file, or the name of a bundled recipe, to a valid `Recipe`."""
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from evocity.errors import RecipeError, cut_short, near_miss, plain_text, reason_of
+from evocity.recipe.recipe import Recipe
+from evocity.recipe.validation import fill_from_toml
+
+_BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
+
+
+def recipes() -> list[str]:
+    """List the names of the bundled recipes."""
+    return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
+
+
+def _correction(text: str, error: tomllib.TOMLDecodeError) -> str:
+    """Say how to correct the line of a recipe's ``text`` that an ``error`` names."""
+    match, lines = re.search(r"at line (\d+)", str(error)), text.splitlines()
+    if match is None or int(match[1]) > len(lines):
+        return "correct the end of the file"
+    line = lines[int(match[1]) - 1].strip()
+    point = "; numbers have a point, as in 1.2" if re.search(r"=\s*[-+]?\d+,\d", line) else ""
+    return f"correct that line: {cut_short(plain_text(line), 80)}{point}"
+
+
+def _neighbours(path: Path) -> list[str]:
+    """List the names of the TOML files in the folder of ``path``."""
+    try:
+        return [one.name for one in path.parent.glob("*.toml")]
+    except OSError:
+        return []
+
+
+def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | None) -> Recipe:
+    """Read and check a recipe.
+
+    Parameters
+    ----------
+    source : path to a TOML file, or name of a bundled recipe (see `recipes`).
+    overrides : values for generations, population, seed, workers, cluster, and ``until`` of
+        ``[stop]``. None keeps the recipe's own value.
+
+    Raises
+    ------
+    RecipeError : the recipe has faults. The message lists every fault with its key, what arrived
+        and what is allowed.
+
+    Reading a recipe loads the user's own measures that the recipe names. This executes their files.
+    """
+    path = Path(source)
+    if os.fspath(source) in recipes() and not path.is_file():
+        path = _BUNDLED / f"{source}.toml"
+    try:
+        text = path.read_bytes().decode()
+    except UnicodeDecodeError:
+        raise RecipeError(
+            f"{path} is not text in UTF-8", "a TOML file in UTF-8", "save the file as UTF-8"
+        ) from None
+    except OSError as error:
+        raise RecipeError(
+            f"the recipe {path} cannot be read: {reason_of(error)}",
+            f"a TOML file, or a bundled recipe: {', '.join(recipes())}",
+            near_miss(path.name, [*recipes(), *_neighbours(path)]) or "check the path",
+        ) from None
+    sections = {"workers": "evaluation", "cluster": "evaluation", "until": "stop"}
+    changes = {
+        f"{sections.get(key, 'run')}.{key}": value
+        for key, value in overrides.items()
+        if value is not None
+    }
+    recipe = recipe_of(text, path.parent.resolve(), changes, name=str(path))
+    recipe._file = path.name if path.is_file() else None  # a pipe cannot be read again
+    return recipe
+
+
+def recipe_of(
+    text: str,
+    folder: Path,
+    overrides: Mapping[str, Any],
+    name: str,
+    kept: Mapping[str, str] | None = None,
+    defaults: Mapping[str, Any] | None = None,
+) -> Recipe:
+    """Read the recipe in ``text``; its paths are relative to ``folder``, messages call it ``name``.
+
+    ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, only
+    for a resumed run, maps files of measures to the files to execute in their place; the maps need
+    not exist any more, because the run has its own. ``defaults`` map keys, or whole sections, to
+    the values that an older release used for missing ones.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except RecursionError:
+        raise RecipeError(
+            f"{name} is nested too deeply",
+            "a TOML file with little nesting",
+            "nest lists only where a key accepts nested lists",
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(
+            f"{name} is not TOML: {error}", "a TOML file", _correction(text, error)
+        ) from None
+    except ValueError:  # its own text is about Python
+        raise RecipeError(
+            f"{name} holds a number of thousands of digits",
+            "numbers of ordinary length",
+            "shorten this number",
+        ) from None
+    recipe = Recipe.__new__(Recipe)
+    fill_from_toml(recipe, raw, text, folder, overrides, name, kept, defaults)
+    return recipe

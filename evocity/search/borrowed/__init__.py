@@ -1,1 +1,0 @@
-"""What selection borrows: one file for each library, and no other file knows it."""

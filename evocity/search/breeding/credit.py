@@ -1,0 +1,97 @@
+"""Credit of operators: weights that follow which births survive and which enter the archive.
+
+Adaptive pursuit by probability matching (Goldberg 1990, see Fialho et al. 2010), over a window of
+generations.
+"""
+
+from collections import deque
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from evocity.fitness import Aims
+from evocity.search.record.aims import iterate_generations, split_generations
+from evocity.search.record.commands import STEERING, StandingOrders
+from evocity.selection.fronts import not_dominated
+from evocity.store import Birth, RunLog
+
+#: Generations that count.
+WINDOW = 8
+#: A weight is at least 1/MOST of the recipe's, and at most MOST times it.
+MOST = 4.0
+# So many births of the average operator are added to those of each: few births say little.
+_PRIOR = 8.0
+
+
+class Credit:
+    """Earnings of operators in the last `WINDOW` generations. A birth that lives on earns one half.
+    It earns one half more if no earlier birth and no other of its generation dominates it; only the
+    first of equal births earns that."""
+
+    def __init__(self):
+        self._generations: deque[dict[str, tuple[int, float]]] = deque(maxlen=WINDOW)
+        self._front: np.ndarray | None = None
+
+    def forget_front(self) -> None:
+        """Compare births only with later ones: losses are counted in another way from now on."""
+        self._front = None
+
+    def learn(self, births: Sequence[Birth], aims: Aims, living: Collection[int]) -> None:
+        """Add the ``births`` of a generation; ``living``: the ids of those who live after it."""
+        kept = [birth for birth in births if birth.ok and not aims.violation(birth.values)]
+        losses = [aims.losses(birth.values) for birth in kept]
+        entered = self._enter(losses) if losses else []
+        archived = {birth.id for birth, enters in zip(kept, entered, strict=True) if enters}
+        earned: dict[str, tuple[int, float]] = {}
+        for birth in births:
+            count, total = earned.get(birth.operator, (0, 0.0))
+            gain = 0.5 * (birth.id in living) + 0.5 * (birth.id in archived)
+            earned[birth.operator] = count + 1, total + gain
+        self._generations.append(earned)
+
+    def factors(self, names: Sequence[str]) -> dict[str, float]:
+        """Return by how much the weights of the operators ``names`` are multiplied: what a birth of
+        each earns, over the mean of all of them; 1 while nothing is earned."""
+        counts = {
+            name: sum(one.get(name, (0, 0))[0] for one in self._generations) for name in names
+        }
+        sums = {
+            name: sum(one[name][1] for one in self._generations if name in one) for name in names
+        }
+        mean = sum(sums.values()) / max(1, sum(counts.values()))
+        if mean == 0:
+            return dict.fromkeys(names, 1.0)
+        rates = {n: (sums[n] + _PRIOR * mean) / (counts[n] + _PRIOR) / mean for n in names}
+        return {name: float(np.clip(rate, 1 / MOST, MOST)) for name, rate in rates.items()}
+
+    def _enter(self, losses: Sequence[Sequence[float]]) -> list[bool]:
+        """Add ``losses`` to the front of all births so far; return which of them enter it."""
+        new = np.array(losses, np.float64)
+        front = new if self._front is None else np.vstack([self._front, new])
+        among = not_dominated(front)
+        self._front = front[among]
+        return among[len(front) - len(new) :].tolist()
+
+
+def credit_of(
+    run: RunLog, aims: Aims, events: Sequence[Mapping], island: str | None = None
+) -> Credit:
+    """Compute the credit of a ``run`` so far, or of one ``island`` of it, from its log. ``aims``
+    have the recipe's weights; the ``events`` of the run hold those that commands set."""
+    credit, weights = Credit(), {}
+    # adaptation adds an event a generation, and each generation goes through all events
+    events = [event for event in events if event.get("event") in STEERING]
+    if not run.generations:
+        return credit
+    every = iterate_generations(run), split_generations(run.members())
+    for generation, (births, members) in enumerate(zip(*every, strict=False)):
+        now = StandingOrders.of(events, generation).weights
+        if now != weights:
+            credit.forget_front()
+            weights = now
+        births = [birth for birth in births if birth.island == island]
+        living = {row["id"] for row in members.to_pylist() if row.get("island") == island}
+        credit.learn(births, aims.reweighted(weights), living)
+    if StandingOrders.of(events, len(run.generations)).weights != weights:
+        credit.forget_front()
+    return credit

@@ -1,0 +1,217 @@
+"""Plans of births: operator, parents and generator of each, drawn before anything is bred."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from evocity.genome import Genome
+from evocity.recipe.recipe import Recipe
+from evocity.selection.algorithms import Algorithm
+from evocity.selection.individual import Individual
+from evocity.store import Reconstruction
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one individual is bred; without an operator it is its one parent. ``island``: where it is
+    born, if there are several; ``reconstruction``: how to breed it later, if the log may omit its
+    genome."""
+
+    id: int
+    operator: object | None
+    parents: tuple[int, ...]
+    genomes: tuple[Genome, ...] = field(repr=False)
+    rng: np.random.Generator = field(repr=False)
+    island: str | None = None
+    reconstruction: Reconstruction | None = field(default=None, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The operator's name; "source" without one."""
+        return "source" if self.operator is None else self.operator.name
+
+    @property
+    def made(self) -> dict:
+        """`Genome.made` for a birth that fails: the operator and its drawn parameters."""
+        drawn = getattr(self.operator, "drawn", None)
+        return {"operator": self.name} | ({"drawn": dict(drawn)} if drawn else {})
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Individuals, (id, genome) each, that a user picked as parents: a ``share`` of the births has
+    one of them as its first parent."""
+
+    individuals: tuple[tuple[int, Genome], ...] = field(default=(), repr=False)
+    share: float = 0.5
+
+    def among(
+        self, parents: list[tuple[int, Genome]], rng: np.random.Generator
+    ) -> list[tuple[int, Genome]]:
+        """Return the ``parents`` of one birth; in a ``share`` of cases the first is a pick."""
+        if not self.individuals or rng.random() >= self.share:
+            return parents
+        chosen = self.individuals[rng.integers(len(self.individuals))]
+        if any(identifier == chosen[0] for identifier, _ in parents):  # it moves to the front
+            return [chosen, *(parent for parent in parents if parent[0] != chosen[0])]
+        return [chosen, *parents[1:]]
+
+
+NO_PICKS = Picks()
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """Changes of the breeding by commands and credit: ``picks``, and ``weights``, island ->
+    operator -> weight in place of the recipe's. The only island of a search has the name None."""
+
+    picks: Picks = NO_PICKS
+    weights: Mapping[str | None, Mapping[str, float]] = field(default_factory=dict)
+
+    def weights_of(self, island: str | None) -> Mapping[str, float]:
+        """Return the weights of one ``island``."""
+        return self.weights.get(island, {})
+
+
+UNGUIDED = Guidance()
+
+
+def birth_generator(seed: int, generation: int, slot: int) -> np.random.Generator:
+    """Return the generator of one birth. Only this birth draws from it, so the number of workers
+    changes nothing."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(generation, slot))
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+def selection_generator(recipe: Recipe, generation: int, island: int = 0) -> np.random.Generator:
+    """Return the generator of a generation's selection on an island; no birth has its slot."""
+    return birth_generator(recipe.run.seed, generation, recipe.run.population + 2 * island)
+
+
+def admission_generator(recipe: Recipe, identifier: int) -> np.random.Generator:
+    """Return the generator of the selection after one birth; its key has three numbers, those of
+    births have two."""
+    key = *divmod(identifier, recipe.run.population), 0
+    sequence = np.random.SeedSequence(recipe.run.seed, spawn_key=key)
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+def migration_generator(recipe: Recipe, generation: int, island: int) -> np.random.Generator:
+    """Return the generator of an island's admission of migrants; with the count of islands as
+    ``island``, that of the choice of migrants. No birth and no selection has its slot."""
+    return birth_generator(recipe.run.seed, generation, recipe.run.population + 2 * island + 1)
+
+
+def founder_plans(
+    recipe: Recipe, sources: Sequence[Genome], slots: range | None = None
+) -> list[Plan]:
+    """Plan generation 0, or its ``slots``: the sources, then their fusions and mutants.
+
+    Of each three births after the sources, two are fusions and one is a mutant of a source. Fusions
+    take the ordered pairs of sources in turn, with a fill drawn from the recipe's range, else from
+    0.1…0.9. A single source has only mutants. The first operators of the recipe's kind that the
+    recipe gives a weight breed them: of fabrics quarter fusion, else pavement fusion; quarter
+    refill, else mutation.
+    """
+    slots = range(recipe.run.population) if slots is None else slots
+    return [founder_plan(recipe, sources, slot) for slot in slots]
+
+
+def founder_plan(
+    recipe: Recipe,
+    sources: Sequence[Genome],
+    slot: int,
+    rng: np.random.Generator | None = None,
+) -> Plan:
+    """Plan the birth in one ``slot`` (0 or more) of generation 0, see `founder_plans`. ``rng``: the
+    generator of a founder that is born in a later generation."""
+    count = len(sources)
+    rng = birth_generator(recipe.run.seed, 0, slot) if rng is None else rng
+    if slot < count:
+        return Plan(slot, None, (), (sources[slot],), rng)
+    weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
+    crossing, changing = (
+        next((name for name in names if name in weighty), names[-1])
+        for names in recipe.kind.first_operators
+    )
+    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
+    turn = slot - count
+    if pairs and turn % 3 < 2:
+        changes = {}
+        if recipe.takes(crossing, "fill") and not recipe.ranged(crossing, "fill"):
+            changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
+        if recipe.parameters(crossing).get("void"):
+            changes["void"] = False
+        operator = recipe.operator_drawn(crossing, rng, **changes)
+        parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
+    else:
+        operator = recipe.operator_drawn(changing, rng)
+        lone = (turn // 3 if pairs else turn) % count
+        parents = (lone, *founder_indices(operator, count))
+    return Plan(slot, operator, parents, tuple(sources[i] for i in parents), rng)
+
+
+def learner_plans(
+    recipe: Recipe, algorithm: Algorithm, generation: int, sources: Sequence[Genome]
+) -> list[Plan]:
+    """Plan a ``generation`` of an ``algorithm`` that breeds by its own operator: of all
+    ``sources``, which take the first slots of generation 0."""
+    first = generation * recipe.run.population
+    rng = birth_generator(recipe.run.seed, generation, recipe.run.population + 1)
+    plans = []
+    for slot, settings in enumerate(algorithm.settings(first, len(sources), rng)):
+        own_rng = birth_generator(recipe.run.seed, generation, slot)
+        if generation == 0 and slot < len(sources):
+            plans.append(Plan(slot, None, (), (sources[slot],), own_rng))
+        else:
+            operator = recipe.operator(algorithm.breeds_by, **settings)
+            parents = tuple(range(len(sources)))
+            plans.append(Plan(first + slot, operator, parents, tuple(sources), own_rng))
+    return plans
+
+
+def founder_indices(operator, count: int) -> range:
+    """Return the ids of those of ``count`` sources that ``operator`` has as further parents."""
+    return range(count if getattr(operator, "takes_founders", False) else 0)
+
+
+def child_plans(
+    recipe: Recipe,
+    algorithm: Algorithm,
+    generation: int,
+    living: Sequence[Individual],
+    sources: Sequence[Genome],
+    guidance: Guidance = UNGUIDED,
+    island: str | None = None,
+    slots: range | None = None,
+) -> list[Plan]:
+    """Plan the children of one ``generation`` of an ``island``, or of its ``slots``.
+
+    Each draws an operator by weight, lets the ``algorithm`` choose parents among the ``living``,
+    and draws the parameters that the recipe gives a range. ``sources`` are further parents of
+    operators that take from anywhere.
+    """
+    mixture = {name: entry.weight for name, entry in recipe.operators.items()}
+    mixture |= guidance.weights_of(island)
+    names = [name for name, weight in mixture.items() if weight > 0]
+    chances = np.array([mixture[name] for name in names])
+    counts = {
+        name: recipe.operators[name].parents or recipe.operator(name).parents[0] for name in names
+    }
+    drawing = cache(recipe.drawing)
+    # numpy's choice does the same with these chances, and checks them at every birth
+    reached = (chances / chances.sum()).cumsum()
+    reached /= reached[-1]
+    plans = []
+    for slot in range(recipe.run.population) if slots is None else slots:
+        rng = birth_generator(recipe.run.seed, generation, slot)
+        name = names[reached.searchsorted(rng.random(), side="right")]
+        parents = algorithm.parents(living, counts[name], rng)
+        chosen = guidance.picks.among([(living[i].id, living[i].genome) for i in parents], rng)
+        operator = drawing(name)(rng)
+        chosen += [(i, sources[i]) for i in founder_indices(operator, len(sources))]
+        ids, genomes = zip(*chosen, strict=True)
+        plans.append(Plan(generation * recipe.run.population + slot, operator, ids, genomes, rng))
+    return plans

@@ -1,0 +1,5 @@
+"""A first recipe for any cities, with bounds that their own codes keep.
+
+- `calibration`: goals and bounds, measured on the parents
+- `recipe_text`: the recipe as a commented TOML file
+"""

@@ -1,0 +1,345 @@
+"""A first recipe for any cities: goals, and a guard calibrated on the parents' codes.
+
+The guard has bounds that the parents keep, and a heap of cut buildings does not: on `integrity`,
+`fabric_distance` to the parents, `small_buildings` and `slivers`. The values of the parents' maps
+and codes decide them. A few births show how long the run will take.
+"""
+
+import contextlib
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from evocity import fitness, store
+from evocity.citymap import CityMap
+from evocity.coding import decode
+from evocity.errors import FitnessError, MapError, keyword
+from evocity.evaluation.compilation import compile_once, kernel_parts
+from evocity.evaluation.evaluator import Evaluator, Outcome
+from evocity.fitness import Measure
+from evocity.recipe.reader import recipe_of
+from evocity.recipe.recipe import Recipe
+from evocity.recipe.sections import Parent
+from evocity.search.breeding.plans import child_plans
+from evocity.search.calibration.recipe_text import Bound, Goal, RecipeSettings, recipe_text
+from evocity.search.preparation.constraints import round_bound
+from evocity.search.preparation.preparation import Prepared, aims_of, prepare, references_of
+from evocity.selection.individual import Individual
+from evocity.store import Source
+
+#: The goals unless the user has some, as far as they are defined of the parents.
+USUAL_GOALS = ("autosimilarity", "alignment", "salingaros_buildings", "crumbs")
+#: The measures that the guard bounds.
+GUARD = ("integrity", "fabric_distance", "small_buildings", "slivers")
+#: Least share of what is built that stands in whole buildings of the parents.
+LEAST_INTEGRITY = 0.5
+#: The least bound of the fabric distance; and how many times the codes' own distance it may be.
+NEAR, TIMES_CODED = 0.15, 2.0
+#: How many times the small buildings of the parent with most of them; the least bound, 1/ha.
+TIMES_SMALL, FEW_SMALL = 1.3, 0.1
+#: By how much the share of slivers may exceed that of the code with most of them.
+MORE_SLIVERS = 0.03
+#: The most generations that a time in minutes becomes.
+MOST_GENERATIONS = 1_000_000
+#: Births that are timed, and births before them that load what they need.
+_TIMED, _LOADING = 10, 3
+
+
+@dataclass(frozen=True)
+class CalibratedRecipe:
+    """A recipe to begin from: its ``text``, and the same as ``recipe``.
+
+    values : measure -> parent -> values of its (map, code), NaN if undefined. bounds : of the
+        guard.
+    seconds : that one birth took one worker. notes : what a user should know. failing : why a run
+    by it would stop at once; "" if it would not.
+    """
+
+    text: str
+    recipe: Recipe
+    values: Mapping[str, Mapping[str, tuple[float, float]]]
+    bounds: Sequence[Bound]
+    seconds: float
+    sources: Sequence[Source]
+    notes: Sequence[str] = field(default=())
+    failing: str = ""
+
+    @property
+    def births(self) -> int:
+        return self.recipe.run.population * (self.recipe.run.generations + 1)
+
+    @property
+    def duration(self) -> float:
+        """Seconds that all births take, on as many workers as there are cores."""
+        return self.births * self.seconds / max(1, self.recipe.worker_count)
+
+
+def calibrate_recipe(
+    settings: RecipeSettings,
+    goals: Sequence[Goal],
+    path: Path,
+    tell: Callable[[str], None],
+    on_map: Callable[[CityMap, Parent], None] | None = None,
+) -> CalibratedRecipe:
+    """Write a recipe for the parents and the window of ``settings``, as it would lie at ``path``,
+    with a calibrated guard.
+
+    goals : by default `USUAL_GOALS`; their files are executed. tell : is called with a few words on
+    each step. on_map : is called with each parent's map and its [[parents]] once it is read.
+
+    Raises `RecipeError` for an impossible window or centre. Raises `MapError`, `GenomeError` or
+    `FitnessError` if a map cannot be used, nothing is built on it, or a goal is undefined of every
+    parent.
+    """
+    own = bool(goals)
+    goals = list(goals) or [Goal(fitness.get(name)) for name in USUAL_GOALS]
+    drafted = [replace(goal, target=0.0) if goal.lacks_target else goal for goal in goals]
+    draft = _read_recipe(recipe_text(settings, drafted, []), path)
+    compile_once(draft.genome.block, kernel_parts(draft), tell)
+
+    def check_map(city: CityMap, parent: Parent) -> None:
+        if on_map is not None:
+            on_map(city, parent)
+        _refuse_empty(city, parent)
+
+    prepared = prepare(draft, tell, check_map)
+    cities = [source.city for source in prepared.sources]
+    measures = [goal.measure for goal in goals]
+    guard = [getattr(fitness, name) for name in GUARD]
+    values = {one.name: _values(one, prepared, cities) for one in [*measures, *guard]}
+    goals, left_out = _select_goals(goals, values, own, path)
+    bounds = {one.name: _calibrate_bound(one, values[one.name]) for one in guard}
+    unbounded = [name for name, bound in bounds.items() if bound is None]
+    bounds = [bound for bound in bounds.values() if bound is not None]
+    recipe = _read_recipe(recipe_text(settings, goals, bounds, values), path)
+    tell("breeding a few, to tell how long it takes")
+    compile_once(recipe.genome.block, kernel_parts(recipe), tell)
+    trials = _trials(_with_recipe(prepared, recipe))
+    seconds = sum(outcome.seconds for outcome in trials) / len(trials)
+    sources, first = prepared.sources, prepared.sources[0]
+    failures, failing = _describe_failures(trials, recipe.evaluation.max_failures)
+    notes = [
+        *prepared.notes,
+        *left_out,
+        *_note_heights(goals, first.city),
+        *_note_reached(goals, first.name),
+        *_note_best(goals, values),
+        *(
+            f"{n}: no bound, for it is undefined for {_list_undefined(values[n])}"
+            for n in unbounded
+        ),
+        *failures,
+    ]
+    settings = _with_generations(settings, recipe, seconds)
+    content = settings, goals, bounds, values
+    if settings.generations != recipe.run.generations:
+        recipe = _read_recipe(recipe_text(*content), path)
+    draft = CalibratedRecipe("", recipe, values, bounds, seconds, sources, notes, failing)
+    uncredited = [k for k, source in enumerate(sources) if not source.city.attribution]
+    text = recipe_text(*content, (draft.births, seconds, draft.duration), uncredited)
+    return replace(draft, text=text, recipe=_read_recipe(text, path))
+
+
+def _read_recipe(text: str, path: Path) -> Recipe:
+    return recipe_of(text, path.parent.resolve(), {}, name=str(path))
+
+
+def _with_generations(settings: RecipeSettings, recipe: Recipe, seconds: float) -> RecipeSettings:
+    """As many generations as the minutes of ``settings`` allow if a birth takes one worker so many
+    ``seconds``; at least one."""
+    if settings.minutes is None:
+        return settings
+    pace = settings.population * seconds / max(1, recipe.worker_count)
+    bred = 60 * settings.minutes / max(pace, 1e-9) - 1  # the first population takes as long
+    return replace(settings, generations=max(1, min(int(bred), MOST_GENERATIONS)))
+
+
+def _values(
+    measure: Measure, prepared: Prepared, cities: Sequence
+) -> dict[str, tuple[float, float]]:
+    """Parent -> values of its map and its code."""
+    if "reference" in measure.takes:
+        named = prepared.references.get(measure.name)
+        measure = measure.bound(named or fitness.Reference.sources(cities))
+    values = {}
+    for source in prepared.sources:
+        extras = {"genome": source.genome, "parents": [source.genome], "sources": cities}
+        code = decode(source.genome).city
+        values[source.name] = tuple(measure(city, **extras) for city in (source.city, code))
+    return values
+
+
+def _refuse_empty(city: CityMap, parent: Parent) -> None:
+    """Raise `MapError` if nothing is built on a parent's map."""
+    if not city.built.any():
+        raise MapError(
+            f"{city.name}: the map ({parent.place}) has no buildings",
+            "buildings to breed from on the map of every parent",
+            f"choose a window with buildings, with {keyword('center')} and {keyword('pixels')}, "
+            "or leave this map out",
+        )
+
+
+def _select_goals(
+    goals: Sequence[Goal], values: Mapping, own: bool, path: Path
+) -> tuple[list[Goal], list[str]]:
+    """The ``goals`` that are defined of the parents' codes, with targets if they have no goal; and
+    notes on those left out. Raises `FitnessError` if one of the user's ``own`` is undefined of all
+    parents, or each other goal of one."""
+    kept, left_out = [], []
+    for goal in goals:
+        of_parents = values[goal.measure.name]
+        defined = [code for _, code in of_parents.values() if not math.isnan(code)]
+        if own and not defined:
+            raise FitnessError(
+                f"{goal.measure.name} is undefined for {_list_undefined(of_parents)}",
+                "a measure that has a value for at least one parent",
+                "try the measure: "
+                f"evocity score MAP --fitness {_option_value(goal, path)}, or take other cities",
+            )
+        if not own and len(defined) < len(of_parents):
+            undefined = _list_undefined(of_parents)
+            left_out.append(f"{goal.measure.name}: no goal, for it is undefined for {undefined}")
+            continue
+        if goal.lacks_target:
+            goal = replace(goal, target=float(f"{defined[0]:.4g}"), of_first=True)
+        kept.append(goal)
+    if not kept:
+        raise FitnessError(
+            f"no measure is left to search by: {'; '.join(left_out)}",
+            "a measure that has a value for every parent",
+            "choose another measure with --fitness, or take other cities",
+        )
+    return kept, left_out
+
+
+def _note_reached(goals: Sequence[Goal], first: str) -> list[str]:
+    """A note that targets which are the ``first`` parent's values are reached from the start."""
+    names = [goal.measure.name for goal in goals if goal.of_first]
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)}: the target is what the code of {first} has, so {first} has reached "
+        "it before the run begins; write another target to breed towards"
+    ]
+
+
+def _note_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
+    """Notes that some parents, but not all, have the best value of a goal: their children have it
+    too."""
+    notes = []
+    for goal in goals:
+        if goal.direction is None:
+            continue
+        best = goal.measure.range[goal.direction == "max"]
+        of_parents = {name: code for name, (_, code) in values[goal.measure.name].items()}
+        reached = [name for name, code in of_parents.items() if code == best]
+        if reached and len(reached) < len(of_parents):
+            have, them = ("have", "these") if len(reached) > 1 else ("has", "it")
+            notes.append(
+                f"{goal.measure.name}: {' and '.join(reached)} {have} {best:g} already, the best "
+                f"possible value; children of only {them} may win, which a bound in place of the "
+                "goal prevents"
+            )
+    return notes
+
+
+def _note_heights(goals: Sequence[Goal], first: CityMap) -> list[str]:
+    """A note on targets that rest on heights missing in the ``first`` parent's file: if half of its
+    buildings lack one, and the measure changes with the heights."""
+    rules = first.height_rules
+    if 2 * rules.get("default", 0) < max(1, sum(rules.values())):
+        return []
+    higher = first.replace(2 * first.heights)
+    measures = [goal.measure for goal in goals if goal.of_first or goal.lacks_target]
+    measures = [measure for measure in measures if not measure.takes]
+    names = [measure.name for measure in measures if measure(first) != measure(higher)]
+    if not names:
+        return []
+    which = "its target rests" if len(names) == 1 else "their targets rest"
+    return [
+        f"{', '.join(names)}: {which} on heights that {first.name} lacks; write another into the "
+        "recipe, or put another city first"
+    ]
+
+
+def _list_undefined(of_parents: Mapping[str, tuple[float, float]]) -> str:
+    """The parents that a measure is undefined of, with the reasons, in words."""
+    reasons: dict[str, list[str]] = {}
+    for name, (_, code) in of_parents.items():
+        if math.isnan(code):
+            reasons.setdefault(getattr(code, "reason", ""), []).append(name)
+    return ", ".join(
+        " and ".join(names) + f" ({reason})" * bool(reason) for reason, names in reasons.items()
+    )
+
+
+def _option_value(goal: Goal, path: Path) -> str:
+    """How ``--fitness`` names a ``goal`` of the recipe at ``path`` from the current folder."""
+    if goal.file is None:
+        return goal.measure.name
+    file = os.path.join(path.parent, goal.file)
+    with contextlib.suppress(ValueError):  # on another drive
+        return os.path.relpath(file)
+    return file
+
+
+def _calibrate_bound(measure: Measure, values: Mapping[str, tuple[float, float]]) -> Bound | None:
+    """The bound of the guard on a ``measure``, from the parents' values; None if one is
+    undefined."""
+    maps, codes = zip(*values.values(), strict=True)
+    if any(map(math.isnan, codes)):
+        return None
+    if measure.name == fitness.integrity.name:
+        return Bound(measure, min=min(LEAST_INTEGRITY, round_bound(max(codes), up=False)))
+    if measure.name == fitness.small_buildings.name:
+        most = max(TIMES_SMALL * max(maps), FEW_SMALL)
+        if min(codes) > most:
+            return Bound(measure, max=round_bound(min(codes), up=True), relaxed=True)
+        return Bound(measure, max=round_bound(most, up=False))
+    if measure.name == fitness.slivers.name:
+        return Bound(measure, max=round_bound(max(codes) + MORE_SLIVERS, up=True))
+    return Bound(measure, max=max(NEAR, round_bound(TIMES_CODED * max(codes), up=True)))
+
+
+def _describe_failures(trials: Sequence[Outcome], limit: float) -> tuple[list[str], str]:
+    """Notes on the ``trials`` that failed, and why a run would stop if more than a share ``limit``
+    did."""
+    failed = [outcome for outcome in trials if outcome.status != "ok"]
+    if not failed:
+        return [], ""
+    said = f"{len(failed)} of {len(trials)} trial births failed; the first: {failed[0].error}"
+    if len(failed) <= limit * len(trials):
+        return [said], ""
+    return [], f"{said}\n  A run stops when more than {limit:.0%} of a generation's births fail"
+
+
+def _with_recipe(prepared: Prepared, recipe: Recipe) -> Prepared:
+    """The same parents, prepared for a ``recipe`` with other measures."""
+    cities = [source.city for source in prepared.sources]
+    header = replace(
+        prepared.header,
+        measures=tuple(measure.name for measure in recipe.measures),
+        recipe_hash=store.hash_of_text(recipe.text),
+    )
+    return replace(
+        prepared,
+        recipe=recipe,
+        header=header,
+        aims=aims_of(recipe),
+        references=references_of(recipe, cities, {}),
+    )
+
+
+def _trials(prepared: Prepared) -> list[Outcome]:
+    """Children of the parents by the recipe's operators, bred and evaluated here."""
+    evaluator = Evaluator(prepared.setup)
+    sources = [source.genome for source in prepared.sources]
+    algorithm = prepared.recipe.search.algorithm_of(len(sources))
+    living = algorithm.judged([Individual(k, one, {}, (0.0,)) for k, one in enumerate(sources)])
+    plans = child_plans(prepared.recipe, algorithm, 1, living, sources)
+    plans = plans[: _LOADING + _TIMED]
+    outcomes = [evaluator.born(plan.operator, plan.genomes, plan.rng) for plan in plans]
+    return outcomes[min(_LOADING, len(outcomes) - 1) :]

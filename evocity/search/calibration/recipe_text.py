@@ -1,0 +1,297 @@
+"""The text of a recipe in TOML, with comments that explain its lines."""
+
+import json
+import math
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from evocity import operators
+from evocity.fitness import Measure
+from evocity.recipe.mixture import OperatorEntry
+from evocity.recipe.recipe import Recipe
+from evocity.recipe.sections import GenomeSection
+
+_WIDTH = 100
+
+
+@dataclass(frozen=True)
+class RecipeSettings:
+    """The user's choices for a recipe: its ``name``; each of its ``parents`` as [[parents]] has
+    it, map and options; the window; the ``seed``; how long it runs, in ``generations``, or in
+    ``minutes`` on all cores, which become generations once a birth was timed. ``by``: who writes
+    it."""
+
+    name: str
+    parents: Sequence[Mapping[str, Any]]
+    pixels: int = 256
+    metres_per_pixel: float = 2.0
+    population: int = 48
+    generations: int = 100
+    seed: int = 7
+    minutes: float | None = None
+    by: str = "`evocity recipe new`"
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A measure as a goal. ``file``: its file, as the recipe names it; ``several``: whether this
+    has other measures too. ``goal``: "max" or "min" in place of the measure's own; ``target``: a
+    number in place of a goal; ``of_first``: whether that is the first parent's value."""
+
+    measure: Measure
+    file: str | None = None
+    several: bool = False
+    target: float | None = None
+    goal: str | None = None
+    of_first: bool = False
+
+    @property
+    def lacks_target(self) -> bool:
+        """Whether there is neither a goal nor a target."""
+        return self.target is None and self.goal is None and self.measure.goal is None
+
+    @property
+    def direction(self) -> str | None:
+        """ "max" or "min"; None for a target, given or to come."""
+        return None if self.target is not None else self.goal or self.measure.goal
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound of the guard; ``relaxed``: wider than usual, since the codes keep no other."""
+
+    measure: Measure
+    min: float | None = None
+    max: float | None = None
+    relaxed: bool = False
+
+    @property
+    def keys(self) -> dict[str, float]:
+        bounds = {"min": self.min, "max": self.max}
+        return {key: bound for key, bound in bounds.items() if bound is not None}
+
+
+#: The purpose of each bound of the guard.
+_REASONS = {
+    "integrity": (
+        "integrity: share of what is built that stands in whole buildings of the parents. Breeding "
+        "that cuts buildings reaches many goals sooner; this bound keeps half of them whole."
+    ),
+    "fabric_distance": (
+        "fabric_distance: how far the areas and shapes of the buildings are from the parents'. "
+        "Two windows of one city are about .05 apart. The bound is the larger of .15 and twice "
+        "what the parents' own codes have: no birth is truer than these."
+    ),
+    "small_buildings": (
+        "small_buildings: buildings of less than 50 m², a hectare: sheds, and pieces of what was "
+        "cut. The bound is 1.3 times what the map of the parent with more of them has."
+    ),
+    "slivers": (
+        "slivers: share of buildings that are less than 5 m wide, mostly strips of roofs. The "
+        "bound is .03 above the code of the parent that has more of them."
+    ),
+}
+#: What a target means, by whether it is the first parent's value.
+_TARGET = {
+    True: "It has no goal of its own: the target is what the code of the first has.",
+    False: "The nearer the target, the better.",
+}
+_RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
+
+
+def recipe_text(
+    settings: RecipeSettings,
+    goals: Sequence[Goal],
+    bounds: Sequence[Bound],
+    values: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+    cost: tuple[int, float, float] | None = None,
+    uncredited: Collection[int] = (),
+) -> str:
+    """Write a recipe in TOML.
+
+    values : measure -> parent -> the values of its map and its code. cost : how many births,
+    seconds of one, and seconds of all. uncredited : the parents, by number, whose files have no
+    attribution.
+    """
+    values = values or {}
+    guarded = {bound.measure.name: bound for bound in bounds}
+    parts = [
+        _head(settings, cost),
+        _table(
+            "[run]",
+            {key: getattr(settings, key) for key in ("name", "seed", "population", "generations")},
+            {
+                "seed": "the same seed, the same births",
+                "population": "individuals alive, and births in each generation",
+            },
+        ),
+        _table(
+            "[map]",
+            {"pixels": settings.pixels, "metres_per_pixel": settings.metres_per_pixel},
+            {"pixels": f"a window of {settings.pixels * settings.metres_per_pixel:g} m"},
+        ),
+        *(_parent(parent, k in uncredited) for k, parent in enumerate(settings.parents)),
+        _genome(),
+        _operators(),
+        _comment("-- goals: what the search improves " + "-" * 50),
+        *(_goal(goal, guarded.pop(goal.measure.name, None), values) for goal in goals),
+    ]
+    if guarded:
+        parts.append(
+            _comment("-- the guard: what every birth should keep " + "-" * 37)
+            + _comment(
+                "An individual that breaks a bound loses to all that keep them. The code of at "
+                "least one parent keeps each bound; the values are those of the parents' maps, and "
+                "of their codes as they are decoded."
+            )
+        )
+    parts += [
+        _reason(bound, values) + _table("[[fitness]]", {"name": bound.measure.name} | bound.keys)
+        for bound in guarded.values()
+    ]
+    parts.append(
+        _table("[evaluation]", {"timeout": 60}, {"timeout": "seconds that one individual may take"})
+        + "# workers = 2            # processes that evaluate; one a core while this is a comment\n"
+    )
+    return "\n".join(parts)
+
+
+def toml_value(value: Any) -> str:
+    """Write a value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
+
+
+def describe_duration(seconds: float) -> str:
+    """Describe a time in seconds, minutes or hours."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} seconds"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} minutes"
+    return f"{seconds / 3600:.1f} hours"
+
+
+def _head(settings: RecipeSettings, cost) -> str:
+    text = f"Written by {settings.by}, to be changed. docs/recipe.md explains every key."
+    if cost is not None:
+        births, each, whole = cost
+        text += (
+            f" {births} births; one took {1000 * each:.0f} ms here, bred and measured, so that all "
+            f"take about {describe_duration(whole)} on this machine's cores. Children of the "
+            "parents were timed; later ones may take longer."
+        )
+    return _comment(text)
+
+
+def _genome() -> str:
+    usual = GenomeSection.model_fields
+    sides = usual["block"].default
+    return _table(
+        "[genome]",
+        {
+            "block": f"{sides[0]}-{sides[1]}",
+            "reach": usual["reach"].default,
+            "fit": usual["fit"].default,
+            "settle": usual["settle"].default,
+        },
+        {
+            "block": "sides of range blocks, px: small at walls, large on open ground",
+            "reach": "how far a domain block may lie, px; short ones survive crossing",
+            "fit": "the parents' codes refined, to decode closest to their maps",
+            "settle": "each building lies at its median height",
+        },
+    )
+
+
+def _operators() -> str:
+    mixture = Recipe.model_fields["operators"].get_default(call_default_factory=True)
+    table = {name: _entry(entry) for name, entry in mixture.items()}
+    comments = {name: _first_sentence(operators.operators()[name]) for name in mixture}
+    about = "weights of a mixture; a range is drawn at each birth"
+    return _table("[operators]", table, comments, about)
+
+
+def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
+    """One of [[parents]]; with a line for the attribution of an ``uncredited`` map."""
+    line = '# attribution = "…"      # the line that its licence asks for: the file has none\n'
+    return _table("[[parents]]", entry) + (line if uncredited and "map" in entry else "")
+
+
+def _entry(entry: OperatorEntry) -> Any:
+    weight = int(entry.weight) if entry.weight == int(entry.weight) else entry.weight
+    others = ({} if entry.parents is None else {"parents": entry.parents}) | entry.parameters
+    return {"weight": weight} | others if others else weight
+
+
+def _first_sentence(kind: type) -> str:
+    text = " ".join((kind.__doc__ or "").split()).partition(". ")[0].rstrip(".").replace("`", "")
+    return text[:1].lower() + text[1:]
+
+
+def _goal(goal: Goal, bound: Bound | None, values: Mapping) -> str:
+    measure = goal.measure
+    entry: dict[str, Any] = {} if goal.file is None else {"file": goal.file}
+    if goal.file is None or goal.several:
+        entry["name"] = measure.name
+    if goal.target is not None:
+        entry["target"] = goal.target
+    elif goal.goal is not None or bound is not None:  # with only a bound it were no goal
+        entry["goal"] = goal.direction
+    text = f"{measure.name}: {measure.summary}" if measure.summary else f"{measure.name}."
+    directions = {"max": "More of it is better.", "min": "Less of it is better."}
+    text += " " + directions.get(goal.direction, _TARGET[goal.of_first])
+    entry |= {} if bound is None else bound.keys
+    return _comment(text + _parent_values(measure.name, values)) + _table("[[fitness]]", entry)
+
+
+def _reason(bound: Bound, values: Mapping) -> str:
+    text = _REASONS[bound.measure.name] + (" " + _RELAXED if bound.relaxed else "")
+    return _comment(text + _parent_values(bound.measure.name, values))
+
+
+def _parent_values(name: str, values: Mapping) -> str:
+    texts = [
+        f"{parent} has {_format_value(of_map)}, its code {_format_value(of_code)}"
+        for parent, (of_map, of_code) in values.get(name, {}).items()
+    ]
+    return f" The map of {'; that of '.join(texts)}." if texts else ""
+
+
+def _format_value(value: float) -> str:
+    return "undefined" if math.isnan(value) else f"{value:.3g}"
+
+
+def _comment(text: str) -> str:
+    lines = textwrap.wrap(text, _WIDTH - 2, break_on_hyphens=False, break_long_words=False)
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _table(
+    head: str,
+    entries: Mapping[str, Any],
+    comments: Mapping[str, str] | None = None,
+    about: str = "",
+) -> str:
+    """A table of TOML, with ``comments`` on its keys."""
+    lines = [_with_comment(head, about)]
+    for key, value in entries.items():
+        comment = (comments or {}).get(key, "")
+        lines.append(_with_comment(f"{key} = {toml_value(value)}", comment))
+    return "\n".join(lines) + "\n"
+
+
+def _with_comment(line: str, text: str) -> str:
+    """A long comment stands above its line."""
+    if not text:
+        return line
+    whole = f"{line:<24} # {text}"
+    return whole if len(whole) <= _WIDTH else f"# {text}\n{line}"

@@ -1,0 +1,136 @@
+"""Schedules of births: whole generations, or a steady state in an ordered window.
+
+In a window of w births, workers never wait for the last birth of a generation. Births are admitted
+one at a time, in the order of their ids. Once birth k is admitted, birth k + w is planned from
+those who live then: its parents are at least w births older, and w births are under way. The first
+w are founders, as all of generation 0 are. The result depends neither on the number of workers nor
+on which of them is done first.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+
+from evocity.evaluation import Engine
+from evocity.search.breeding.archipelago import Archipelago, Tell
+from evocity.search.breeding.births import Offspring
+from evocity.search.breeding.plans import Guidance, Plan
+from evocity.search.preparation.preparation import Prepared
+from evocity.search.replay_check import ReplayCheck
+from evocity.search.resume.logged_plans import PastState
+from evocity.store import Birth, RunLog
+
+
+class WholeGenerations:
+    """The births of a search whose ``population`` is replaced a generation at a time; the
+    ``engine`` breeds and evaluates them."""
+
+    def __init__(self, prepared: Prepared, population: Archipelago, engine: Engine):
+        self._aims, self._population, self._engine = prepared.aims, population, engine
+        self._check = ReplayCheck(prepared, population.event)
+
+    def births(self, generation: int, guidance: Guidance) -> list[Birth]:
+        """Breed a ``generation`` and select who lives on; return its births by id."""
+        plans = self._population.plans(generation, guidance)
+        return self.select(self._check.breed_and_evaluate(self._engine, plans), generation)
+
+    def plans(self, generation: int, guidance: Guidance) -> list[Plan]:
+        """Plan a ``generation`` that is measured elsewhere, without refinements."""
+        return self._population.plans(generation, guidance, refined=False)
+
+    def select(self, offspring: Sequence[Offspring], generation: int) -> list[Birth]:
+        """Select who lives on, of the living and the ``offspring``; return these as births."""
+        births = [child.birth(generation, self._aims) for child in offspring]
+        looks = {child.plan.id: child.look for child in offspring if child.look is not None}
+        self._population.select(births, generation, looks)
+        return births
+
+    def close(self) -> None:
+        """Do nothing: no birth is under way between two generations."""
+
+
+class SteadyState:
+    """The births of a search whose ``population`` changes with each of them; the ``engine`` breeds
+    and evaluates them. A generation is a block of as many births as the population has.
+
+    All of generation 0 is bred before the first admission: losses are compared with all of it.
+    """
+
+    def __init__(self, prepared: Prepared, population: Archipelago, engine: Engine):
+        run, self._window = prepared.recipe.run, prepared.recipe.search.window
+        self._size, self._end = run.population, (run.generations + 1) * run.population
+        self._aims, self.population, self._island = prepared.aims, population, population.single
+        self._plans: deque[Plan] = deque()  # not yet under way
+        self._planned = 0  # the id after the last plan's
+        self._early: dict[int, Offspring] = {}  # done before one of lower id
+        self._done = ReplayCheck(prepared, population.event).stream(engine, self._next_plans())
+
+    def births(self, generation: int, guidance: Guidance) -> list[Birth]:
+        """Breed a ``generation`` and admit each birth after the one before it; return them by id.
+        The ``guidance`` counts for the births planned meanwhile: from w after its first on."""
+        first = generation * self._size
+        if generation == 0:
+            self._plans.extend(self.population.plans(0, guidance))
+            self._plan_from(self._size)
+        offspring = map(self._wait_for, range(first, first + self._size))
+        if generation == 0:
+            offspring = list(offspring)
+            self.population.begin_with([child.birth(0, self._aims) for child in offspring])
+        births = []
+        for child in offspring:
+            birth = child.birth(generation, self._aims)
+            self._island.admit_birth(birth, {} if child.look is None else {birth.id: child.look})
+            self._plan_after(birth.id, guidance)
+            births.append(birth)
+        self._island.learn(births)
+        if first + self._size == self._end:  # replays may still be under way
+            for _ in self._done:
+                pass
+        return births
+
+    @classmethod
+    def resume(
+        cls, run: RunLog, prepared: Prepared, generation: int, engine: Engine, event: Tell
+    ) -> "SteadyState":
+        """Go on with a ``generation`` after the first of a logged ``run``: admit its last w births
+        again, so that the births under way when it stopped are planned. ``event`` is called with
+        events from now on."""
+        size, window = prepared.recipe.run.population, prepared.recipe.search.window
+        first = max(0, generation * size - window) // size
+        past = PastState.of(run, prepared, first)
+        steady = cls(prepared, past.population(prepared, event), engine)
+        steady._plan_from(generation * size)
+        for number in range(first, generation):
+            past = PastState.of(run, prepared, number)
+            steady.population.reweigh(past.orders.weights)
+            for birth in past.births():
+                steady._island.admit_birth(birth)
+                steady._plan_after(birth.id, past.guidance)
+        return steady
+
+    def close(self) -> None:
+        """Abandon the births under way."""
+        self._done.close()
+
+    def _wait_for(self, identifier: int) -> Offspring:
+        while identifier not in self._early:
+            child = next(self._done)
+            self._early[child.plan.id] = child
+        return self._early.pop(identifier)
+
+    def _plan_from(self, identifier: int) -> None:
+        """Plan from this id on; first the founders, which have no birth w before them."""
+        self._planned = identifier
+        while self._planned < min(self._window, self._end):
+            self._plans.append(self._island.founder_plan(self._planned))
+            self._planned += 1
+
+    def _plan_after(self, identifier: int, guidance: Guidance) -> None:
+        """Plan the birth that waits for the admission of this one, unless it is planned."""
+        if identifier + self._window == self._planned < self._end:
+            self._plans.append(self._island.plan(self._planned, guidance))
+            self._planned += 1
+
+    def _next_plans(self) -> Iterator[Plan | None]:
+        """All plans as they are made; None while no plan is ready."""
+        while self._plans or self._planned < self._end:
+            yield self._plans.popleft() if self._plans else None

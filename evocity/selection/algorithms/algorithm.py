@@ -1,0 +1,222 @@
+"""The base classes of selection algorithms: `Algorithm`, and `Ranked` for those that rank."""
+
+from abc import ABC, abstractmethod
+from bisect import insort
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from evocity.section import Fault, Section
+from evocity.selection.individual import Individual
+from evocity.selection.thumbprints import distinct_first
+
+#: Individuals, for example the living of a generation.
+Living = Sequence[Individual]
+#: The generator of all random draws.
+Rng = np.random.Generator
+#: The function that returns the look of an individual's map, see `evocity.selection.thumbprints`.
+Look = Callable[[Individual], np.ndarray]
+
+
+@dataclass(frozen=True)
+class First:
+    """The first generation: the ``losses`` (n, goals) of its measured births; the values, measure
+    -> number, of the ``sources`` among its births; and the ``limits``, the lowest and the highest
+    value that each measure declares."""
+
+    losses: np.ndarray
+    sources: Sequence[Mapping[str, float]] = ()
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+class Algorithm(ABC):
+    """A selection algorithm: it selects survivors and parents. Losses: lower is better.
+
+    Its decisions depend only on its input, in any order: a resumed run passes those who lived to
+    `judged`.
+
+    name : its name in recipes.
+    marks : names of the numbers that it gives each of the living besides its rank; columns of the
+        run's membership.
+    figures : names of the numbers that it gives all the living together, see `summary`.
+    Keys : its own keys under ``[search]``, a pydantic model.
+    breeds_by : the operator that it breeds with by itself, from all the recipe's parents, see
+        `settings`; None where the recipe's mixture breeds.
+    replays : whether a resumed run must replay it from the start: call its `settings` and
+        `survivors` for each generation as before.
+
+    Parameters
+    ----------
+    size : the births of a generation; most algorithms keep at most so many alive.
+    keys : an instance of its ``Keys``.
+    """
+
+    name: ClassVar[str]
+    marks: ClassVar[tuple[str, ...]] = ()
+    figures: ClassVar[tuple[str, ...]] = ()
+    Keys: ClassVar[type[Section]] = Section
+    breeds_by: ClassVar[str | None] = None
+    replays: ClassVar[bool] = False
+
+    def __init__(self, size: int, keys: Section | None = None):
+        self.size, self.keys = size, self.Keys() if keys is None else keys
+
+    @classmethod
+    def faults(cls, keys: Section, goals: int, population: int, parents: int = 2) -> list[Fault]:
+        """List the faults of a recipe that names it with these ``keys``, and has so many ``goals``,
+        a ``population`` of so many and so many ``parents``."""
+        return []
+
+    @classmethod
+    def described(cls, keys: Section) -> tuple[str, ...]:
+        """Name the measures that it needs of every birth besides the goals; a run records those
+        that its recipe does not name."""
+        return ()
+
+    def begin(self, first: First) -> None:  # noqa: B027
+        """Take the first generation, before any other call. A resumed run, and a change of the
+        goals' weights, call it again. Raises `RecipeError` if it cannot begin so."""
+
+    def summary(self, living: Living) -> dict[str, float]:
+        """Compute the ``figures`` of all the ``living`` together, by their names; the log holds
+        the finite ones of each generation."""
+        return {}
+
+    def settings(self, first: int, sources: int, rng: Rng) -> list[Mapping[str, object]]:
+        """Make the parameters of its operator (``breeds_by``) for each birth of the next
+        generation, with the ids ``first``, ``first`` + 1, …, from so many ``sources``."""
+        raise NotImplementedError(f"{self.name} does not breed by itself")
+
+    @abstractmethod
+    def survivors(self, candidates: Living, look: Look, rng: Rng) -> list[Individual]:
+        """Select those who live on, best first, with rank and marks as by `judged`. ``look`` gives
+        the map of an individual where it matters; all random draws are from ``rng``."""
+
+    @abstractmethod
+    def judged(self, living: Living) -> list[Individual]:
+        """Sort all of the ``living``, best first, and give them their rank and marks."""
+
+    def migrants(self, living: Living, count: int, rng: Rng) -> list[Individual]:
+        """Select at most ``count`` of the ``living``, given best first, that may also live on
+        another island: the best."""
+        return list(living[:count])
+
+    @abstractmethod
+    def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
+        """Select ``count`` of the ``living`` as parents, by their indices; all different while
+        possible."""
+
+
+def one_goal_faults(algorithm: str, goals: int) -> list[Fault]:
+    """List the fault of an ``algorithm`` for one goal in a recipe with several."""
+    if goals == 1:
+        return []
+    allowed = 'one goal; measures with the same objective = "a name" are summed to one'
+    return [("search.algorithm", f"{algorithm!r} with {goals} goals", allowed)]
+
+
+@dataclass(frozen=True)
+class Order:
+    """Individuals in order: their indices ``(n,)``, best first; the rank of each, int ``(n,)``, and
+    its worth within the rank, float ``(n,)``, higher is better."""
+
+    best_first: np.ndarray
+    ranks: np.ndarray
+    worth: np.ndarray
+
+
+class DistinctKeys(Section):
+    """``distinct``: the share of the living that differ pairwise; two differ if their heights
+    differ by more than a storey in more than the share ``apart`` of the map's pixels."""
+
+    distinct: float = Field(0.5, ge=0, le=1)
+    apart: float = Field(0.25, ge=0, lt=1)
+
+
+class Ranked(Algorithm):
+    """(µ + λ) by a total order: the best live, and among them as many distinct ones as ``distinct``
+    requires, if so many keep the constraints. Each parent is the better of two drawn.
+
+    A subclass has an ``_order``, and at most one mark, the worth of an individual within its rank.
+    """
+
+    Keys = DistinctKeys
+
+    def survivors(self, candidates: Living, look: Look, rng: Rng) -> list[Individual]:
+        candidates = sorted(candidates, key=lambda one: one.id)
+        if not candidates:
+            return []
+        best = self._best_first(*losses_and_violations(candidates), rng)
+        wanted = round(self.keys.distinct * self.size)
+        keep = np.array([not candidates[i].violation for i in best], bool)
+        if wanted and np.count_nonzero(keep) > self.size:
+            eligible = best[keep]
+            looks = [look(candidates[i]) for i in eligible]
+            best = eligible[self._distinct_first(looks, wanted)]
+        return self.judged([candidates[i] for i in best[: self.size]])
+
+    def judged(self, living: Living) -> list[Individual]:
+        living = sorted(living, key=lambda one: one.id)
+        if not living:
+            return []
+        order = self._order(*losses_and_violations(living))
+        return [
+            replace(
+                living[i],
+                rank=int(order.ranks[i]),
+                marks=dict.fromkeys(self.marks, float(order.worth[i])),
+            )
+            for i in order.best_first
+        ]
+
+    def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
+        def key(at: int) -> tuple:
+            one = living[at]
+            return one.rank, *(-one.marks[mark] for mark in self.marks), one.id
+
+        return tournament(len(living), key, count, rng)
+
+    def _best_first(self, losses: np.ndarray, violations: np.ndarray, rng: Rng) -> np.ndarray:
+        """Order the candidates to live; by default as `_order` does."""
+        return self._order(losses, violations).best_first
+
+    def _distinct_first(self, looks: Sequence[np.ndarray], count: int) -> np.ndarray:
+        """Indices of all ``looks``, given best first: those of ``count`` that differ come first."""
+        return distinct_first(looks, self.keys.apart, count)
+
+    @abstractmethod
+    def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
+        """Order individuals that are sorted by id, from their losses ``(n, m)`` and violations of
+        the constraints ``(n,)``. Of two with equal worth the first is the better."""
+
+
+def losses_and_violations(individuals: Living) -> tuple[np.ndarray, np.ndarray]:
+    """Collect the losses ``(n, m)`` and the violations of the constraints ``(n,)``."""
+    losses = np.array([one.losses for one in individuals], np.float64)
+    return losses, np.array([one.violation for one in individuals], np.float64)
+
+
+def tournament(size: int, key: Callable[[int], tuple], count: int, rng: Rng) -> list[int]:
+    """Select ``count`` of ``size`` individuals by their indices, each as the one of two drawn with
+    the lesser ``key``; all different while possible."""
+    chosen: list[int] = []
+    used: list[int] = []  # sorted
+    for _ in range(count):
+        if len(used) == size:
+            used = []
+        left = size - len(used)
+        two = int(rng.integers(left)), int(rng.integers(left))
+        best = min((_unused(number, used) for number in two), key=key)
+        chosen.append(best)
+        insort(used, best)
+    return chosen
+
+
+def _unused(number: int, used: Sequence[int]) -> int:
+    """Return the index with a ``number`` among those that are not ``used``."""
+    for index in used:
+        number += index <= number
+    return number

@@ -1,0 +1,1 @@
+"""Libraries that selection uses, one file each; no other file imports them."""

@@ -1,0 +1,76 @@
+"""moocore: ranks, non-dominated rows, hypervolume and contributions to it."""
+
+import moocore
+import numpy as np
+
+from evocity.selection._kernels import least_of_two
+
+
+def ranks(losses: np.ndarray) -> np.ndarray:
+    """Compute the front of each row of ``(n, m)`` losses, int64 from 0."""
+    if losses.shape[1] == 1:
+        return np.unique(losses[:, 0], return_inverse=True)[1]
+    return moocore.pareto_rank(losses).astype(np.int64)
+
+
+def not_dominated(losses: np.ndarray) -> np.ndarray:
+    """Mark the rows of ``(n, m)`` losses that no other row dominates, bool ``(n,)``. Of equal rows
+    only the first counts."""
+    if losses.shape[1] == 1:
+        return np.arange(len(losses)) == losses[:, 0].argmin()
+    return moocore.is_nondominated(losses).astype(bool)
+
+
+def hypervolume(losses: np.ndarray, reference: np.ndarray) -> float:
+    """Compute the volume that the rows of ``(n, m)`` losses dominate, up to the ``reference``
+    (m,)."""
+    if losses.shape[1] == 1:
+        return float(max(reference[0] - losses.min(), 0.0))
+    return float(moocore.hypervolume(np.ascontiguousarray(losses), ref=reference))
+
+
+def contributions(losses: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Compute how much each row of one front, ``(n, m)`` losses, adds to the hypervolume of the
+    others."""
+    if losses.shape[1] == 1:  # in a front of one loss all are equal, and none is missed
+        return np.zeros(len(losses)) if len(losses) > 1 else reference - losses[:, 0]
+    added = moocore.hv_contributions(np.ascontiguousarray(losses), ref=reference)
+    return np.asarray(added, np.float64)
+
+
+def least_first(
+    losses: np.ndarray, reference: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Drop ``count`` rows of one front, ``(n, m)`` losses, one after another: each time the row
+    that contributes least to the hypervolume of those left, of equal ones the last.
+
+    Returns the rows in the order of dropping, and the contribution of each row: when it was
+    dropped, or at the end.
+
+    Contributions of the other rows never shrink when a row is dropped. So a known contribution is
+    a lower bound, and few are measured again for each row that is dropped.
+    """
+    known = contributions(losses, reference)
+    if losses.shape[1] == 2:
+        return least_of_two(losses, reference, known, count), known
+    left, fresh = np.ones(len(losses), bool), np.ones(len(losses), bool)
+    dropped = np.empty(count, np.int64)
+
+    def measure(row: int) -> None:
+        others = np.maximum(losses[left], losses[row])[np.flatnonzero(left) != row]
+        whole = float(np.prod(reference - losses[row]))
+        shared = hypervolume(others, reference) if len(others) else 0.0
+        known[row], fresh[row] = max(whole - shared, 0.0), True
+
+    for turn in range(count):
+        while True:
+            least = np.where(left, known, np.inf)
+            row = len(least) - 1 - int(least[::-1].argmin())
+            if fresh[row]:
+                break
+            measure(row)
+        dropped[turn] = row
+        left[row], fresh[:] = False, False
+    for row in np.flatnonzero(left & ~fresh):
+        measure(row)
+    return dropped, known

@@ -1,0 +1,154 @@
+"""The population: the living individuals, their survival, and their hypervolume."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evocity.errors import RecipeError
+from evocity.fitness import Aims
+from evocity.kinds import Kind
+from evocity.selection.algorithms import Algorithm, First
+from evocity.selection.fronts import Hypervolume
+from evocity.selection.individual import Individual
+from evocity.selection.thumbprints import look_of
+from evocity.store import Birth, Member
+
+
+class Population:
+    """Individuals with finite losses and different genomes, best first, as an ``algorithm`` selects
+    them.
+
+    ``aims`` give losses and broken constraints for raw values, ``kind`` the map of a genome,
+    ``limits`` the lowest and the highest value that measures declare. Failed births never enter,
+    nor does a genome that lives already.
+    """
+
+    def __init__(
+        self,
+        algorithm: Algorithm,
+        aims: Aims,
+        kind: Kind,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ):
+        self.algorithm, self._aims, self._kind = algorithm, aims, kind
+        self._limits = limits or {}
+        self._looks: dict[int, np.ndarray] = {}
+        self._hypervolume: Hypervolume | None = None
+        self._first: list[Birth] = []
+        self.living: list[Individual] = []
+
+    def select(
+        self,
+        births: Sequence[Birth],
+        rng: np.random.Generator,
+        looks: Mapping[int, np.ndarray] | None = None,
+    ) -> None:
+        """Let the algorithm select among the living and the new ``births``, with ``rng`` for its
+        draws. ``looks``: known looks of maps, by id."""
+        self.begin_with(births)
+        self._looks |= looks or {}
+        self.admit([born for born in births if born.ok], rng)
+
+    def admit(self, others: Sequence[Birth | Individual], rng: np.random.Generator) -> None:
+        """Let the algorithm select among the living and ``others``: births, or individuals of
+        another population."""
+        candidates = {one.genome.digest: one for one in self.living}
+        for one in others:
+            candidates.setdefault(one.genome.digest, self._individual(one))
+        self.living = self.algorithm.survivors(list(candidates.values()), self._look, rng)
+        self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
+
+    def begin_with(self, births: Sequence[Birth]) -> None:
+        """Fix the hypervolume's unit by the first generation's births, and begin the algorithm with
+        them; later calls do nothing."""
+        first = [born for born in births if born.ok]
+        if self._hypervolume is None and self._complete(first):
+            self._first = [replace(born, genome=None) for born in first]
+            losses = self.first_losses
+            sources = [born for born in births if born.operator == "source"]
+            values = [born.values if born.ok else {} for born in sources]
+            try:
+                self.algorithm.begin(First(losses, values, self._limits))
+            except RecipeError as error:
+                failed = [
+                    f"source {born.id} failed: {born.error}" for born in sources if born.error
+                ]
+                found = "; ".join([error.found, *failed])
+                raise RecipeError(found, error.expected, error.remedy) from None
+            self._hypervolume = Hypervolume(losses)
+
+    def _complete(self, first: Sequence[Birth]) -> list[Birth]:
+        """Select those of the ``first`` births that have a value for every goal."""
+        return [born for born in first if self._aims.complete(born.values)]
+
+    def reweigh(self, aims: Aims) -> None:
+        """Judge all again by other ``aims``; also fix the hypervolume's unit again."""
+        self._aims, self._hypervolume = aims, None
+        self.begin_with(self._first)
+        self.living = self.algorithm.judged([self._individual(one) for one in self.living])
+
+    def restore(self, living: Sequence[Birth]) -> None:
+        """Put back the individuals that lived in a generation of the log."""
+        self.living = self.algorithm.judged([self._individual(born) for born in living])
+
+    @property
+    def first_losses(self) -> np.ndarray:
+        """Losses ``(n, goals)`` of the first generation's births that were measured."""
+        return np.array([self._aims.losses(born.values) for born in self._complete(self._first)])
+
+    @property
+    def hypervolume(self) -> float:
+        """The hypervolume of those that keep all constraints, in units of the first population's
+        ranges, see `Hypervolume`; 0 if there are none."""
+        return volume_of(self.living, self._hypervolume)
+
+    @property
+    def summary(self) -> dict[str, float]:
+        """The algorithm's finite figures of all the living."""
+        if not self.living:
+            return {}
+        figures = self.algorithm.summary(self.living)
+        return {key: figures[key] for key in self.algorithm.figures if math.isfinite(figures[key])}
+
+    @property
+    def best(self) -> dict[str, float]:
+        """The raw value of the best individual for each goal, among those that break the
+        constraints least."""
+        return best_of(self.living, self._aims)
+
+    @property
+    def members(self) -> list[Member]:
+        return [Member(s, one.id, one.rank, one.marks) for s, one in enumerate(self.living)]
+
+    def _individual(self, born: Birth | Individual) -> Individual:
+        values = dict(born.values)
+        losses, violation = self._aims.losses(values), self._aims.violation(values)
+        return Individual(born.id, born.genome, values, losses, violation)
+
+    def _look(self, one: Individual) -> np.ndarray:
+        if one.id not in self._looks:
+            self._looks[one.id] = look_of(self._kind.express(one.genome).city)
+        return self._looks[one.id]
+
+
+def volume_of(living: Sequence[Individual], volume: Hypervolume | None) -> float:
+    """Compute the hypervolume of those of the ``living`` that keep all constraints, in the units of
+    a ``volume``; 0 if there are none."""
+    feasible = [one.losses for one in living if not one.violation]
+    return volume(np.array(feasible)) if feasible else 0.0
+
+
+def best_of(living: Sequence[Individual], aims: Aims) -> dict[str, float]:
+    """Return the raw value of the best of the ``living`` for each goal, among those that break the
+    constraints least."""
+    least = min((one.violation for one in living), default=0.0)
+    best: dict[str, float] = {}
+    for aim in aims.wanted:
+        name = aim.measure.name
+        feasible = [one.values for one in living if one.violation == least]
+        values = [one[name] for one in feasible if name in one]
+        if aim.objective is not None and values:
+            best[name] = min(values, key=aim.loss)
+    return best

@@ -1,0 +1,207 @@
+"""Rendering of shapes and lines: masks, pictures, SVG."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image, ImageDraw
+
+from evocity.errors import setting
+from evocity.shapes.languages import ShapeError
+from evocity.shapes.lines import line_of
+from evocity.shapes.shape import MOST_PIECES, Pieces, Shape
+
+#: The largest side of a picture, px.
+MOST_SIDE = 8192
+_INK, _GREY, _PAPER = (31, 41, 51), (170, 178, 189), (255, 255, 255)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The place of a box of a shape in a picture: ``scale`` px a unit, y upwards; ``origin``: the
+    box's lower left corner in px from the picture's lower left."""
+
+    scale: float
+    low: np.ndarray
+    origin: np.ndarray
+    side: int
+
+    @classmethod
+    def of(cls, box: np.ndarray, side: int) -> "Frame":
+        """Put the ``box`` ``(2, m)`` in the middle of a square of ``side`` px."""
+        if isinstance(side, bool) or not isinstance(side, int) or not 8 <= side <= MOST_SIDE:
+            raise ShapeError(setting("side", side), f"a whole number, 8…{MOST_SIDE}", "correct it")
+        wide = box[1] - box[0]
+        scale = side / max(float(wide.max()), 1e-300)
+        return cls(scale, box[0], (side - scale * wide) / 2, side)
+
+    @property
+    def offset(self) -> np.ndarray:
+        """The shape's origin, in px from the lower left ``(m,)``."""
+        return self.origin - self.low * self.scale
+
+    def to_pixels(self, points: np.ndarray) -> np.ndarray:
+        """Convert ``points`` ``(…, m)`` to px, y upwards."""
+        return points * self.scale + self.offset
+
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Find the cells of ``points``, int; row from the top, then column, and layer."""
+        at = np.clip(np.floor(self.to_pixels(points)), 0, self.side - 1).astype(np.int64)
+        return np.concatenate([self.side - 1 - at[..., 1:2], at[..., 0:1], at[..., 2:]], axis=-1)
+
+
+def box_of(shape: Shape, depth: int | None) -> np.ndarray:
+    """Return the box of a picture: the attractor's; at a ``depth`` that of its pieces."""
+    if depth is None:
+        return shape.box
+    points = shape.pieces(depth).points.reshape(-1, shape.size)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def mask_of(
+    shape: Shape,
+    side: int = 512,
+    depth: int | None = None,
+    box: np.ndarray | None = None,
+    most: int = MOST_PIECES,
+) -> np.ndarray:
+    """Mark which of ``side`` × ``side`` cells (× ``side`` in space) a shape fills. Return bool,
+    north up.
+
+    Without a ``depth``, pieces are as fine as a cell, and each piece marks the cell of its middle.
+    The ``box`` ``(2, m)`` is the part to show; by default the whole shape.
+
+    Raises `ShapeError` for too many pieces, and if a depth is given for a shape in space.
+    """
+    if depth is not None:
+        if shape.size == 3:
+            raise ShapeError(setting("depth", depth), "None for a mask in space", "leave it out")
+        return np.asarray(picture_of(shape, side, depth, box, most).convert("L")) < 255
+    frame = Frame.of(shape.box if box is None else np.asarray(box, float), side)
+    return shape.laid(side, frame.scale, frame.offset)[0]
+
+
+def picture_of(
+    shape: Shape,
+    side: int = 512,
+    depth: int | None = None,
+    box: np.ndarray | None = None,
+    most: int = MOST_PIECES,
+) -> Image.Image:
+    """Draw a shape of the plane, ``side`` × ``side`` px. Pieces are painted in the order of their
+    words, later ones over earlier ones. So each point has the colour of its greatest address
+    (Barnsley 2005, *tops*). Arguments and errors are as in `mask_of`."""
+    _check_plane(shape)
+    frame = Frame.of(box_of(shape, depth) if box is None else np.asarray(box, float), side)
+    if depth is not None:
+        return _paint(shape.pieces(depth, most=most), frame)
+    marks, paint = shape.laid(side, frame.scale, frame.offset)
+    pixels = np.full((side, side, 3), _PAPER, np.uint8)
+    pixels[marks] = np.round(paint[marks] * 255) if paint.shape[2] else _INK
+    return Image.fromarray(pixels)
+
+
+def _paint(pieces: Pieces, frame: Frame) -> Image.Image:
+    image = Image.new("RGB", (frame.side, frame.side), _PAPER)
+    draw = ImageDraw.Draw(image)
+    primitive = pieces.primitive
+    placed = frame.to_pixels(pieces.points)
+    placed[..., 1] = frame.side - placed[..., 1]
+    for points, colour in zip(placed, map(tuple, _colours(pieces).tolist()), strict=True):
+        for face in primitive.faces:
+            draw.polygon([tuple(points[k]) for k in face], fill=colour, outline=colour)
+        for start, end in primitive.lines:
+            draw.line([tuple(points[start]), tuple(points[end])], fill=colour)
+        if not len(primitive.faces) and not len(primitive.lines):
+            draw.point([tuple(point) for point in points], fill=colour)
+    return image
+
+
+def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
+    """Draw a shape of the plane at a ``depth`` as SVG. Each run of pieces with one colour is one
+    path, in the order of the words."""
+    _check_plane(shape)
+    pieces = shape.pieces(depth, most=most)
+    frame = Frame.of(box_of(shape, depth), side)
+    placed = frame.to_pixels(pieces.points)
+    placed[..., 1] = side - placed[..., 1]
+    paths = []
+    for path, colour, filled in _paths(placed, pieces):
+        style = f'fill="{colour}"' if filled else f'fill="none" stroke="{colour}"'
+        paths.append(f'<path {style} d="{path}"/>')
+    return _svg(side, paths)
+
+
+def line_picture(lines: Sequence[ArrayLike], side: int = 512) -> Image.Image:
+    """Draw lines ``(n, 2)`` in a picture of ``side`` × ``side`` px, north up. The first line is
+    dark, and lies over the others, which are grey. Raises `ShapeError` as `line_of`."""
+    lines = [line_of(line) for line in lines]
+    every = np.vstack(lines)
+    frame = Frame.of(np.stack([every.min(axis=0), every.max(axis=0)]), side)
+    image = Image.new("RGB", (side, side), _PAPER)
+    draw = ImageDraw.Draw(image)
+    for number in range(len(lines) - 1, -1, -1):
+        placed = frame.to_pixels(lines[number])
+        at = np.column_stack([placed[:, 0], side - placed[:, 1]])
+        draw.line([tuple(point) for point in at.tolist()], fill=_GREY if number else _INK)
+    return image
+
+
+def line_mask(line: ArrayLike, side: int = 1024) -> np.ndarray:
+    """Mark the ``side`` × ``side`` cells of a line ``(n, 2)``, bool, north up."""
+    return np.asarray(line_picture([line], side).convert("L")) < 255
+
+
+def line_svg(line: ArrayLike, side: int = 512) -> str:
+    """Draw a line ``(n, 2)`` as SVG, ``side`` × ``side`` px, north up."""
+    line = line_of(line)
+    frame = Frame.of(np.stack([line.min(axis=0), line.max(axis=0)]), side)
+    placed = frame.to_pixels(line)
+    path = _path(np.column_stack([placed[:, 0], side - placed[:, 1]]), False)
+    return _svg(side, [f'<path fill="none" stroke="#1f2933" d="{path}"/>'])
+
+
+def _svg(side: int, paths: Sequence[str]) -> str:
+    size = f'width="{side}" height="{side}" viewBox="0 0 {side} {side}"'
+    return "\n".join([f'<svg xmlns="http://www.w3.org/2000/svg" {size}>', *paths, "</svg>\n"])
+
+
+def _paths(placed: np.ndarray, pieces: Pieces) -> Iterator[tuple[str, str, bool]]:
+    """Yield runs of pieces of a colour: path, colour, and whether it is filled."""
+    primitive, colours = pieces.primitive, _colours(pieces)
+    changes = np.flatnonzero((colours[1:] != colours[:-1]).any(axis=1)) + 1
+    for some in np.split(np.arange(len(pieces)), changes):
+        if not len(some):
+            continue
+        colour = "#{:02x}{:02x}{:02x}".format(*colours[some[0]].tolist())
+        for parts, filled in ((primitive.faces, True), (primitive.lines, False)):
+            if len(parts):
+                yield (
+                    " ".join(_path(placed[k][part], filled) for k in some for part in parts),
+                    colour,
+                    filled,
+                )
+        if not len(primitive.faces) and not len(primitive.lines):
+            dots = [point for k in some for point in placed[k]]
+            yield " ".join(f"M{x:.4g} {y:.4g}h.5" for x, y in dots), colour, False
+
+
+def _path(points: np.ndarray, closed: bool) -> str:
+    listed = "L".join(f"{x:.7g} {y:.7g}" for x, y in points.tolist())
+    return f"M{listed}{'Z' if closed else ''}"
+
+
+def _colours(pieces: Pieces) -> np.ndarray:
+    if not pieces.colours.shape[1]:
+        return np.broadcast_to(np.array(_INK, np.uint8), (len(pieces), 3))
+    return np.round(pieces.colours * 255).astype(np.uint8)
+
+
+def _check_plane(shape: Shape) -> None:
+    if shape.size != 2:
+        raise ShapeError(
+            "the shape lies in space",
+            "a shape of the plane",
+            "make a mask of the shape: evocity.shapes.mask_of",
+        )

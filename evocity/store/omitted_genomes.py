@@ -1,0 +1,75 @@
+"""Genomes that a log leaves out, bred again from their ancestors."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from evocity.errors import RunError, describe_error
+from evocity.genome import Genome
+from evocity.store.reconstruction import MOST_BREEDINGS
+from evocity.store.schema import Birth
+
+
+def completed(
+    run,
+    births: Mapping[int, Birth],
+    read: Callable[[Sequence[int]], Mapping[int, Birth]],
+    rebreed: Callable[..., Genome] | None,
+) -> dict[int, Birth]:
+    """Return the ``births`` of a ``run``, by id, with all genomes. ``read`` reads others by id;
+    ``rebreed`` breeds one from its parents' genomes, by the run's header and condensation; None
+    where the run was opened without.
+
+    Raises ValueError and LookupError for a damaged log; `RunError` if a genome cannot be bred here,
+    or differs from the logged hash.
+    """
+    family = dict(births)
+    for _ in range(MOST_BREEDINGS):
+        lacking = {p for one in family.values() if one.left_out for p in one.parents} - {*family}
+        if not lacking:
+            break
+        family |= read(sorted(lacking))
+    counts = {
+        one.id: one.reconstruction.breedings if one.left_out else 0 for one in family.values()
+    }
+    for birth in sorted(family.values(), key=lambda one: one.id):
+        if birth.left_out:
+            parents = [family[one] for one in birth.parents]
+            known = all(one.id < birth.id and one.genome is not None for one in parents)
+            if not known or counts[birth.id] != 1 + sum(counts[one.id] for one in parents):
+                raise ValueError(f"individual {birth.id} cannot be bred again from its parents")
+            genome = _bred_again(run, birth, [one.genome for one in parents], rebreed)
+            family[birth.id] = replace(birth, genome=genome, reconstruction=None)
+    return {identifier: family[identifier] for identifier in births}
+
+
+def _bred_again(run, birth: Birth, parents: Sequence[Genome], rebreed) -> Genome:
+    """The genome of a ``birth`` that the log leaves out, if its hash is the logged one."""
+    what = f"{run.path}: individual {birth.id}, whose genome the log leaves out"
+    if rebreed is None:
+        raise RunError(
+            what,
+            "a run that can breed it again",
+            "open it by evocity.open_run(path)",
+        )
+    with_it = ", ".join(
+        f"{name} {version}"
+        for name, version in dict(run.provenance.get("versions", {})).items()
+        if name in ("evocity", "numpy", "numba")
+    )
+    try:
+        genome = rebreed(birth, parents, run.header, run.condensation)
+    except Exception as error:  # of another package's operator too
+        raise RunError(
+            f"{what}, cannot be bred again ({describe_error(error).splitlines()[0][:300]})",
+            f"its operator, {birth.operator}, as it was in the run ({with_it})",
+            "install the versions that bred the run; if they are the same, the folder is damaged: "
+            "bring it back from a copy",
+        ) from error
+    if genome.digest != birth.digest:
+        raise RunError(
+            f"{what}, differs when {birth.operator} breeds it again",
+            f"the genome of hash {birth.digest}, as the run bred it ({with_it})",
+            "open the run with these versions, on a similar machine; if they are the same, the "
+            "folder is damaged: bring it back from a copy",
+        )
+    return genome

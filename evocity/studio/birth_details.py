@@ -1,0 +1,279 @@
+"""The details of one birth: scores, pictures, solids, origin, pedigree, call counts, buildings; its
+difference from another birth."""
+
+import io
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+
+import numpy as np
+from PIL import Image
+
+from evocity.analysis.births import label
+from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
+from evocity.analysis.individual import Individual
+from evocity.errors import RunError
+from evocity.pictures import Change, render_change
+from evocity.pictures.colours import field_colours, scale_end
+from evocity.studio.run_watcher import Moment, RunWatcher
+
+#: The kinds of pictures of a birth.
+PICTURES = ("map", "stones")
+#: Steps back in a pedigree; births shown in a step; letters shown of a text; at most.
+MOST_STEPS, IN_A_STEP, LETTERS = 6, 12, 400
+#: Spans of generations in which ancestors are counted, at most.
+MOST_SPANS = 240
+#: Points of a distribution that the page receives, at most.
+MOST_POINTS = 256
+#: Triangles of one birth, and births whose triangles are kept; at most.
+MOST_TRIANGLES, MOST_KEPT = 400_000, 12
+# Height of a bar of colours, px.
+_BAR = 8
+
+
+def describe_birth(moment: Moment, identifier: int) -> dict:
+    """Return plain values: the origin of the birth, its measures and goals, the record of its
+    operator, the cities of its parts. Raises `RunError` for an unknown id."""
+    births = moment.run.columns
+    individual = Individual(births, identifier)
+    birth = individual.run.individuals([individual.id], rebred=False)[0]
+    (row,) = births.rows([individual.id])
+    measures = [
+        {
+            "name": label(aim.name),
+            "value": _number(births.value(aim.name)[row]),
+            "unit": aim.unit,
+            "sign": aim.sign,
+            "wanted": aim.wanted,
+            "summary": aim.meaning,
+            "kept": bool(aim.within(births.value(aim.name)[row : row + 1])[0]),
+        }
+        for aim in [*births.aims, *births.recorded]
+    ]
+    shares = {}
+    fabric = None if birth.genome is None else births.run.header.chromosome.fabric(birth.genome)
+    if fabric is not None:
+        pairs = zip(fabric.cities, fabric.shares, strict=True)
+        shares = {str(city): float(share) for city, share in pairs if share > 0}
+    facts = ("id", "generation", "island", "operator", "status", "alive", "lived", "feasible")
+    return {
+        **{name: getattr(individual, name) for name in facts},
+        "error": None if birth.error is None else birth.error[:LETTERS],
+        "seconds": _number(individual.seconds),
+        "parents": [int(parent) for parent in birth.parents],
+        "children": _children(moment, row),
+        "measures": measures,
+        "made": [
+            [str(key)[:LETTERS], _text(value)[:LETTERS]]
+            for key, value in birth.made.items()
+            if key != "operator"
+        ],
+        "stones": shares,
+        "pictured": birth.genome is not None or birth.left_out,
+    }
+
+
+def _children(moment: Moment, row: int) -> list[int]:
+    """Return the ids of the first children of the birth in a ``row``."""
+    parents, children = moment.pedigree.parents(np.arange(len(moment.run.columns)))
+    return moment.run.columns.ids[np.unique(children[parents == row])[:IN_A_STEP]].tolist()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_text(entry)}" for key, entry in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_text, value[:LETTERS])) or "none"
+    return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+# -- pictures -------------------------------------------------------------------------------------
+
+
+def picture_of(moment: Moment, identifier: int, kind: str, other: int | None = None) -> bytes:
+    """Return a picture of a kind of `PICTURES` as PNG; a map shares its scale of heights with that
+    of an ``other`` birth. Raises `RunError` where a birth has no map."""
+    individual = Individual(moment.run.columns, identifier)
+    if kind != "map":
+        return png_of(individual.ancestry_picture())
+    if other is None:
+        return png_of(individual.picture())
+    highest = scale_end(individual.city, Individual(moment.run.columns, other).city)
+    return png_of(individual.picture(highest=highest))
+
+
+def png_of(picture: Image.Image) -> bytes:
+    """Return a ``picture`` as PNG, packed for speed."""
+    file = io.BytesIO()
+    picture.save(file, "PNG", compress_level=1)
+    return file.getvalue()
+
+
+def call_counts_of(
+    moment: Moment, identifier: int, count: str, other: int | None = None
+) -> tuple[dict, bytes]:
+    """Return how often a birth calls its own parts, by a count of `COUNTS`.
+
+    The values are the ``most`` calls, lifs, and the ``end`` of the colours: a few parts have so
+    many calls that all others would be pale. The PNG has one pixel a pixel, pale without calls, and
+    a bar of its colours below. With an ``other`` birth both have the same ``end``. Raises
+    `RunError` where a birth has no genome."""
+    from evocity.coding.usage import usage
+
+    ids = [identifier] if other is None else [identifier, other]
+    counts = [getattr(usage(Individual(moment.run.columns, n).genome), count) for n in ids]
+    end = max(float(np.quantile(one, 0.995)) or float(one.max()) for one in counts) or 1.0
+    values = counts[0]
+    about = {"most": int(values.max()), "end": end}
+    bar = np.linspace(0, end, values.shape[1])[None].repeat(_BAR, axis=0)
+    gap = np.full((_BAR // 2, values.shape[1], 3), 255, np.uint8)
+    parts = [field_colours(values.astype(np.float32), end), gap, field_colours(bar, end)]
+    return about, png_of(Image.fromarray(np.concatenate(parts)))
+
+
+def heights_of(moment: Moment, identifier: int) -> tuple[dict, bytes]:
+    """Return the map of a birth: rows, columns, metres a pixel; heights in metres as float32, row
+    by row from the north. Raises `RunError` where it has no map."""
+    city = Individual(moment.run.columns, identifier).city
+    height, width = city.shape
+    about = {"height": height, "width": width, "metres": float(city.metres_per_pixel)}
+    return about, np.ascontiguousarray(city.heights, "<f4").tobytes()
+
+
+class Solids:
+    """Triangles of births of one run for the walk, with straight walls; the last ones are kept."""
+
+    def __init__(self, watcher: RunWatcher):
+        self._watcher = watcher
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[tuple[str, int], bytes] = OrderedDict()
+
+    def of(self, identifier: int) -> bytes:
+        """Return the triangles of a birth's scene, as `evocity.scene.Scene.triangles`: nine float32
+        of corners for each, then three bytes of colour for each. Raises `RunError` without a map,
+        and for more than `MOST_TRIANGLES`.
+
+        One birth is computed at a time; the run stays readable meanwhile."""
+        with self._watcher.reading:
+            moment = self._watcher.moment
+            key = (moment.fingerprint, identifier)
+            city, highest = (
+                Individual(moment.run.columns, identifier).city,
+                moment.thumbnails.highest,
+            )
+        with self._lock:
+            if key not in self._kept:
+                from evocity.scene import scene
+
+                corners, colours = scene(city).triangles(highest=highest)
+                if len(corners) > MOST_TRIANGLES:
+                    raise RunError(
+                        f"birth {identifier} has {len(corners)} triangles, too many",
+                        f"at most {MOST_TRIANGLES} for a walk in a browser",
+                        "save the birth as a scene, and open the scene in another program",
+                    )
+                content = np.ascontiguousarray(corners, "<f4").tobytes() + colours.tobytes()
+                self._kept[key] = content
+                while len(self._kept) > MOST_KEPT:
+                    self._kept.popitem(last=False)
+            self._kept.move_to_end(key)
+            return self._kept[key]
+
+
+# -- ancestors ------------------------------------------------------------------------------------
+
+
+def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
+    """Return the ancestors of a birth, without reading a genome.
+
+    ``steps``: lists of ids, one step back and so on, each id where it comes first. ``links``: pairs
+    of parent and child among the shown births. ``more``: the number of hidden births of each step.
+    ``cities``: the shown source cities. ``born``: `count_ancestors`."""
+    births, pedigree = moment.run.columns, moment.pedigree
+    known = rows = births.rows([identifier])
+    listed, more = [rows], [0]
+    for _ in range(steps):
+        parents = np.unique(pedigree.parents(rows)[0])
+        rows = parents[~np.isin(parents, known)]
+        known = np.union1d(known, rows)
+        if not rows.size:
+            break
+        listed.append(rows[:IN_A_STEP])
+        more.append(max(0, rows.size - IN_A_STEP))
+    shown = np.concatenate(listed)
+    every = pedigree.ancestors(listed[0])
+    links = np.column_stack(pedigree.edges(shown)).tolist()
+    cities = moment.run.header.cities
+    return {
+        "steps": [births.ids[step].tolist() for step in listed],
+        "links": [list(pair) for pair in dict.fromkeys(map(tuple, links))],
+        "more": more,
+        "cities": {
+            n: str(cities[n])
+            for row, n in zip(shown, births.ids[shown].tolist(), strict=True)
+            if births.operator[row] == "source" and n < len(cities)
+        },
+        "born": count_ancestors(
+            births.generation[every[every != listed[0]]], births.generation[shown[1:]]
+        ),
+    }
+
+
+def count_ancestors(every: np.ndarray, shown: np.ndarray) -> dict:
+    """Count ancestors by the generation of their birth: for each ``span`` of generations, at most
+    `MOST_SPANS`, the number of ``every`` ancestor and of those that are ``shown``."""
+    last = int(every.max(initial=0))
+    span = -(-(last + 1) // MOST_SPANS)
+    counts = [np.bincount(one // span, minlength=last // span + 1) for one in (every, shown)]
+    return {"span": span, "every": counts[0].tolist(), "shown": counts[1].tolist()}
+
+
+# -- comparison -----------------------------------------------------------------------------------
+
+
+def difference_of(moment: Moment, identifier: int, other: int) -> tuple[dict, bytes]:
+    """Return the difference of a birth from an ``other``: the share of the map that differs by
+    over a storey (``apart``), the mean difference in metres (``more``); a picture as PNG. Raises
+    `RunError` where a birth has no map."""
+    first, second = (Individual(moment.run.columns, n) for n in (other, identifier))
+    change = Change(first.city, second.city)
+    about = {"apart": change.apart, "more": float(change.metres.mean(dtype=float))}
+    return about, png_of(render_change(change))
+
+
+def buildings_of(moment: Moment, identifier: int, of: str, other: int | None) -> dict:
+    """Return how a quantity of `QUANTITIES` is distributed over the buildings of a birth, of its
+    parents and of the cities of the run. A pinned ``other`` birth has a distribution too.
+
+    Each one has its name, ``role``, colour, number of buildings and quartiles. Its ``values``, at
+    most `MOST_POINTS`, rise; ``shares`` are the buildings at or below each value. Raises `RunError`
+    where a birth has no map."""
+    births = moment.run.columns
+    individual = Individual(births, identifier)
+    sources, references = moment.cities
+    listed = distributions(individual, of, sources=sources, references=references)
+    if other is not None and other not in (identifier, *individual.birth.parents):
+        pinned = distributions(Individual(births, other), of, False, (), ())[-1]
+        listed.insert(-1, Distribution(f"birth {other}", "pinned", pinned.values))
+    what, unit, powers = QUANTITIES[of]
+    return {"what": what, "unit": unit, "powers": powers, "listed": [_points(d) for d in listed]}
+
+
+def _points(distribution: Distribution) -> dict:
+    values = distribution.values.astype(float)
+    count = len(values)
+    places = np.unique(np.ceil(np.linspace(1, count, min(count, MOST_POINTS))).astype(int))
+    return {
+        "name": distribution.name,
+        "role": distribution.role,
+        "colour": distribution.colour,
+        "count": count,
+        "quartiles": np.quantile(values, [0.25, 0.5, 0.75]).tolist() if count else [],
+        "values": values[places - 1].tolist() if count else [],
+        "shares": (places / count).tolist() if count else [],
+    }

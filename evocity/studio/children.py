@@ -1,0 +1,360 @@
+"""Children of picked births, bred in broods; they are not in the log, and a user may keep them.
+
+One brood is bred at a time; each child shows its picture first. Each child has its own generator of
+random numbers, so the same picks, operators and seed give the same genomes.
+"""
+
+import contextlib
+import inspect
+import itertools
+import json
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from PIL import Image
+from pydantic import Field, JsonValue
+
+from evocity import operators
+from evocity.analysis.thumbnails import thumbnail
+from evocity.citymap import CityMap
+from evocity.condensation import Condensation
+from evocity.errors import EvocityError, OperatorError, RunError
+from evocity.evaluation import Workers
+from evocity.evaluation.evaluator import Outcome
+from evocity.fitness import Part
+from evocity.genome import Genome
+from evocity.operators import Operator
+from evocity.studio.child_evaluation import workers_of
+from evocity.studio.drawing_board import Drawing, lock_layer, measured_part
+from evocity.studio.request_fields import Body, Id
+from evocity.studio.run_watcher import Moment
+from evocity.viewer.sheet import Sheet
+
+#: Children of a brood, parents, operators that take turns; at most.
+MOST_CHILDREN, MOST_PARENTS, MOST_OPERATORS = 24, 16, 12
+_FILLS = (0.1, 0.9)
+
+
+class Brood(Body):
+    """A request for ``count`` children of ``parents``, by ``operators`` in turn.
+
+    ``parameters`` go with a single operator. ``vary`` draws the share of the second parent for each
+    child, if its operator takes one and none is given. A ``drawing`` locks pixels and marks
+    where measures are taken. Broods of the ``board`` are separate from the others."""
+
+    operators: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_OPERATORS)]
+    parameters: Annotated[dict[str, JsonValue], Field(max_length=50)] = {}  # noqa: RUF012
+    parents: Annotated[tuple[Id, ...], Field(min_length=1, max_length=MOST_PARENTS)]
+    count: Annotated[int, Field(ge=1, le=MOST_CHILDREN)] = 12
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    vary: bool = False
+    board: bool = False
+    drawing: Drawing | None = None
+
+
+class ReadyRequest(Body):
+    """A request to prepare workers and ``parents``, for the ``board`` or for a brood."""
+
+    parents: Annotated[tuple[Id, ...], Field(max_length=MOST_PARENTS)] = ()
+    board: bool = False
+
+
+@dataclass
+class Child:
+    """One child: ``stage`` is "waiting", "bred", "measured" or "failed"; ``parameters`` are those
+    of its operator."""
+
+    number: int
+    operator: Operator
+    parents: tuple[int, ...]
+    parameters: Mapping[str, JsonValue] = field(default_factory=dict)
+    stage: str = "waiting"
+    error: str | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    genome: Genome | None = None
+    city: CityMap | None = None
+
+    @property
+    def state(self) -> dict:
+        """Plain values for the page."""
+        return {
+            "number": self.number,
+            "operator": self.operator.name,
+            "parents": list(self.parents),
+            "stage": self.stage,
+            "error": self.error,
+            "values": _finite(self.values),
+        }
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items() if np.isfinite(value)}
+
+
+def plan_children(brood: Brood) -> list[Child]:
+    """Return the children of a ``brood``, not yet bred. Raises `OperatorError` for operators,
+    parameters and numbers of parents that do not fit."""
+    if brood.parameters and len(brood.operators) > 1:
+        raise OperatorError(
+            f"parameters are set for {len(brood.operators)} operators",
+            "parameters for a single operator",
+            "choose one operator",
+        )
+    parents, children = list(dict.fromkeys(brood.parents)), []
+    for number in range(brood.count):
+        name = brood.operators[number % len(brood.operators)]
+        turn = number // len(brood.operators)
+        parameters, most_of = dict(brood.parameters), len(parents)
+        if brood.vary and not {"fill", "void"} & set(parameters) and _takes_share(name):
+            drawn = _generator(brood.seed, number, 1).uniform(*_FILLS)
+            parameters["fill"] = round(float(drawn), 3)
+            most_of = 2
+        operator = operators.make(name, **parameters)
+        fewest, most = operator.parents
+        if len(parents) < fewest:
+            raise OperatorError(
+                f"{name} cannot breed from {len(parents)} parent{'s' * (len(parents) > 1)}",
+                f"{fewest} or more parents",
+                "pick more births, or choose another operator",
+            )
+        count = min(len(parents), most_of, most or most_of)
+        taken = tuple(parents[(turn + k) % len(parents)] for k in range(count))
+        if hasattr(operator, "check_count"):
+            operator.check_count(count)
+        children.append(Child(number, operator, taken, parameters))
+    return children
+
+
+def _takes_share(name: str) -> bool:
+    kind = operators.operators().get(name)
+    return kind is not None and "fill" in inspect.signature(kind).parameters
+
+
+def _generator(seed: int, number: int, use: int) -> np.random.Generator:
+    sequence = np.random.SeedSequence(seed, spawn_key=(number, use))
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+def list_operators() -> list[dict]:
+    """Return all operators as plain values: name, fewest and most parents, one sentence, and the
+    default of each parameter as JSON."""
+    return [
+        {
+            "name": name,
+            "fewest": kind.parents[0],
+            "most": kind.parents[1],
+            "told": (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " "),
+            "parameters": [
+                {"name": parameter.name, "default": _as_json(parameter.default)}
+                for parameter in inspect.signature(kind).parameters.values()
+            ],
+        }
+        for name, kind in operators.operators().items()
+    ]
+
+
+def _as_json(value: object) -> str:
+    try:
+        return "" if value is inspect.Parameter.empty else json.dumps(value)
+    except (TypeError, ValueError):  # the default of another package's operator
+        return str(value)
+
+
+class Breeding:
+    """The broods of one run; each replaces the one before."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._stopped = False
+        self._workers: Workers | None = None
+        self._workers_run: str | None = None
+        self._parents: dict[int, Genome] = {}
+        self._parents_run: str | None = None
+        self._highest = 10.0
+        self.left: dict[str, str] = {}
+        self.number = 0
+        self.brood: Brood | None = None
+        self.children: list[Child] = []
+        #: The lock of the run and of a drawing together.
+        self.locked: Condensation | None = None
+        #: The part of the map where a drawing measures; values of the parents there, by id.
+        self.part: Part | None = None
+        self.marked: dict[int, Mapping[str, float]] = {}
+        self.error: str | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a brood is being bred, or workers are being prepared."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def state(self) -> dict:
+        """Return plain values for the page."""
+        marked = None
+        if self.part is not None:
+            marked = {parent: _finite(values) for parent, values in dict(self.marked).items()}
+        return {
+            "brood": self.number,
+            "busy": self.busy,
+            "error": self.error,
+            "left": self.left,
+            "children": [child.state for child in self.children],
+            "marked": marked,
+        }
+
+    def prepare(self, moment: Moment, parents: Sequence[int]) -> None:
+        """Start workers, which takes a second or two, and read the genomes of ``parents``. Raises
+        `RunError` for a parent without a genome."""
+        with self._lock:
+            if not self.busy:
+                self._start(moment, [], {})
+        self._genomes(moment, parents)
+
+    def _genomes(self, moment: Moment, parents: Sequence[int]) -> dict[int, Genome]:
+        """Read the genomes of ``parents``, each once."""
+        known = self._parents if self._parents_run == moment.fingerprint else {}
+        genomes = {n: known.get(n) or moment.run.genome(n) for n in parents}
+        self._parents, self._parents_run = genomes, moment.fingerprint
+        return genomes
+
+    def begin(self, brood: Brood, moment: Moment) -> None:
+        """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another brood is
+        bred and for parents without a genome; `OperatorError` as `plan_children`."""
+        children = plan_children(brood)
+        parents = births = self._genomes(moment, brood.parents)
+        locked = part = None
+        if brood.drawing is not None:
+            drawn_over = [births[n] for n in brood.parents]
+            part = measured_part(brood.drawing, drawn_over)
+            locked = lock_layer(brood.drawing, drawn_over)
+            parents = {n: genome.replace(condensation=locked) for n, genome in parents.items()}
+        jobs = [
+            (child.operator, tuple(parents[n] for n in child.parents), _generator(brood.seed, k, 0))
+            for k, child in enumerate(children)
+        ]
+        with self._lock:
+            if self.busy:
+                raise RunError(
+                    "a brood is already being bred",
+                    "one brood at a time",
+                    "wait for it, or stop it",
+                )
+            self.number, self.brood, self.children = self.number + 1, brood, children
+            self.locked, self.part, self.marked = locked, part, {}
+            self._start(moment, jobs, births)
+
+    def stop(self) -> None:
+        """Begin no more children; children that are being bred go on until their deadline."""
+        self._stopped = True
+
+    def release_workers(self) -> None:
+        """End idle workers; the next brood starts new ones."""
+        with self._lock:
+            if self._workers is not None and not self.busy:
+                self._workers.close()
+                self._workers = None
+
+    def close(self) -> None:
+        self.stop()
+        thread, workers = self._thread, self._workers
+        if thread is not None:
+            thread.join(2.0)
+        if workers is not None and not self.busy:  # busy workers end with this process
+            workers.close()
+
+    def sheet(self, brood: int, numbers: list[int], side: int) -> Sheet:
+        """Return small pictures of children."""
+        pictures = {
+            child.number: np.asarray(thumbnail(child.city, self._highest, side))
+            for child in self._children_of(brood)
+            if child.number in numbers and child.city is not None
+        }
+        return Sheet.of(pictures, {})
+
+    def picture(self, brood: int, number: int) -> Image.Image:
+        """Return a picture of one child. Raises `RunError` where it has none."""
+        from evocity.pictures import render
+
+        return render(self.child(brood, number).city)
+
+    def child(self, brood: int, number: int) -> Child:
+        """Return a child that was bred. Raises `RunError` for another number."""
+        for child in self._children_of(brood):
+            if child.number == number and child.city is not None:
+                return child
+        raise RunError(
+            f"there is no child {number}", "a bred child of this brood", "choose another child"
+        )
+
+    def _children_of(self, brood: int) -> list[Child]:
+        if brood != self.number:
+            raise RunError(
+                f"brood {brood} is over",
+                f"the current brood, {self.number}",
+                "look at the newest brood",
+            )
+        return self.children
+
+    # -- in a thread -----------------------------------------------------------------------------
+
+    def _start(self, moment: Moment, jobs: list[tuple], births: Mapping[int, Genome]) -> None:
+        self._stopped, self.error = False, None
+        self._thread = threading.Thread(
+            target=self._breed, args=(moment, jobs, births), daemon=True, name="breeding"
+        )
+        self._thread.start()
+
+    def _breed(self, moment: Moment, jobs: list[tuple], births: Mapping[int, Genome]) -> None:
+        try:
+            workers, part = self._ready_workers(moment), self.part
+            pairs = list(zip(self.children, jobs, strict=False))  # without jobs nothing is bred
+            for child, outcome in self._outcomes(workers, "breed", pairs):
+                self._note_genome(child, outcome)
+            method = "evaluate" if part is None else "evaluate_within"
+            bred = [
+                (child, (child.genome, job[1] if part is None else part))
+                for child, job in pairs
+                if child.stage == "bred"
+            ]
+            for child, outcome in self._outcomes(workers, method, bred):
+                child.values, child.error = dict(outcome.values), outcome.error
+                child.stage = "measured"
+            if part is not None:
+                parents = [(n, (genome, part)) for n, genome in births.items()]
+                for parent, outcome in self._outcomes(workers, method, parents):
+                    self.marked[parent] = dict(outcome.values)
+        except EvocityError as error:
+            self.error = str(error)
+        except Exception as error:  # the page shows it; the next brood has new workers
+            self.error, self._workers_run = f"{type(error).__name__}: {error}", None
+
+    def _ready_workers(self, moment: Moment) -> Workers:
+        if self._workers is None or self._workers_run != moment.fingerprint:
+            if self._workers is not None:
+                self._workers.close()
+            self._workers, self.left = workers_of(moment.run)
+            self._highest, self._workers_run = moment.thumbnails.highest, moment.fingerprint
+            self._express = moment.run.header.chromosome.express
+            source = moment.run.sources()[0].genome  # each worker loads its modules by this
+            self._workers.run("evaluate", [(source,)] * self._workers.size)
+        return self._workers
+
+    def _outcomes(self, workers: Workers, method: str, jobs: Sequence[tuple]) -> Iterator[tuple]:
+        """Send ``jobs``, pairs of a key and arguments, to ``workers``; return the key and outcome
+        of each."""
+        arguments = (job for _, job in itertools.takewhile(lambda _: not self._stopped, jobs))
+        with contextlib.closing(workers.stream(method, arguments)) as outcomes:
+            for place, outcome in outcomes:
+                yield jobs[place][0], outcome
+
+    def _note_genome(self, child: Child, outcome: Outcome) -> None:
+        child.genome, child.error = outcome.genome, outcome.error
+        if child.genome is not None:
+            if self.locked is not None:  # workers return the lock of the run, which is smaller
+                child.genome = child.genome.replace(condensation=self.locked)
+            expressed = self._express(child.genome)
+            child.city, child.error = expressed.city, expressed.problem
+        child.stage = "failed" if child.city is None else "bred"

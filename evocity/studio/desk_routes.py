@@ -1,0 +1,123 @@
+"""The addresses of the recipe desk, ``/api/desk`` and ``/api/desk-NAME``."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+
+from evocity.errors import EvocityError, MapError, reason_of
+from evocity.fitness import Measure
+from evocity.studio import guard
+from evocity.studio.desk import Desk
+from evocity.studio.draft import BeginRequest, Draft, MapNumber
+from evocity.studio.request_fields import Body, RequestError, fault_of, number
+from evocity.studio.runs import Runs
+from evocity.studio.subprocesses import RunProcesses
+
+_LARGEST = 2**31 - 1
+_LONGEST_NAME = 1000
+
+
+@dataclass(frozen=True)
+class StudioOptions:
+    """Options of the command line: the ``folder`` of runs, None for that of the first run, else
+    `runs`; whether it is ``fresh`` and may be missing; ``files`` of measures, each with its
+    measures; a ``recipe`` to begin as it is."""
+
+    folder: Path | None = None
+    fresh: bool = False
+    files: Sequence[tuple[str, Sequence[Measure]]] = ()
+    recipe: Path | None = None
+
+
+class DeskRoutes:
+    """The answers of the desk; its runs join ``runs``."""
+
+    def __init__(self, runs: Runs, options: StudioOptions):
+        folder = options.folder
+        if folder is None:
+            folder = runs[0].watcher.path.parent if len(runs) else Path("runs")
+        self.processes = RunProcesses()
+        self.desk = Desk(folder.resolve(), self.processes, runs.add, options.files, options.recipe)
+
+    @property
+    def questions(self) -> Mapping[str, Callable[[Request], object]]:
+        """Addresses that change nothing."""
+        return {
+            "desk": lambda request: self._state(),
+            "desk-measures": lambda request: {"measures": self.desk.measures()},
+            "desk-picture": self.picture,
+        }
+
+    @property
+    def changes(self) -> Mapping[str, tuple[type[Body], Callable[[Body], object]]]:
+        """Addresses that change the desk, each with its body; the answer is the new state."""
+        desk = self.desk
+        acts: dict[str, tuple[type[Body], Callable]] = {
+            "desk-change": (Draft, desk.change),
+            "desk-drop": (MapNumber, desk.drop),
+            "desk-calibrate": (Body, lambda body: desk.calibrate()),
+            "desk-stop": (Body, lambda body: desk.stop()),
+            "desk-begin": (BeginRequest, desk.begin),
+            "desk-end": (MapNumber, desk.end),
+        }
+        return {name: (kind, self._then_state(act)) for name, (kind, act) in acts.items()}
+
+    def _state(self) -> dict:
+        return self.desk.state() | {"longest": guard.MOST_FILE}
+
+    def _then_state(self, act: Callable[[Body], None]) -> Callable[[Body], dict]:
+        def answer(body: Body) -> dict:
+            act(body)
+            return self._state()
+
+        return answer
+
+    def picture(self, request: Request) -> Response:
+        """Answer with the picture of a ``map``; ``turn`` distinguishes it from earlier ones."""
+        content = self.desk.maps.picture(number(request.query_params, "map", 0, _LARGEST))
+        return Response(content, media_type="image/png")
+
+    async def file(self, request: Request) -> Response:
+        """Take a map that a user brings, called ``name``; write it as it arrives."""
+        name, path, is_kept = request.query_params.get("name", ""), None, False
+        try:
+            if not 0 < len(name) <= _LONGEST_NAME:
+                raise RequestError(
+                    "a file has no name", "a file with a name", "load the page again"
+                )
+            try:
+                path, suffix = self.desk.maps.begin(name)
+            except EvocityError:  # a browser shows the answer only after it has sent the whole file
+                async for _ in request.stream():
+                    pass
+                raise
+            with open(path, "xb") as file:
+                async for part in request.stream():
+                    file.write(part)
+            added = await run_in_threadpool(self.desk.maps.add, path, name, suffix)
+            is_kept = True
+            return JSONResponse({"map": added})
+        except guard.FileTooLong as error:
+            return error.answer
+        except EvocityError as error:
+            status = 400 if isinstance(error, RequestError) else 409
+            return JSONResponse({"error": fault_of(error)}, status, {"connection": "close"})
+        except ClientDisconnect:  # no browser waits for the answer
+            return PlainTextResponse("the file is incomplete\n", 400)
+        except OSError as error:
+            fault = MapError(
+                f"the file cannot be kept: {reason_of(error)}",
+                "free space in the folder of temporary files",
+                "check the free space",
+            )
+            return JSONResponse({"error": fault_of(fault)}, 409, {"connection": "close"})
+        finally:
+            if path is not None and not is_kept:
+                path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        self.desk.close()

@@ -1,0 +1,53 @@
+import { element } from "./elements.js";
+
+/** Exit codes of a process that was stopped, also by Ctrl-C or a closed terminal. A process that crashed, or
+ * was killed, for example for its memory, has other codes. */
+const STOPPED = [129, 130, 143, -1, -2, -15];
+
+/** Whether a process failed. */
+export const isFailed = ({ at, code }) => !at && code !== null && code !== 0 && !STOPPED.includes(code);
+
+/** Buttons that stop a running run and resume a finished one. `on`: trouble(error), look(). */
+export class RunControl {
+  constructor(parent, server, on) {
+    [this.server, this.on] = [server, on];
+    const row = element(parent, "div", "row", "", { role: "group", "aria-label": "run control" });
+    this.stop = element(row, "button", "", "stop the run", { type: "button" });
+    this.stop.addEventListener("click", () => this.send("stop-run", {}, "The run stops after this generation."));
+    this.resume = element(row, "button", "", "resume the run", { type: "button" });
+    this.resume.addEventListener("click", () => {
+      if (!this.count.reportValidity()) return;
+      const generations = this.count.value.trim() === "" ? null : Number(this.count.value);
+      this.send("resume", { generations }, "The run resumes …");
+    });
+    const label = this.label = element(row, "label", "", "to generation ");
+    this.count = element(label, "input", "", "", { type: "number", min: 1, max: 99999999, step: 1, placeholder: "all" });
+    this.state = element(parent, "p", "faint", "", { role: "status" });
+    this.inform({ going: false });
+  }
+
+  async send(name, body, text) {
+    try {
+      await this.server.postJson(name, body);
+      this.on.trouble(null);
+      this.state.textContent = text;
+      this.on.look();
+    } catch (error) {
+      this.on.trouble(error);
+    }
+  }
+
+  /** Show the news of the run. */
+  inform({ going, process }) {
+    const isBusy = going || Boolean(process && process.at);
+    if (isBusy !== this.isBusy) this.state.textContent = "";
+    this.isBusy = isBusy;
+    this.stop.hidden = !isBusy;
+    this.resume.hidden = this.label.hidden = isBusy;
+    if (process && isFailed(process)) {
+      const { code, said } = process, place = said.lastIndexOf("Error: ");
+      const text = said.slice(Math.max(0, place)).split("\n").slice(-8).join(" ");
+      this.state.textContent = place < 0 ? `The run failed with exit code ${code}. The run's last lines: ${text}` : text;
+    }
+  }
+}

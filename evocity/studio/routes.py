@@ -1,0 +1,404 @@
+"""The addresses of studio and their answers. Ids are numbers; no part of a request becomes a path.
+
+The page's own files stay in memory, so every other file has no address.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from evocity.analysis.arguments import check_count
+from evocity.analysis.distributions import QUANTITIES
+from evocity.analysis.fabric_genomes import fabric_of
+from evocity.coding.usage import COUNTS
+from evocity.errors import EvocityError
+from evocity.studio import birth_details as details
+from evocity.studio.children import Brood, ReadyRequest, list_operators
+from evocity.studio.desk_routes import DeskRoutes, StudioOptions
+from evocity.studio.drawing_board import BOARD, board_of
+from evocity.studio.guard import FILE
+from evocity.studio.kept_children import KeepRequest, keep_children
+from evocity.studio.ordering import Comparison, compare_births
+from evocity.studio.picks import PickChange
+from evocity.studio.request_fields import (
+    Body,
+    Id,
+    RequestError,
+    fault_of,
+    number,
+    numbers,
+    parse_body,
+)
+from evocity.studio.run_watcher import frame
+from evocity.studio.runs import OpenRun, Runs
+from evocity.studio.subprocesses import ResumeRequest, resume_run, stop_run
+from evocity.viewer.module_bundle import PAGE as VIEWER
+from evocity.viewer.sheet import MOST, SIDES, Sheet
+
+#: Births in one zip, at most.
+MOST_SAVED = 100
+_LARGEST = 2**31 - 1  # the page holds ids as int32
+_BYTES = "application/octet-stream"
+_PAGE = Path(__file__).parent / "page"
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+#: Plain values (JSON), bytes, plain values with bytes (`frame`), pictures, or a whole response.
+Answer = dict | bytes | tuple[dict, bytes] | Sheet | Response
+Handler = Callable[[Request], Answer]
+RunHandler = Callable[[OpenRun, Request], Answer]
+RunChange = Callable[[OpenRun, Body], Answer]
+#: A reader of an argument in a query.
+Argument = Callable[[Mapping[str, str]], object]
+
+
+class SteerRequest(Body):
+    """A request to a running run: to ``pick`` births to breed from too, or to ``drop`` them."""
+
+    steer: Annotated[str, Field(pattern="^(pick|drop)$")]
+    ids: Annotated[list[Id], Field(min_length=1, max_length=1000)]
+
+
+class BirthIds(Body):
+    """A request for births as files."""
+
+    ids: Annotated[list[Id], Field(min_length=1)]
+
+
+class Studio:
+    """The answers about the runs at ``paths``, the runs in the folder of the ``options``, and the
+    desk. Raises `RunError` as `Runs`.
+
+    Addresses of one run are ``/api/NUMBER/NAME``, all others ``/api/NAME``.
+    """
+
+    def __init__(self, paths: Iterable[str | Path], options: StudioOptions):
+        self.runs = Runs(paths, options.folder, options.fresh)
+        self.desk_routes = DeskRoutes(self.runs, options)
+        questions: dict[str, Handler] = {
+            "runs": lambda request: {"runs": self.runs.states(), "more": self.runs.more},
+            "operators": lambda request: {"operators": list_operators()},
+            **self.desk_routes.questions,
+        }
+        run_questions: dict[str, RunHandler] = {
+            "changes": self.changes,
+            "births": self.births,
+            "tiles": self.tiles,
+            **{name: _details(*parts) for name, parts in _DETAILS.items()},
+            "solids": self.solids,
+            "board": self.board,
+            "brood": self.brood,
+            "brood-tiles": self.brood_tiles,
+            "brood-picture": self.brood_picture,
+            "picks": lambda run, request: run.picks.state(),
+        }
+        run_changes: dict[str, tuple[type[Body], RunChange]] = {
+            "pick": (PickChange, self.pick),
+            "steer": (SteerRequest, self.steer),
+            "compare": (Comparison, self.compare),
+            "ready": (ReadyRequest, self.ready),
+            "breed": (Brood, self.breed),
+            "stop": (Body, self.stop),
+            "keep": (KeepRequest, self.keep),
+            "zip": (BirthIds, self.zip),
+            "png": (BirthIds, self.png),
+            "csv": (BirthIds, self.csv),
+            "stop-run": (Body, self.stop_run),
+            "resume": (ResumeRequest, self.resume),
+        }
+        routes = [Route(address, _file_answer(*file)) for address, file in page_files().items()]
+        routes += [Route(f"/api/{name}", _safe(answer)) for name, answer in questions.items()]
+        for name, answer in run_questions.items():
+            routes.append(Route(f"/api/{{run}}/{name}", _safe(self._of_run(answer))))
+        for name, (kind, change) in run_changes.items():
+            answer = _safe(self._of_run(_parsed(kind, change)))
+            routes.append(Route(f"/api/{{run}}/{name}", answer, methods=["POST"]))
+        for name, (kind, act) in self.desk_routes.changes.items():
+            routes.append(Route(f"/api/{name}", _safe(_parsed(kind, act)), methods=["POST"]))
+        routes.append(Route(FILE, self.desk_routes.file, methods=["POST"]))
+        self.app = Starlette(routes=routes)
+        self.app.router.redirect_slashes = False
+
+    def close(self) -> None:
+        self.desk_routes.close()
+        self.runs.close()
+
+    def _of_run(self, answer: RunHandler) -> Handler:
+        def answer_of_run(request: Request) -> Answer:
+            run = number(request.path_params, "run", 0, len(self.runs) - 1)
+            return answer(self.runs[run], request)
+
+        return answer_of_run
+
+    # -- questions ---------------------------------------------------------------------------
+
+    def changes(self, run: OpenRun, request: Request) -> dict:
+        """Answer with `RunWatcher.news`, and whether there are ``more`` births since a generation;
+        also with the state of the ``process``, if studio began one."""
+        after = number(request.query_params, "after", -1, _LARGEST)
+        news = run.watcher.news()
+        process = self.desk_routes.processes.state(run.watcher.path)
+        extra = {} if process is None else {"process": process}
+        return news | {"more": news["generation"] > after} | extra
+
+    def births(self, run: OpenRun, request: Request) -> bytes:
+        """Answer with all births of whole generations, as columns."""
+        with run.watcher.reading:
+            run.watcher.news()
+            return run.watcher.moment.buffer
+
+    def tiles(self, run: OpenRun, request: Request) -> Sheet:
+        """Answer with small pictures of ``ids``, with a ``side`` of `SIDES`, as one image."""
+        ids = numbers(request.query_params, "ids", MOST)
+        side = number(request.query_params, "side", *SIDES)
+        if side not in SIDES:
+            raise RequestError(f"side = {side}", f"one of {SIDES}", "choose one of these sizes")
+        return run.watcher.sheet([n for n in ids if 0 <= n <= _LARGEST], side)
+
+    def solids(self, run: OpenRun, request: Request) -> bytes:
+        """Answer with the triangles of one birth, see `Solids`."""
+        return run.solids.of(number(request.query_params, "id", 0, _LARGEST))
+
+    def compare(self, run: OpenRun, request: Comparison) -> bytes:
+        """Answer with distances, see `compare_births`; ids may be many, so a body has them."""
+        with run.watcher.reading:
+            return compare_births(run.watcher.moment, request)
+
+    # -- changes -----------------------------------------------------------------------------
+
+    def pick(self, run: OpenRun, request: PickChange) -> dict:
+        """Change the picks."""
+        return run.picks.change(request, set(run.watcher.moment.table.ids.tolist()))
+
+    def steer(self, run: OpenRun, request: SteerRequest) -> dict:
+        """Send picks to the run, as `evocity pick` does."""
+        from evocity.search.record import commands
+
+        kind = commands.Pick if request.steer == "pick" else commands.Unpick
+        command = kind(ids=tuple(request.ids))
+        going = commands.send(run.watcher.path, command)
+        return {"words": command.words, "going": going}
+
+    def stop_run(self, run: OpenRun, request: Body) -> dict:
+        """Stop a run after its current generation."""
+        stop_run(run.watcher.path)
+        return {}
+
+    def resume(self, run: OpenRun, request: ResumeRequest) -> dict:
+        """Resume a run that has ended."""
+        resume_run(run.watcher.path, self.desk_routes.processes, request)
+        return {}
+
+    # -- children ----------------------------------------------------------------------------
+
+    def brood(self, run: OpenRun, request: Request) -> dict:
+        """Answer with the state of the newest brood, of the ``board`` or another."""
+        return run.broods(_is_board(request)).state()
+
+    def brood_tiles(self, run: OpenRun, request: Request) -> Sheet:
+        """Answer with small pictures of children, by their numbers ``ids``."""
+        children = numbers(request.query_params, "ids", MOST)
+        return run.broods(_is_board(request)).sheet(_brood_of(request), children, SIDES[0])
+
+    def brood_picture(self, run: OpenRun, request: Request) -> Response:
+        """Answer with a picture of the child with the number ``id``."""
+        child = number(request.query_params, "id", 0, _LARGEST)
+        picture = run.broods(_is_board(request)).picture(_brood_of(request), child)
+        return Response(details.png_of(picture), media_type="image/png")
+
+    def board(self, run: OpenRun, request: Request) -> tuple[dict, bytes]:
+        """Answer with the drawing board of two births, ``ids``."""
+        ids = numbers(request.query_params, "ids", 2)
+        if len(ids) != 2:
+            raise RequestError(
+                "the same birth is chosen twice", "two different births", "choose another birth"
+            )
+        with run.watcher.reading:
+            opened = run.watcher.moment.run
+            return board_of([fabric_of(opened.header, opened.genome(n), BOARD) for n in ids])
+
+    def ready(self, run: OpenRun, request: ReadyRequest) -> dict:
+        """Prepare workers and parents for a brood."""
+        breeding = self.runs.breeding(run, request.board)
+        with run.watcher.reading:
+            breeding.prepare(run.watcher.moment, request.parents)
+        return breeding.state()
+
+    def breed(self, run: OpenRun, request: Brood) -> dict:
+        """Begin a brood."""
+        breeding = self.runs.breeding(run, request.board)
+        with run.watcher.reading:
+            breeding.begin(request, run.watcher.moment)
+        return breeding.state()
+
+    def stop(self, run: OpenRun, request: Body) -> dict:
+        """Stop the brood."""
+        run.breeding.stop()
+        return run.breeding.state()
+
+    def keep(self, run: OpenRun, request: KeepRequest) -> dict:
+        """Keep children in a new folder, with a recipe."""
+        with run.watcher.reading:
+            opened = run.watcher.moment.run
+            opened.columns.rows(request.picks)  # raises for an unknown id
+            return keep_children(opened, run.broods(request.board), request, run.picks.is_own)
+
+    # -- files -------------------------------------------------------------------------------
+
+    def zip(self, run: OpenRun, request: BirthIds) -> Response:
+        """Answer with births as files, with their scores and attribution."""
+        check_count("births in a zip", len(set(request.ids)), MOST_SAVED)
+        return self._saved(run, request, "births.zip", "application/zip")
+
+    def png(self, run: OpenRun, request: BirthIds) -> Response:
+        """Answer with births on a contact sheet."""
+        return self._saved(run, request, "births.png", "image/png")
+
+    def csv(self, run: OpenRun, request: BirthIds) -> Response:
+        """Answer with the scores of births as a table."""
+        return self._saved(run, request, "births.csv", "text/csv; charset=utf-8")
+
+    def _saved(self, run: OpenRun, request: BirthIds, name: str, kind: str) -> Response:
+        ids = list(dict.fromkeys(request.ids))
+        with run.watcher.reading, tempfile.TemporaryDirectory() as folder:
+            births, path = run.watcher.moment.run, Path(folder) / name
+            if name.endswith(".csv"):
+                births.to_csv(path, of=ids)
+            else:
+                births.save(ids, path)
+            content = path.read_bytes()
+        return Response(content, media_type=kind)
+
+
+def _is_board(request: Request) -> bool:
+    return bool(number(request.query_params, "board", 0, 1, 0))
+
+
+def _brood_of(request: Request) -> int:
+    return number(request.query_params, "brood", 0, _LARGEST)
+
+
+def _word(name: str, known: Iterable[str]) -> Argument:
+    """Return a reader of the word ``name`` of a query, which raises `RequestError` for a word that
+    is not ``known``."""
+
+    def read(query: Mapping[str, str]) -> str:
+        word, words = query.get(name), list(known)
+        if word not in words:
+            raise RequestError(
+                f"the value of {name} is unknown",
+                f"{name} = {' or '.join(words)}",
+                "choose one of these",
+            )
+        return word
+
+    return read
+
+
+def _other_birth(query: Mapping[str, str]) -> int | None:
+    other = number(query, "beside", -1, _LARGEST, -1)
+    return None if other < 0 else other
+
+
+def _details(function: Callable[..., Answer], *readers: Argument) -> RunHandler:
+    """Return a handler for one birth: ``function`` gets the moment, the ``id``, and the arguments
+    that the ``readers`` find in the query."""
+
+    def answer(run: OpenRun, request: Request) -> Answer:
+        arguments = [read(request.query_params) for read in readers]
+        identifier = number(request.query_params, "id", 0, _LARGEST)
+        with run.watcher.reading:
+            return function(run.watcher.moment, identifier, *arguments)
+
+    return answer
+
+
+def _png(function: Callable[..., bytes]) -> Callable[..., Response]:
+    return lambda *arguments: Response(function(*arguments), media_type="image/png")
+
+
+# The answers about one birth, and the further arguments of each.
+_DETAILS: dict[str, tuple[Callable, ...]] = {
+    "one": (details.describe_birth,),
+    "picture": (_png(details.picture_of), _word("kind", details.PICTURES), _other_birth),
+    "pedigree": (
+        details.pedigree_of,
+        lambda query: number(query, "steps", 1, details.MOST_STEPS, 4),
+    ),
+    "heights": (details.heights_of,),
+    "calls": (details.call_counts_of, _word("count", COUNTS), _other_birth),
+    "difference": (details.difference_of, lambda query: number(query, "beside", 0, _LARGEST)),
+    "buildings": (details.buildings_of, _word("of", QUANTITIES), _other_birth),
+}
+
+
+def _parsed(kind: type[Body], change: Callable) -> Callable[..., Answer]:
+    """Return a handler that passes the body of a request on, parsed; last of its arguments."""
+
+    def answer(*arguments) -> Answer:
+        *before, request = arguments
+        return change(*before, parse_body(kind, request.state.body))
+
+    return answer
+
+
+def _safe(answer: Handler):
+    """Return a handler that answers in a thread, with errors in three parts."""
+
+    async def answer_safely(request: Request) -> Response:
+        if request.method == "POST":
+            request.state.body = await request.body()
+        try:
+            return await run_in_threadpool(lambda: _response(answer(request)))
+        except EvocityError as error:
+            status = 400 if isinstance(error, RequestError) else 409
+            return JSONResponse({"error": fault_of(error)}, status)
+
+    return answer_safely
+
+
+def _response(answer: Answer) -> Response:
+    if isinstance(answer, Response):
+        return answer
+    if isinstance(answer, dict):
+        return JSONResponse(answer)
+    if isinstance(answer, Sheet):
+        answer = (answer.about, answer.image)
+    content = answer if isinstance(answer, bytes) else frame(*answer)
+    return Response(content, media_type=_BYTES)
+
+
+# -- the page's own files -------------------------------------------------------------------------
+
+
+@cache
+def page_files() -> dict[str, tuple[str, bytes]]:
+    """Return the kind and content of each file of the page, by address. The page is ``/``; its
+    modules and those of `evocity.viewer` are in ``/page``, all with different names."""
+    files: dict[str, tuple[str, bytes]] = {}
+    for path in sorted([*_PAGE.iterdir(), *VIEWER.iterdir()]):
+        if path.suffix in _KINDS:
+            address = "/" if path.name == "index.html" else f"/page/{path.name}"
+            assert address not in files, f"two files of the page have the name {path.name}"
+            files[address] = (_KINDS[path.suffix], path.read_bytes())
+    return files
+
+
+def _file_answer(kind: str, content: bytes):
+    async def answer(request: Request) -> Response:
+        return Response(content, headers={"content-type": kind})
+
+    return answer

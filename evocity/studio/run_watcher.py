@@ -1,0 +1,154 @@
+"""The watcher of a run folder, which may grow, be damaged, disappear and come back."""
+
+import contextlib
+import hashlib
+import json
+import threading
+import time
+from functools import cached_property
+from pathlib import Path
+
+from evocity.analysis import Run, open_run
+from evocity.analysis.likeness import Likeness
+from evocity.analysis.pedigree import Pedigree
+from evocity.analysis.view_table import ViewTable
+from evocity.citymap import CityMap
+from evocity.errors import EvocityError, RunError
+from evocity.store.lock import is_held
+from evocity.store.safe_open import open_to_read
+from evocity.studio.tiles import Tiles
+from evocity.viewer.sheet import Sheet
+
+#: Seconds between two looks at the folder, however many pages ask.
+FRESH = 0.5
+#: Bytes of the first event that count for the fingerprint.
+MOST_LINE = 1 << 16
+
+
+def frame(about: dict, content: bytes) -> bytes:
+    """Join a JSON object and bytes: the length of the JSON, uint32, little-endian; the JSON, padded
+    with spaces to a multiple of four bytes; the bytes."""
+    head = json.dumps(about, allow_nan=False).encode()
+    head += b" " * (-len(head) % 4)
+    return len(head).to_bytes(4, "little") + head + content
+
+
+class Moment(ViewTable):
+    """All births up to a generation, as columns. The ``fingerprint`` is the same for all moments of
+    one run."""
+
+    def __init__(self, run: Run, fingerprint: str):
+        super().__init__(run)
+        self.fingerprint, self.generation = fingerprint, run.columns.last
+
+    @property
+    def about(self) -> dict:
+        """Plain values for the page."""
+        header = self.run.header
+        return {
+            **super().about,
+            **self.table.about,
+            "run": self.fingerprint,
+            "generation": self.generation,
+            "folder": str(self.run.path),
+            "axes": self.axes(),
+            "cities": list(header.cities),
+            "metres": [
+                header.width * header.metres_per_pixel,
+                header.height * header.metres_per_pixel,
+            ],
+        }
+
+    @cached_property
+    def buffer(self) -> bytes:
+        """The births for the page: `about` and the table, as `frame` joins them."""
+        return frame(self.about, self.table.buffer)
+
+    @cached_property
+    def likeness(self) -> Likeness:
+        return Likeness(self.run.columns)
+
+    @cached_property
+    def cities(self) -> tuple[list[CityMap], list[CityMap]]:
+        """The source cities, and the cities that measures compare with."""
+        return [source.city for source in self.run.sources()], list(self.run.references())
+
+    @cached_property
+    def pedigree(self) -> Pedigree:
+        return Pedigree(self.run.columns)
+
+
+class RunWatcher:
+    """The run in the folder ``path``; one thread at a time reads it. Raises `RunError` if the
+    folder has no run, or a damaged one; later `news` reports such a problem."""
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path).resolve()
+        #: The lock that a reader of the run holds.
+        self.reading = threading.RLock()
+        self._moment: Moment | None = None
+        self._tiles: Tiles | None = None
+        self._news, self._until = {}, 0.0
+        self._look()
+
+    def _look(self) -> dict:
+        """Look at the folder; return the `news`."""
+        run = open_run(self.path)
+        going = is_held(run.path / "lock")
+        fingerprint, last = _fingerprint(run), run.generations[-1] if run.generations else -1
+        before = self._moment
+        is_new = before is None or before.fingerprint != fingerprint
+        if last >= 0 and (is_new or before.generation != last):
+            moment = Moment(run, fingerprint)
+            _ = moment.buffer  # raises now if the run is damaged
+            if is_new:
+                self._tiles = Tiles(fingerprint)
+            self._moment = moment
+        return {"run": fingerprint, "generation": last, "going": going, "problem": None}
+
+    def news(self) -> dict:
+        """Return the last whole ``generation``, -1 before the first; the fingerprint of the
+        ``run``; whether a process is breeding it (``going``); the ``problem`` with the folder in
+        words, None without one."""
+        with self.reading:
+            if time.monotonic() >= self._until:
+                try:
+                    self._news = self._look()
+                except EvocityError as error:
+                    moment = self._moment
+                    self._news = {
+                        "run": "" if moment is None else moment.fingerprint,
+                        "generation": -1 if moment is None else moment.generation,
+                        "going": False,
+                        "problem": str(error),
+                    }
+                self._until = time.monotonic() + FRESH
+            return self._news
+
+    @property
+    def moment(self) -> Moment:
+        """The last readable moment. Raises `RunError` before the first generation."""
+        if self._moment is None:
+            self.news()
+        if self._moment is None:
+            raise RunError(
+                f"{self.path} has no whole generation yet",
+                "at least one whole generation",
+                "wait for the first generation to end",
+            )
+        return self._moment
+
+    def sheet(self, ids: list[int], side: int) -> Sheet:
+        """Return small pictures of births."""
+        with self.reading:
+            moment = self.moment
+            return self._tiles.sheet(moment, ids, side)
+
+
+def _fingerprint(run: Run) -> str:
+    """Return letters and digits that differ for another run in the same folder."""
+    begun = b""
+    with contextlib.suppress(OSError), open_to_read(run.path / "events.jsonl") as file:
+        begun = file.readline(MOST_LINE)
+    parts = [repr(run.header), run.recipe_text, begun.decode(errors="replace")]
+    return hashlib.blake2b("\0".join(parts).encode(errors="replace"), digest_size=12).hexdigest()

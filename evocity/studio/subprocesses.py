@@ -1,0 +1,242 @@
+"""Processes of studio: jobs of the desk, within limits of time and memory; runs that begin, stop
+and resume by evocity's own commands, and outlive studio."""
+
+import contextlib
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from evocity.errors import EvocityError, RunError, format_bytes, plain_text, reason_of
+from evocity.evaluation import linux_processes
+from evocity.search.preparation.trust import is_trusted, refuse_untrusted, state_folder
+from evocity.search.record import commands
+from evocity.search.record.complete_run import CompleteRun
+from evocity.store.lock import is_held
+from evocity.store.safe_open import open_to_append
+from evocity.studio.output_files import write_error
+from evocity.studio.request_fields import Body, whole_field
+
+# Seconds between two looks at a job, and that it has to end; bytes of a line of its results.
+_BETWEEN, _PATIENCE, _LONGEST = 0.1, 5.0, 1 << 22
+#: Bytes of the end of a log that the page receives.
+TAIL = 4000
+
+
+class DeskJob:
+    """A job of `evocity.studio.desk_jobs` in a process of its own. Limits: ``memory`` in bytes, and
+    ``seconds``, None for any. ``name``: the job in words, for errors."""
+
+    def __init__(self, memory: int, seconds: float | None, name: str):
+        self._memory, self._seconds, self._name = memory, seconds, name
+        self._error: EvocityError | None = None
+        self.stopped = False
+        self._process: subprocess.Popen | None = None
+
+    def run(self, job: Mapping, receive: Callable[[dict], None]) -> None:
+        """Run the ``job`` to its end; ``receive`` gets each line of its results. Raises
+        `EvocityError` where the job does, exceeds a limit, or dies."""
+        if self.stopped:
+            return
+        with subprocess.Popen(
+            _command("from evocity.studio.desk_jobs import main; main()"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        ) as process:
+            self._process = process
+            if self.stopped:  # while the process started
+                self._kill(process)
+            watch = threading.Thread(target=self._watch, args=(process,), daemon=True)
+            watch.start()
+            try:
+                with contextlib.suppress(BrokenPipeError):
+                    process.stdin.write(json.dumps(job).encode() + b"\n")
+                    process.stdin.flush()
+                while line := process.stdout.readline(_LONGEST):
+                    result = json.loads(line)
+                    if "error" in result and "map" not in result:
+                        raise EvocityError(*result["error"])
+                    receive(result)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(_PATIENCE)
+            except ValueError:  # an incomplete line
+                pass
+            finally:
+                self._kill(process)
+                code = process.wait()
+                watch.join()
+                with contextlib.suppress(BrokenPipeError):
+                    process.stdin.close()
+        if self._error is not None:
+            raise self._error
+        if code and not self.stopped:
+            raise EvocityError(
+                f"{self._name}: the process that reads the map ended "
+                f"({linux_processes.describe_exit_code(code)})",
+                "a readable map",
+                "try again, or choose another map",
+            )
+
+    def stop(self) -> None:
+        """End the job now."""
+        self.stopped = True
+        if self._process is not None:
+            self._kill(self._process)
+
+    def _watch(self, process: subprocess.Popen) -> None:
+        """End the process when it exceeds a limit."""
+        end = None if self._seconds is None else time.monotonic() + self._seconds
+        while process.poll() is None:
+            if end is not None and time.monotonic() > end:
+                self._end(process, f"more than {self._seconds:.0f} seconds")
+            elif linux_processes.added_memory(process.pid, 0, self._memory) > self._memory:
+                self._end(process, f"more than {format_bytes(self._memory)} of memory")
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_BETWEEN)
+
+    def _end(self, process: subprocess.Popen, what: str) -> None:
+        self._error = EvocityError(
+            f"{self._name} takes {what}", "a map of a single district", "cut a part out of the map"
+        )
+        self._kill(process)
+
+    @staticmethod
+    def _kill(process: subprocess.Popen) -> None:
+        if process.poll() is None and os.name == "posix":
+            linux_processes.kill_group(process.pid)
+        with contextlib.suppress(OSError):
+            process.kill()
+
+
+class RunProcesses:
+    """The runs that processes of this studio carry out, by their folders; they outlive studio."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._of: dict[Path, tuple[subprocess.Popen, Path]] = {}
+
+    def begin(self, run: Path, words: Sequence[str], log: Path) -> None:
+        """Run the command `evocity` with ``words`` for a ``run``; its output goes to the file
+        ``log``. Raises `RunError` while another process works on the run, where the log cannot be
+        written, and where no process can start."""
+        program = (
+            "sys.argv[:1] = ['evocity']; from evocity.cli import main; main(prog_name='evocity')"
+        )
+        with self._lock:
+            if self.is_busy(run):
+                raise RunError(
+                    f"a process already works on {run}",
+                    "one process per run",
+                    "wait for it, or stop it",
+                )
+            try:
+                log.parent.mkdir(parents=True, exist_ok=True)
+                file = open_to_append(log)
+            except OSError as error:
+                raise write_error(log, error) from error
+            with file:
+                try:
+                    process = subprocess.Popen(
+                        [*_command(program), *words],
+                        stdin=subprocess.DEVNULL,
+                        stdout=file,
+                        stderr=file,
+                        start_new_session=True,
+                    )
+                except OSError as error:
+                    if not file.tell():
+                        log.unlink(missing_ok=True)
+                    raise RunError(
+                        f"no process can start: {reason_of(error)}",
+                        "memory for another process",
+                        "end other processes, or free memory; then try again",
+                    ) from error
+            self._of[run] = process, log
+        threading.Thread(target=process.wait, daemon=True).start()  # leaves no zombie
+
+    def is_busy(self, run: Path) -> bool:
+        """Whether a process of this studio works on a run."""
+        return run in self._of and self._of[run][0].poll() is None
+
+    def end(self, run: Path) -> None:
+        """End the process of a run that has no folder yet, as Ctrl-C does."""
+        if self.is_busy(run):
+            self._of[run][0].terminate()
+
+    def state(self, run: Path) -> dict[str, Any] | None:
+        """Return whether a process works on a run (``at``), its exit ``code`` or None, and the end
+        of its output (``said``); None for a run that this studio did not begin or resume."""
+        if run not in self._of:
+            return None
+        process, log = self._of[run]
+        code = process.poll()
+        return {"at": code is None, "code": code, "said": _tail(log)}
+
+
+def _command(program: str) -> list[str]:
+    """Return a command for this Python and a ``program``, with the paths of this process."""
+    path = [place for place in sys.path if place]
+    return [sys.executable, "-c", f"import sys; sys.path[:] = {path!r}; {program}"]
+
+
+def _tail(log: Path) -> str:
+    """Return the last lines of a log, each as plain text."""
+    with contextlib.suppress(OSError), open(log, "rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - TAIL))
+        text = file.read(TAIL).decode(errors="replace")
+        lines = text.splitlines()[size > TAIL :]
+        return "\n".join(map(plain_text, lines))
+    return ""
+
+
+# -- a run that stops and resumes -----------------------------------------------------------------
+
+
+class ResumeRequest(Body):
+    """A request to resume a run; ``generations`` of the whole run, None for those of its recipe."""
+
+    generations: Annotated[int | None, whole_field("to generation", 1, 99_999_999)] = None
+
+
+def log_of(run: Path) -> Path:
+    """Return the log for the process of a ``run``. It lies with the recipe of a run that began at
+    the desk; all others lie in the state folder of the user. A log is never in the run folder, and
+    never beside a run that began elsewhere."""
+    beside = run.with_name(f"{run.name}-recipe")
+    has_recipe = not beside.is_symlink() and (beside / "recipe.toml").is_file()
+    if has_recipe and (not run.exists() or is_trusted(CompleteRun(run))):
+        return beside / "run.log"
+    name = hashlib.blake2b(str(run).encode(errors="replace"), digest_size=8).hexdigest()
+    return state_folder() / "logs" / f"{name}.log"
+
+
+def stop_run(run: Path) -> None:
+    """End a run after its current generation. Raises `RunError` where no process breeds it."""
+    commands.send(run, commands.Stop())
+
+
+def resume_run(run: Path, processes: RunProcesses, request: ResumeRequest) -> None:
+    """Resume a run by `evocity resume`. Raises `RunError` where it goes on, and for a run that
+    began elsewhere and would execute something of its own."""
+    opened = CompleteRun(run)
+    if is_held(run / "lock"):
+        raise RunError(
+            f"a process still works on {run}", "a run that has ended", "stop the run first"
+        )
+    try:
+        refuse_untrusted(opened)
+    except RunError as error:
+        remedy = f"read these files; then, in a terminal: evocity resume {run} --trust"
+        raise RunError(error.found, error.expected, remedy) from None
+    count = request.generations
+    more = [] if count is None else ["--generations", str(count)]
+    processes.begin(run, ["resume", str(run), *more], log_of(run))
