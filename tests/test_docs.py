@@ -241,6 +241,7 @@ def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
     "pictures.md",
     "plots.md",
     "python.md",
+    "run-folder.md",
 )
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_python_blocks_run(page, tmp_path, monkeypatch, request):
