@@ -233,6 +233,7 @@ def test_a_guard_that_is_a_goal_too_stands_once(towns, tmp_path):
     assert one["max"] >= 0.15
 
 
+@pytest.mark.slow
 def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     heights = np.zeros((64, 64))
     heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0

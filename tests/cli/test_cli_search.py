@@ -43,6 +43,7 @@ def test_a_run_leaves_its_births_and_a_report_and_says_where(tmp_path, recipe):
     assert (tmp_path / "run" / "recipe.toml").read_text() == recipe.read_text()
 
 
+@pytest.mark.slow
 def test_a_run_is_on_settled_leaves_unless_told_otherwise(tmp_path):
     recipe = write_recipe(tmp_path, genome="", operators="pavement_fusion = 2\nmutation = 1")
     call("run", recipe, "--generations", 1, "--out", tmp_path / "run")

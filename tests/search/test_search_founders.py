@@ -33,6 +33,7 @@ def evening(toy, tmp_path):
 CHILDREN = ('run = "evening"\nid = 17', 'genome = "child.parquet"', 'map = "left.npy"')
 
 
+@pytest.mark.slow
 def test_a_night_starts_from_the_children_of_another(evening, tmp_path):
     recipe = evening(CHILDREN)
     for count in (0, 2):

@@ -96,6 +96,7 @@ class Steep:
         return parents[0].replace(sigma=sigma)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", ["block = 4\nfit = false", "lifs = 500\nfit = false"])
 def test_births_that_diverge_fail_with_a_text_and_the_run_goes_on(
     leafy, tmp_path, monkeypatch, block

@@ -43,6 +43,7 @@ def test_a_changed_measure_is_not_executed_before_it_is_confirmed(toy, tmp_path)
     assert trace.exists()
 
 
+@pytest.mark.slow
 def test_a_file_that_a_measure_imports_is_watched(toy, tmp_path):
     helper = tmp_path / "helper.py"
     helper.write_text("FACTOR = 2.0\n")
@@ -299,6 +300,7 @@ def test_huge_losses_are_ranked_and_measured():
     assert Hypervolume(losses)(losses) == pytest.approx(Hypervolume(losses / 1e308)(losses / 1e308))
 
 
+@pytest.mark.slow
 def test_a_worker_that_ends_by_itself_is_told_with_its_own_code(toy, tmp_path):
     recipe = toy(
         "@evocity.fitness(goal='max')\n"
