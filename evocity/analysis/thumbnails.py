@@ -98,8 +98,8 @@ class Thumbnails:
         return pictures, lacking
 
     def _made(self, ids: Sequence[int], side: int) -> dict[int, np.ndarray | str]:
-        """A picture of each birth, or the reason why there is none: of the log's small map where
-        that is large enough, else of the decoded genome."""
+        """A picture of each birth, or the reason why the birth has no picture. The log's small map
+        serves if it is large enough, else the decoded genome."""
         run, pictures = self._births.run, {}
         made = run.header.thumbnails
         # enlarged by half at most
@@ -132,7 +132,7 @@ class Thumbnails:
             return {one: made.result() for some in coming for one, made in some.result().items()}
 
     def _made_of(self, birth: Birth, side: int) -> np.ndarray | str:
-        """A picture, or the reason why there is none."""
+        """A picture, or the reason why the birth has no picture."""
         if birth.left_out:
             return f"the log leaves its genome out; run[{birth.id}].picture() breeds it again"
         expressed = self._births.expressed(birth)

@@ -114,7 +114,7 @@ def _check_folder(folder: Path) -> None:
 
 
 def _licence_of(source: str) -> str:
-    """The ``licence`` of a bundled district, or of a GeoJSON file like it; "" if there is none."""
+    """The ``licence`` of a bundled district, or of a GeoJSON file like it; "" without a licence."""
     from evocity.io.bundled_cities import cities, path_of
 
     path = path_of(source) if source in cities() else Path(source)

@@ -104,7 +104,7 @@ def _summary(thing: object) -> str:
 
 
 def _plain(default: object) -> object:
-    """A default as JSON has it; "required" where there is none."""
+    """A default as a value of JSON; "required" if the parameter has no default."""
     if default is inspect.Parameter.empty:
         return "required"
     if isinstance(default, list | tuple):

@@ -49,7 +49,7 @@ class ShownBirths:
 
     @cached_property
     def sources(self) -> list[Source]:
-        """The parents. Raises `RunError` if there is none."""
+        """The source cities. Raises `RunError` if the run folder has none."""
         if not self.births.sources:
             raise RunError(
                 f"{self.run.path / 'sources'} holds no city",

@@ -135,7 +135,7 @@ def _individual(folder: str, identifier: int | None):
 
 
 def fabric_in(genome, source: str):
-    """The fabric in a ``genome`` from ``source``. Raises `EvocityError` where there is none."""
+    """The fabric in a ``genome`` from ``source``. Raises `EvocityError` without fabric."""
     from evocity.genome import Genome
 
     fabric = genome if isinstance(genome, Genome) else getattr(genome, "whole", None)
