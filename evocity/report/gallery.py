@@ -18,7 +18,8 @@ from evocity.store import Birth
 from evocity.templates import number
 
 # What the void among the cities is.
-_VOID = "bare ground, laid where buildings were left out"
+#: The words for the share of no city: bare ground in place of buildings.
+_OPEN_GROUND = "open ground added"
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Share:
 
 def shares_of(cities: Sequence[str], shares: np.ndarray) -> list[Share]:
     """Return the `Share` of each of the ``cities`` that has one."""
-    parts = zip(cities, shares.tolist(), city_colours(cities), strict=True)
+    parts = zip(_labels(cities), shares.tolist(), city_colours(cities), strict=True)
     return [Share(c, share_text(share), 100 * share, colour) for c, share, colour in parts if share]
 
 
@@ -220,5 +221,8 @@ def parents(shown: ShownBirths, pictures: Pictures) -> list[Parent]:
 
 def city_key(cities: Sequence[str]) -> list[tuple[str, str]]:
     """Return the colour and the name of each city, as a key of the bars of lineage."""
-    names = (f"{city}: {_VOID}" if city == VOID else city for city in cities)
-    return list(zip(city_colours(cities), names, strict=True))
+    return list(zip(city_colours(cities), _labels(cities), strict=True))
+
+
+def _labels(cities: Sequence[str]) -> list[str]:
+    return [_OPEN_GROUND if city == VOID else city for city in cities]

@@ -802,7 +802,7 @@ def test_the_void_is_no_parent(tmp_path):
     shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run", generations=1, also=(VOID,))))
     assert Summary(shown).cities == "A × B"
     assert "<p>A × B, " in page_of(shown)
-    assert city_key(shown.run.header.cities)[2][1].startswith(f"{VOID}: bare ground")
+    assert city_key(shown.run.header.cities)[2][1] == "open ground added"
     assert [birth.id for birth in shown.source_births] == [0, 1]
 
 
